@@ -1,0 +1,156 @@
+"""The one description of a scene: immutable, with units and shapes.
+
+Lengths are in scene units (metres in an untouched Blender file), colours are scene-linear RGB, matrices act
+on column vectors, angles are in radians. Nothing here knows of Blender, of files or of Embree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
+SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")
+LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
+RGB = tuple[float, float, float]
+
+
+class SceneError(ValueError):
+    """Bad input: the message says what was wrong, where, and what to do."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What to compute. Names are the paper's symbols where it has them."""
+
+    mode: str = "WHITTED"  # eq. (1) RAY_CASTING, eq. (2) WHITTED, or LOCAL without shadows
+    shadows: str = "LIGHT_MESHES"
+    h: float = 0.05  # step of the lattice, scene units
+    kI: float = 3.0  # r = h·kI is the radius of the interpolation ball
+    auto_h: bool = False  # h from what the camera sees; `h` is then ignored
+    samples: int = 4  # camera rays a pixel
+    max_depth: int = 4  # mirror reflections after the first hit
+    cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
+    ambient: float = 1.0  # factor on Ia = world colour
+    filter_size: float = 1.5  # width of the Blackman-Harris pixel filter, pixels
+    light_samples: int = 64  # shadow rays a light, AREA_SAMPLING only
+    seed: int = 0  # of AREA_SAMPLING
+    film_transparent: bool = False  # alpha 0 where nothing is hit
+    lattice_rotation: bool = True  # False: nodes on multiples of h (for tests; artists' walls lie there)
+    lattice_origin: RGB = (0.0, 0.0, 0.0)
+    uniform_skip: bool = True  # exact shortcut of method §5; off only to measure or test it
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole or orthographic; looks down its local −z, y up, as Blender's and OpenGL's."""
+
+    matrix: NDArray[np.float64]  # (4,4) camera to world, rigid
+    window: tuple[float, float, float, float]  # left, right, bottom, top of the whole frame,
+    #                                            at distance 1, or in scene units where orthographic
+    width: int  # of the whole frame, pixels
+    height: int
+    perspective: bool = True
+    clip_start: float = 1e-3  # depth along −z
+    clip_end: float = 1e30
+    crop: tuple[int, int, int, int] | None = None  # x0, y0, x1, y1 in pixels, y up, ends excluded; None: all
+
+
+@dataclass(frozen=True)
+class Light:
+    """A point source (or a direction), with what shadows and AREA_SAMPLING need of its size."""
+
+    name: str
+    type: str
+    intensity: RGB  # I_i: kd·Od·I·cos·f_att is the radiance that a diffuse surface returns (so 1/π is in it);
+    #                 f_att = 1/d² but for SUN, where it is 1. AREA: on its axis, with a further cosine.
+    position: RGB = (0.0, 0.0, 0.0)  # ignored for SUN
+    direction: RGB = (0.0, 0.0, -1.0)  # unit; the way the light travels: SUN, SPOT axis, AREA normal
+    spot_angle: float = np.pi / 4  # full cone
+    spot_blend: float = 0.0  # 0 hard edge .. 1
+    spread: float = np.pi  # AREA: full angle outside which nothing is sent
+    radius: float = 0.0  # AREA_SAMPLING: of the sphere (POINT, SPOT), scene units
+    angle: float = 0.0  # AREA_SAMPLING: full apparent angle of a SUN
+    area_u: RGB = (0.0, 0.0, 0.0)  # AREA_SAMPLING: half-axes of the rectangle or ellipse
+    area_v: RGB = (0.0, 0.0, 0.0)
+    area_ellipse: bool = False
+    soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
+    cast_shadow: bool = True  # False: shines through everything
+
+
+@dataclass(frozen=True)
+class Material:
+    """Whitted's parameters (method §1): Ω = f_att·I·[kd·Od·(N·L) + ks·Os·(R·V)^nShiny]."""
+
+    name: str
+    Od: RGB = (0.8, 0.8, 0.8)
+    ka: float = 1.0
+    kd: float = 1.0
+    ks: float = 0.0
+    Os: RGB = (1.0, 1.0, 1.0)
+    nShiny: float = 50.0
+    mirror: RGB = (0.0, 0.0, 0.0)  # ks of the recursive term, coloured; 0 for a surface that is only glossy
+    emission: RGB = (0.0, 0.0, 0.0)  # radiance
+    image: int = -1  # index of the image that replaces Od; -1: none
+
+
+@dataclass(frozen=True)
+class Image:
+    """A texture on disk. Relative paths are relative to the snapshot's folder."""
+
+    name: str
+    path: str
+    colorspace: str = "sRGB"  # sRGB | LINEAR
+    interpolation: str = "LINEAR"  # LINEAR | CLOSEST
+    extension: str = "REPEAT"  # REPEAT | EXTEND | CLIP | MIRROR
+
+
+@dataclass(frozen=True)
+class Object:
+    """What the artist calls an object; several instances may belong to one."""
+
+    name: str
+    visible_camera: bool = True
+    visible_reflection: bool = True  # seen in mirrors
+    visible_shadow: bool = True  # casts shadows
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """All meshes in one set of arrays, and where they stand.
+
+    Mesh m owns vertices[v0 : v0+nv] and triangles[t0 : t0+nt], with (v0, nv, t0, nt) = meshes[m].
+    """
+
+    vertices: NDArray[np.float32]  # (V,3) local
+    triangles: NDArray[np.int32]  # (T,3) indices from 0 within the mesh, counter-clockwise from outside
+    corner_normals: NDArray[np.float32]  # (T,3,3) local, unit; the shading normals
+    uvs: NDArray[np.float32]  # (T,3,2), or (0,3,2) where no material has an image
+    triangle_materials: NDArray[np.int32]  # (T,) index into Scene.materials
+    meshes: NDArray[np.int64]  # (M,4) v0, nv, t0, nt
+    instance_mesh: NDArray[np.int32]  # (I,)
+    instance_object: NDArray[np.int32]  # (I,) index into Scene.objects
+    instance_matrix: NDArray[np.float64]  # (I,4,4) local to world
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that a picture depends on."""
+
+    camera: Camera
+    geometry: Geometry
+    lights: tuple[Light, ...] = ()
+    materials: tuple[Material, ...] = (Material("default"),)
+    images: tuple[Image, ...] = ()
+    objects: tuple[Object, ...] = ()
+    world_color: RGB = (0.0, 0.0, 0.0)  # radiance; background and ambient light Ia
+    settings: Settings = field(default_factory=Settings)
+    warnings: tuple[str, ...] = ()  # what the exporter could not translate, one sentence each
+
+
+def names_of(cls: type) -> dict[str, Any]:
+    """Field name → default of a description class, in order."""
+    return {f.name: f.default for f in fields(cls)}

@@ -1,0 +1,279 @@
+"""A scene as a folder: `scene.json` and one `.npy` an array, so that it can be kept, mailed and rendered again.
+
+The folder is untrusted: everything is checked here, once, and a `SceneError` says what is wrong and where.
+Writer and reader are the same list of fields as `scene.py`; the add-on writes the same layout on its own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .scene import (
+    LIGHT_TYPES,
+    MODES,
+    SHADOWS,
+    Camera,
+    Geometry,
+    Image,
+    Light,
+    Material,
+    Object,
+    Scene,
+    SceneError,
+    Settings,
+    names_of,
+)
+
+FORMAT = "light-meshes snapshot"
+VERSION = 1
+
+# Geometry field → (dtype, trailing shape)
+ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "vertices": ("float32", (3,)),
+    "triangles": ("int32", (3,)),
+    "corner_normals": ("float32", (3, 3)),
+    "uvs": ("float32", (3, 2)),
+    "triangle_materials": ("int32", ()),
+    "meshes": ("int64", (4,)),
+    "instance_mesh": ("int32", ()),
+    "instance_object": ("int32", ()),
+    "instance_matrix": ("float64", (4, 4)),
+}
+_CHOICES = {
+    (Settings, "mode"): MODES,
+    (Settings, "shadows"): SHADOWS,
+    (Light, "type"): LIGHT_TYPES,
+    (Image, "colorspace"): ("sRGB", "LINEAR"),
+    (Image, "interpolation"): ("LINEAR", "CLOSEST"),
+    (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
+}
+# Smallest and largest sensible value; outside is a mistake and is said so.
+_RANGES = {
+    (Settings, "h"): (1e-30, 1e30),
+    (Settings, "kI"): (0.5, 8.0),
+    (Settings, "samples"): (1, 4096),
+    (Settings, "max_depth"): (0, 64),
+    (Settings, "cutoff"): (0.0, 1.0),
+    (Settings, "ambient"): (0.0, 1e6),
+    (Settings, "filter_size"): (0.0, 10.0),
+    (Settings, "light_samples"): (1, 65536),
+    (Settings, "seed"): (0, 2**31 - 1),
+    (Camera, "width"): (1, 65536),
+    (Camera, "height"): (1, 65536),
+    (Light, "radius"): (0.0, 1e30),
+    (Material, "nShiny"): (0.0, 1e9),
+}
+
+
+def write(scene: Scene, folder: Path) -> None:
+    """Write `scene` into `folder`, which is made if need be. scene.json comes last: with it, all is there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (dtype, _) in ARRAYS.items():
+        np.save(folder / f"{name}.npy", np.ascontiguousarray(getattr(scene.geometry, name), dtype))
+    data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    for f in dataclasses.fields(Scene):
+        value = getattr(scene, f.name)
+        if f.name == "geometry":
+            continue
+        if dataclasses.is_dataclass(value):
+            data[f.name] = _plain(value)
+        elif value and dataclasses.is_dataclass(value[0]):
+            data[f.name] = [_plain(v) for v in value]
+        else:
+            data[f.name] = list(value)
+    (folder / "scene.json").write_text(json.dumps(data), encoding="utf-8")
+
+
+def _plain(item: Any) -> dict[str, Any]:
+    return {
+        k: v.tolist() if isinstance(v, np.ndarray) else v
+        for k, v in ((f.name, getattr(item, f.name)) for f in dataclasses.fields(item))
+    }
+
+
+def read(folder: Path) -> Scene:
+    """Read and check the snapshot in `folder`; arrays are mapped, not copied. Raises SceneError."""
+    data = _read_json(folder)
+    geometry = Geometry(**{name: _read_array(folder, name, *kind) for name, kind in ARRAYS.items()})
+    known = {f.name for f in dataclasses.fields(Scene)} - {"geometry"}
+    unknown = set(data) - known - {"format", "version"}
+    if unknown:
+        raise SceneError(f"scene.json has an unknown entry '{min(unknown)}'")
+    world = _value("scene.json", "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]))
+    warnings = data.get("warnings", [])
+    if not isinstance(warnings, list) or not all(isinstance(w, str) for w in warnings):
+        raise SceneError("scene.json: warnings must be a list of sentences")
+    scene = Scene(
+        camera=_build(Camera, data.get("camera"), "camera"),
+        geometry=geometry,
+        lights=_many(Light, data, "lights"),
+        materials=_many(Material, data, "materials"),
+        images=_many(Image, data, "images"),
+        objects=_many(Object, data, "objects"),
+        world_color=world,
+        settings=_build(Settings, data.get("settings", {}), "settings"),
+        warnings=tuple(warnings),
+    )
+    check(scene)
+    return dataclasses.replace(
+        scene, images=tuple(dataclasses.replace(i, path=str(folder / i.path)) for i in scene.images)
+    )
+
+
+def _read_json(folder: Path) -> dict[str, Any]:
+    path = folder / "scene.json"
+    if not path.is_file():
+        raise SceneError(f"{folder} is no snapshot: it has no scene.json")
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as e:
+        raise SceneError(f"{path} cannot be read: {e}") from e
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise SceneError(f"{path} is not a Light Meshes snapshot")
+    if data.get("version") != VERSION:
+        raise SceneError(f"{path} has version {data.get('version')!r}; this engine reads version {VERSION}: "
+                         "export it again with the add-on of the engine's release")
+    return data
+
+
+def _read_array(folder: Path, name: str, dtype: str, tail: tuple[int, ...]) -> np.ndarray:
+    path = folder / f"{name}.npy"
+    try:
+        # An empty array cannot be mapped.
+        with path.open("rb") as f:
+            version = np.lib.format.read_magic(f)
+            header = np.lib.format.read_array_header_1_0 if version == (1, 0) \
+                else np.lib.format.read_array_header_2_0
+            shape, fortran, found = header(f)
+            start = f.tell()
+        size = math.prod(shape) * found.itemsize
+        if fortran or found != np.dtype(dtype) or len(shape) != 1 + len(tail) or shape[1:] != tail:
+            raise SceneError(f"{path.name} is {found} {shape}; needed: {dtype} (n, {str(tail)[1:]}")
+        if path.stat().st_size - start != size:
+            raise SceneError(f"{path.name} is cut short: {path.stat().st_size - start} of {size} bytes")
+        return np.load(path, mmap_mode="r" if size else None, allow_pickle=False)
+    except SceneError:
+        raise
+    except (OSError, ValueError, EOFError, OverflowError) as e:
+        raise SceneError(f"{path.name} in the snapshot cannot be read: {e}") from e
+
+
+def _many(cls: type, data: dict[str, Any], key: str) -> tuple[Any, ...]:
+    items = data.get(key, [])
+    if not isinstance(items, list):
+        raise SceneError(f"scene.json: {key} must be a list")
+    return tuple(_build(cls, item, f"{key[:-1]} {n}") for n, item in enumerate(items))
+
+
+def _build(cls: type, data: Any, where: str) -> Any:
+    """A dataclass from a JSON object, each value checked against the type of the field's default."""
+    if not isinstance(data, dict):
+        raise SceneError(f"scene.json: {where} is missing or not an object")
+    fields = names_of(cls)
+    unknown = set(data) - set(fields)
+    if unknown:
+        raise SceneError(f"{where}: there is no property '{min(unknown)}'")
+    if isinstance(data.get("name"), str):
+        where = f"{where} '{data['name']}'"
+    values = {}
+    for name, default in fields.items():
+        if name in data:
+            values[name] = _checked(cls, name, default, data[name], where)
+        elif default is dataclasses.MISSING:
+            raise SceneError(f"{where}: {name} is missing")
+    return cls(**values)
+
+
+_SAMPLES: dict[tuple[type, str], Any] = {  # what a field without a default, or with None, looks like
+    (Camera, "matrix"): None,
+    (Camera, "window"): (0.0,) * 4,
+    (Camera, "width"): 1,
+    (Camera, "height"): 1,
+    (Camera, "crop"): (0, 0, 0, 0),
+    (Light, "intensity"): (0.0,) * 3,
+}
+
+
+def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
+    if (cls, name) == (Camera, "matrix"):
+        try:
+            matrix = np.array(value, np.float64)
+        except (ValueError, TypeError):
+            matrix = np.empty(0)
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+            raise SceneError(f"{where}: matrix must be 4 rows of 4 finite numbers")
+        return matrix
+    if (cls, name) == (Camera, "crop") and value is None:
+        return None
+    sample = _SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
+    value = _value(where, name, sample, value)
+    choices = _CHOICES.get((cls, name))
+    if choices and value not in choices:
+        raise SceneError(f"{where}: {name} is '{value}'; choose one of {', '.join(choices)}")
+    low, high = _RANGES.get((cls, name), (-math.inf, math.inf))
+    if isinstance(value, int | float) and not low <= value <= high:
+        raise SceneError(f"{where}: {name} is {value:g}; it must lie between {low:g} and {high:g}")
+    return value
+
+
+def _value(where: str, name: str, sample: Any, value: Any) -> Any:
+    """`value` as the type of `sample`, or a SceneError."""
+    if isinstance(sample, tuple):
+        if not isinstance(value, list | tuple) or len(value) != len(sample):
+            raise SceneError(f"{where}: {name} must be {len(sample)} numbers")
+        return tuple(_value(where, name, s, v) for s, v in zip(sample, value, strict=True))
+    if isinstance(sample, bool) or isinstance(value, bool):
+        if isinstance(value, bool) and isinstance(sample, bool):
+            return value
+    elif isinstance(sample, str):
+        if isinstance(value, str):
+            return value
+    elif isinstance(sample, int):
+        if isinstance(value, int) or (isinstance(value, float) and value.is_integer()):
+            return int(value)
+    elif isinstance(value, int | float) and math.isfinite(value):
+        return float(value)
+    kind = {bool: "true or false", str: "text", int: "a whole number"}.get(type(sample), "a finite number")
+    raise SceneError(f"{where}: {name} is {value!r}; it must be {kind}")
+
+
+def check(scene: Scene) -> None:
+    """Raise SceneError unless all indices and ranges of `scene` fit together. Vertex values are not looked at."""
+    g = scene.geometry
+    nv, nt, ni = len(g.vertices), len(g.triangles), len(g.instance_mesh)
+    for name, n in (("corner_normals", nt), ("triangle_materials", nt),
+                    ("instance_object", ni), ("instance_matrix", ni)):
+        if len(getattr(g, name)) != n:
+            raise SceneError(f"{name}.npy has {len(getattr(g, name))} rows; needed: {n}")
+    if len(g.uvs) not in (0, nt):
+        raise SceneError(f"uvs.npy has {len(g.uvs)} rows; needed: {nt}, or none")
+    for m, (v0, mv, t0, mt) in enumerate(g.meshes.tolist()):
+        if min(v0, mv, t0, mt) < 0 or v0 + mv > nv or t0 + mt > nt:
+            raise SceneError(f"mesh {m} points outside vertices.npy or triangles.npy")
+        part = g.triangles[t0:t0 + mt]
+        if mt and not (part.min() >= 0 and part.max() < mv):
+            raise SceneError(f"mesh {m} has a triangle whose vertex does not exist")
+    for name, count, what in (("instance_mesh", len(g.meshes), "mesh"),
+                              ("instance_object", len(scene.objects), "object"),
+                              ("triangle_materials", len(scene.materials), "material")):
+        values = getattr(g, name)
+        if len(values) and not (values.min() >= 0 and values.max() < count):
+            raise SceneError(f"{name}.npy names a {what} that does not exist")
+    for m in scene.materials:
+        if m.image >= len(scene.images) or m.image < -1:
+            raise SceneError(f"material '{m.name}': image {m.image} does not exist")
+        if m.image >= 0 and not len(g.uvs) and nt:
+            raise SceneError(f"material '{m.name}' has an image, but uvs.npy is empty")
+    left, right, bottom, top = scene.camera.window
+    if left == right or bottom == top:
+        raise SceneError("camera: the window has no area")
+    if scene.camera.crop:
+        x0, y0, x1, y1 = scene.camera.crop
+        if not (0 <= x0 < x1 <= scene.camera.width and 0 <= y0 < y1 <= scene.camera.height):
+            raise SceneError("camera: the crop lies outside the frame or is empty")
