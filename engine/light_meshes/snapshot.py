@@ -157,7 +157,8 @@ def _read_array(folder: Path, name: str, dtype: str, tail: tuple[int, ...]) -> n
             raise SceneError(f"{path.name} is {found} {shape}; needed: {dtype} (n, {str(tail)[1:]}")
         if path.stat().st_size - start != size:
             raise SceneError(f"{path.name} is cut short: {path.stat().st_size - start} of {size} bytes")
-        return np.load(path, mmap_mode="r" if size else None, allow_pickle=False)
+        # "c": mapped, and like an array in memory to the kernels; nothing is ever written to the file.
+        return np.asarray(np.load(path, mmap_mode="c" if size else None, allow_pickle=False))
     except SceneError:
         raise
     except (OSError, ValueError, EOFError, OverflowError) as e:

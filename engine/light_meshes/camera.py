@@ -1,0 +1,77 @@
+"""Camera rays, and where in a pixel's filter they go."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import kernel
+from .scene import Camera
+
+
+def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
+    """Offsets (n,2) from a pixel's centre, in pixels, distributed as a Blackman-Harris filter of that width.
+
+    The same n for every pixel: a picture without noise. n = 1 is the centre. Latin hypercube strata (van der
+    Corput's order) through the filter's inverse distribution; all samples weigh the same, as in Cycles. The first
+    is the one nearest to the centre.
+    """
+    stratum = (np.arange(samples) + 0.5) / samples
+    corput = np.zeros(samples)
+    for bit in range(13):
+        corput += (np.arange(samples) >> bit & 1) * 0.5 ** (bit + 1)
+    order = np.argsort(np.argsort(corput, kind="stable"), kind="stable")
+    x = np.linspace(-0.5, 0.5, 4097)
+    a = 2 * np.pi * (x + 0.5)
+    density = 0.35875 - 0.48829 * np.cos(a) + 0.14128 * np.cos(2 * a) - 0.01168 * np.cos(3 * a)
+    share = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    inverse = np.interp(stratum, share / share[-1], x)
+    inverse = (inverse - inverse[::-1]) / 2  # the filter is symmetric; so is the table, to the last bit
+    offsets = filter_size * np.stack([inverse, inverse[order]], axis=1)
+    return offsets[np.argsort((offsets**2).sum(1), kind="stable")]
+
+
+@kernel
+def rays(matrix, window, perspective, near, width, height, x0, y0, x1, y1, offsets, origin, direction, stretch):
+    """Rays of the pixels x0..x1, y0..y1 (rows bottom-up), sample after sample within a pixel.
+
+    Fills origin and direction (n,3), from depth `near` on, and stretch (n,): length along the ray for a depth of 1.
+    """
+    n = 0
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            for s in range(len(offsets)):
+                u = window[0] + (window[1] - window[0]) * (x + 0.5 + offsets[s, 0]) / width
+                v = window[2] + (window[3] - window[2]) * (y + 0.5 + offsets[s, 1]) / height
+                if perspective:
+                    length = np.sqrt(u * u + v * v + 1.0)
+                    ox, oy, oz = near * u, near * v, -near
+                    dx, dy, dz = u / length, v / length, -1.0 / length
+                else:
+                    length = 1.0
+                    ox, oy, oz = u, v, -near
+                    dx, dy, dz = 0.0, 0.0, -1.0
+                for r in range(3):
+                    origin[n, r] = matrix[r, 0] * ox + matrix[r, 1] * oy + matrix[r, 2] * oz + matrix[r, 3]
+                    direction[n, r] = matrix[r, 0] * dx + matrix[r, 1] * dy + matrix[r, 2] * dz
+                stretch[n] = length
+                n += 1
+
+
+def camera_rays(
+    camera: Camera, box: tuple[int, int, int, int], offsets: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Origins, unit directions (n,3) and reach (n,) of the rays through the pixels of `box` (x0, y0, x1, y1)."""
+    x0, y0, x1, y1 = box
+    n = (x1 - x0) * (y1 - y0) * len(offsets)
+    origin, direction, stretch = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    rays(camera.matrix, np.array(camera.window), camera.perspective, camera.clip_start, camera.width, camera.height,
+         x0, y0, x1, y1, offsets, origin, direction, stretch)
+    return origin, direction, stretch * (camera.clip_end - camera.clip_start)
+
+
+def depth(camera: Camera, P: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Depth (n,) of world points along the camera's axis, as Cycles' Depth pass has it."""
+    axis = camera.matrix[:3, 2]
+    return -((P[:, 0] - camera.matrix[0, 3]) * axis[0] + (P[:, 1] - camera.matrix[1, 3]) * axis[1]
+             + (P[:, 2] - camera.matrix[2, 3]) * axis[2])

@@ -1,0 +1,10 @@
+"""How kernels are compiled: once, cached on disk, without the GIL, with IEEE arithmetic (no fast-math)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+
+# error_model: a division by zero gives IEEE's infinity instead of a Python exception.
+kernel: Any = numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,96 @@
+"""Passes as arrays, in memory or mapped to files, and pictures on disk (OpenImageIO)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from .scene import Scene, SceneError
+
+# The one list of passes: name → channels. Combined is RGB and alpha, premultiplied; Depth 1e10 where nothing is
+# hit; Normal is the shading normal in the world; Shadow is the mean of S over the lights, three times.
+PASSES = {"Combined": 4, "Depth": 1, "Normal": 3, "Shadow": 3}
+NO_DEPTH = 1e10  # as Cycles writes it
+
+
+@dataclass(frozen=True)
+class Framebuffer:
+    """One float32 (height, width, channels) array a pass, rows bottom-up, of the camera's crop."""
+
+    width: int
+    height: int
+    passes: dict[str, NDArray[np.float32]]
+
+    @classmethod
+    def create(cls, scene: Scene, passes: Sequence[str], folder: Path | None = None) -> Framebuffer:
+        """Zeroed passes; in `folder` as PASS.npy files that another process may map, or in memory."""
+        x0, y0, x1, y1 = crop_of(scene)
+        arrays = {}
+        for name in passes:
+            if name not in PASSES:
+                raise SceneError(f"there is no pass '{name}'; there are {', '.join(PASSES)}")
+            shape = (y1 - y0, x1 - x0, PASSES[name])
+            if folder is None:
+                arrays[name] = np.zeros(shape, np.float32)
+            else:
+                folder.mkdir(parents=True, exist_ok=True)
+                arrays[name] = np.lib.format.open_memmap(folder / f"{name}.npy", "w+", np.float32, shape)
+        return cls(x1 - x0, y1 - y0, arrays)
+
+    @property
+    def channels(self) -> dict[str, int]:
+        """Pass name → channels."""
+        return {name: a.shape[2] for name, a in self.passes.items()}
+
+    def flush(self) -> None:
+        """Hand mapped passes to the system; after this another process reads them complete."""
+        for a in self.passes.values():
+            if isinstance(a, np.memmap):
+                a.flush()
+
+
+def crop_of(scene: Scene) -> tuple[int, int, int, int]:
+    """The rendered pixels: x0, y0, x1, y1."""
+    return scene.camera.crop or (0, 0, scene.camera.width, scene.camera.height)
+
+
+def write(frame: Framebuffer, path: Path) -> None:
+    """Write .exr (all passes, scene-linear float32) or .png (Combined, sRGB "Standard" view, 8 bits).
+
+    Raises SceneError where that cannot be done.
+    """
+    if path.suffix.lower() == ".exr":
+        channels = [f"{name}.{c}" if name != "Combined" else c
+                    for name, a in frame.passes.items() for c in _LETTERS[name][:a.shape[2]]]
+        pixels = np.concatenate(list(frame.passes.values()), axis=2)
+        spec = oiio.ImageSpec(frame.width, frame.height, len(channels), oiio.FLOAT)
+        spec.channelnames = tuple(channels)
+        spec.attribute("compression", "zip")
+    elif path.suffix.lower() == ".png":
+        pixels = to_srgb(frame.passes["Combined"])
+        spec = oiio.ImageSpec(frame.width, frame.height, 4, oiio.UINT8)
+    else:
+        raise SceneError(f"{path.name}: pictures are written as .png or .exr")
+    if not path.parent.is_dir():
+        raise SceneError(f"the folder {path.parent} does not exist")
+    out = oiio.ImageOutput.create(str(path))
+    if out is None:
+        raise SceneError(f"{path} cannot be written: {oiio.geterror()}")
+    if not (out.open(str(path), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()):
+        raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
+
+
+_LETTERS = {"Combined": "RGBA", "Depth": "Z", "Normal": "XYZ", "Shadow": "RGB"}
+
+
+def to_srgb(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Premultiplied linear RGBA as 8-bit sRGB with straight alpha, as PNG wants it."""
+    alpha = np.clip(pixels[..., 3:], 0, 1)
+    colour = np.clip(pixels[..., :3] / np.where(alpha > 0, alpha, 1), 0, 1)
+    colour = np.where(colour <= 0.0031308, 12.92 * colour, 1.055 * colour ** (1 / 2.4) - 0.055)
+    return np.rint(np.concatenate([colour, alpha], axis=2) * 255).astype(np.uint8)

@@ -1,0 +1,188 @@
+"""All instances as one soup of triangles in the tracer's frame, and the surface at a hit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import kernel
+from .scene import Scene, SceneError
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The tracer's frame: recentred and scaled in float64 so that all triangles lie in [−1, 1]."""
+
+    centre: NDArray[np.float64]  # (3,) world
+    scale: float  # world lengths of one unit of the frame; a power of two, so that scaling is exact
+
+    def to_frame(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World points (n,3) in the frame, float64."""
+        return (world - self.centre) / self.scale
+
+
+class Surfaces(NamedTuple):
+    """What the kernels need of the geometry; every array is indexed by triangle unless said otherwise."""
+
+    centre: NDArray[np.float64]  # (3,)
+    scale: float
+    vertices: NDArray[np.float32]  # (V,3) in the frame
+    triangles: NDArray[np.int32]  # (T,3)
+    instance: NDArray[np.int32]  # (T,)
+    source: NDArray[np.int32]  # (T,) row in the scene's per-triangle arrays
+    normal_matrix: NDArray[np.float64]  # (I,3,3) local normals to world
+    mirrored: NDArray[np.bool_]  # (I,) negative scale: windings are turned round
+    corner_normals: NDArray[np.float32]  # (scene triangles,3,3) local
+    uvs: NDArray[np.float32]  # (scene triangles,3,2), or (0,3,2)
+    materials: NDArray[np.int32]  # (scene triangles,)
+
+
+class Hits(NamedTuple):
+    """Surface points, structure of arrays. Normals are turned to the side that the ray came from."""
+
+    P: NDArray[np.float64]  # (n,3) world
+    Ng: NDArray[np.float64]  # (n,3) unit, geometric
+    Ns: NDArray[np.float64]  # (n,3) unit, shading
+    uv: NDArray[np.float32]  # (n,2)
+    material: NDArray[np.int32]  # (n,)
+
+
+@kernel
+def _place(vertices, matrix, out):
+    for i in range(len(vertices)):
+        for r in range(3):
+            out[i, r] = (
+                matrix[r, 0] * vertices[i, 0] + matrix[r, 1] * vertices[i, 1]
+                + matrix[r, 2] * vertices[i, 2] + matrix[r, 3]
+            )
+
+
+@kernel
+def _usable(vertices, triangles, out):
+    """Marks triangles that have an area; NaN and infinity fail the comparison too."""
+    for t in range(len(triangles)):
+        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+        e = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
+        f = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
+        x = e[1] * f[2] - e[2] * f[1]
+        y = e[2] * f[0] - e[0] * f[2]
+        z = e[0] * f[1] - e[1] * f[0]
+        s = x * x + y * y + z * z
+        out[t] = s > 0.0 and s < np.inf
+
+
+def flatten(scene: Scene) -> tuple[Surfaces, list[str]]:
+    """World-space triangles of all instances in the tracer's frame, and a warning an object that lost triangles.
+
+    Triangles without an area or with a vertex that is not finite are left out.
+    """
+    g = scene.geometry
+    meshes = g.meshes[g.instance_mesh] if len(g.instance_mesh) else np.zeros((0, 4), np.int64)
+    first_vertex = np.concatenate([[0], np.cumsum(meshes[:, 1])])
+    first_triangle = np.concatenate([[0], np.cumsum(meshes[:, 3])])
+    if first_vertex[-1] >= 2**31 or first_triangle[-1] >= 2**31:
+        raise SceneError(f"the scene has {first_triangle[-1]:,} triangles; the engine takes up to 2^31: "
+                         "hide objects or reduce subdivision")
+    world = np.empty((first_vertex[-1], 3))
+    triangles = np.empty((first_triangle[-1], 3), np.int32)
+    instance = np.empty(first_triangle[-1], np.int32)
+    source = np.empty(first_triangle[-1], np.int32)
+    for i, (v0, nv, t0, nt) in enumerate(meshes.tolist()):
+        v, t = first_vertex[i], first_triangle[i]
+        _place(g.vertices[v0:v0 + nv], g.instance_matrix[i], world[v:v + nv])
+        np.add(g.triangles[t0:t0 + nt], np.int32(v), out=triangles[t:t + nt])
+        instance[t:t + nt] = i
+        source[t:t + nt] = np.arange(t0, t0 + nt, dtype=np.int32)
+    frame = _frame(world)
+    with np.errstate(invalid="ignore", over="ignore"):
+        vertices = frame.to_frame(world).astype(np.float32)
+    usable = np.empty(len(triangles), np.bool_)
+    _usable(vertices, triangles, usable)
+    warnings = []
+    if not usable.all():
+        warnings = _lost(scene, vertices, triangles[~usable], instance[~usable])
+        triangles, instance, source = triangles[usable], instance[usable], source[usable]
+    linear = np.ascontiguousarray(g.instance_matrix[:, :3, :3])
+    determinant, normal_matrix = _cofactors(linear)
+    return Surfaces(
+        frame.centre, frame.scale, vertices, triangles, instance, source, normal_matrix, determinant < 0,
+        np.asarray(g.corner_normals), np.asarray(g.uvs), np.asarray(g.triangle_materials),
+    ), warnings
+
+
+def _frame(world: NDArray[np.float64]) -> Frame:
+    finite = world[np.isfinite(world).all(1)]
+    if not len(finite):
+        return Frame(np.zeros(3), 1.0)
+    low, high = finite.min(0), finite.max(0)
+    half = float((high / 2 - low / 2).max())
+    if not np.isfinite(half) or half > 1e150:
+        raise SceneError("the scene is more than 1e150 units across: look for an object far from all others")
+    # 2 % of room, so that rounding leaves nothing outside.
+    return Frame(low / 2 + high / 2, 2.0 ** np.ceil(np.log2(max(half, 1e-150) * 1.02)))
+
+
+def _cofactors(m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Determinants and cofactor matrices (I,3,3): det·M⁻ᵀ, which carries normals and needs no inverse."""
+    a, b, c = m[:, 0], m[:, 1], m[:, 2]
+    cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    determinant = (a * cofactor[:, 0]).sum(1)
+    return determinant, cofactor * np.where(determinant < 0, -1.0, 1.0)[:, None, None]
+
+
+def _lost(scene: Scene, vertices: NDArray[np.float32], triangles: NDArray[np.int32],
+          instance: NDArray[np.int32]) -> list[str]:
+    """One sentence an object whose triangles have vertices that are not finite (no area is no fault)."""
+    broken = ~np.isfinite(vertices[triangles]).all((1, 2))
+    owner = scene.geometry.instance_object[instance[broken]]
+    objects, counts = np.unique(owner, return_counts=True)
+    return [
+        f"object '{scene.objects[o].name}': {n} triangles have a vertex that is not finite and are left out"
+        for o, n in zip(objects.tolist(), counts.tolist(), strict=True)
+    ]
+
+
+@kernel
+def surface(s, triangle, u, v, direction, P, Ng, Ns, uv, material):
+    """Fill P … material for hits (triangle, u, v) of rays with `direction`; P lies in its triangle's plane."""
+    for n in range(len(triangle)):
+        t = triangle[n]
+        i, k = s.instance[t], s.source[t]
+        ui = min(max(np.float64(u[n]), 0.0), 1.0)  # Embree's own may leave [0, 1] by an ulp
+        vi = min(max(np.float64(v[n]), 0.0), 1.0)
+        wi = 1.0 - ui - vi
+        a, b, c = s.vertices[s.triangles[t, 0]], s.vertices[s.triangles[t, 1]], s.vertices[s.triangles[t, 2]]
+        e0, e1, e2 = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
+        f0, f1, f2 = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
+        P[n, 0] = s.centre[0] + s.scale * (a[0] + ui * e0 + vi * f0)
+        P[n, 1] = s.centre[1] + s.scale * (a[1] + ui * e1 + vi * f1)
+        P[n, 2] = s.centre[2] + s.scale * (a[2] + ui * e2 + vi * f2)
+        x, y, z = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+        length = np.sqrt(x * x + y * y + z * z)
+        sign = -1.0 if s.mirrored[i] else 1.0
+        if sign * (x * direction[n, 0] + y * direction[n, 1] + z * direction[n, 2]) > 0.0:
+            turn = -1.0  # seen from behind: both normals are turned
+        else:
+            turn = 1.0
+        x, y, z = sign * turn * x / length, sign * turn * y / length, sign * turn * z / length
+        Ng[n, 0], Ng[n, 1], Ng[n, 2] = x, y, z
+        c0 = s.corner_normals[k]
+        l0 = wi * c0[0, 0] + ui * c0[1, 0] + vi * c0[2, 0]
+        l1 = wi * c0[0, 1] + ui * c0[1, 1] + vi * c0[2, 1]
+        l2 = wi * c0[0, 2] + ui * c0[1, 2] + vi * c0[2, 2]
+        m = s.normal_matrix[i]
+        p = m[0, 0] * l0 + m[0, 1] * l1 + m[0, 2] * l2
+        q = m[1, 0] * l0 + m[1, 1] * l1 + m[1, 2] * l2
+        r = m[2, 0] * l0 + m[2, 1] * l1 + m[2, 2] * l2
+        length = np.sqrt(p * p + q * q + r * r)
+        if length > 0.0 and length < np.inf:
+            Ns[n, 0], Ns[n, 1], Ns[n, 2] = turn * p / length, turn * q / length, turn * r / length
+        else:  # no usable normal in the mesh
+            Ns[n, 0], Ns[n, 1], Ns[n, 2] = x, y, z
+        if len(s.uvs):
+            for j in range(2):
+                uv[n, j] = wi * s.uvs[k, 0, j] + ui * s.uvs[k, 1, j] + vi * s.uvs[k, 2, j]
+        material[n] = s.materials[k]

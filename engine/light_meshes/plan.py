@@ -1,0 +1,65 @@
+"""What this scene needs (method §5): decided before tracing, and said in the statistics with the reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .scene import Scene
+
+
+@dataclass
+class Plan:
+    """The plainest path that gives the picture."""
+
+    shadows: str = "NONE"  # NONE, SHARP, LIGHT_MESHES, AREA_SAMPLING
+    reflections: bool = False
+    textures: bool = False
+    reasons: dict[str, str] = field(default_factory=dict)
+
+
+def plan(scene: Scene, passes: tuple[str, ...] = ("Combined",)) -> Plan:
+    """Decide what `scene` needs for `passes`."""
+    s, p = scene.settings, Plan()
+    used = scene.geometry.triangle_materials
+    count = np.bincount(used, minlength=len(scene.materials)) if len(used) else np.zeros(len(scene.materials))
+    materials = [m for m, n in zip(scene.materials, count, strict=True) if n]
+    lights = [light for light in scene.lights if any(light.intensity)]
+
+    def decide(what: str, value: object, why: str) -> None:
+        p.reasons[what] = f"{value}: {why}"
+
+    if s.mode == "LOCAL":
+        decide("shadows", "none", "local illumination has none")
+    elif not any(light.cast_shadow for light in lights):
+        decide("shadows", "none", "no light casts any")
+    elif s.shadows != "SHARP" and not any(light.soft_shadows and light.cast_shadow for light in lights):
+        p.shadows = "SHARP"
+        decide("shadows", "sharp", "no light has soft shadows")
+    else:
+        p.shadows = s.shadows
+        decide("shadows", s.shadows.lower().replace("_", " "), "as set")
+    if p.shadows == "LIGHT_MESHES":
+        words = (len(scene.lights) + 63) // 64
+        decide("node values", f"{words} × 64 bits", f"opaque surfaces only, {len(scene.lights)} lights")
+        decide("uniform skip", "on" if s.uniform_skip else "off", "exact, saves short rays")
+    mirrors = [m.name for m in materials if any(m.mirror)]
+    p.reflections = s.mode == "WHITTED" and bool(mirrors) and s.max_depth > 0
+    if s.mode != "WHITTED":
+        decide("reflected rays", "no", f"mode {s.mode.lower().replace('_', ' ')}")
+    elif not mirrors:
+        decide("reflected rays", "no", "no material mirrors")
+    else:
+        decide("reflected rays", f"up to {s.max_depth}", f"{len(mirrors)} materials mirror, '{mirrors[0]}' first")
+    p.textures = any(m.image >= 0 for m in materials)
+    decide("textures", "yes" if p.textures else "no", f"{sum(m.image >= 0 for m in materials)} materials have an image")
+    ambient = any(scene.world_color) and s.ambient > 0
+    decide("ambient light", "yes" if ambient else "no", "world colour × ambient × ka")
+    hidden = sum(not (o.visible_camera and o.visible_reflection and o.visible_shadow) for o in scene.objects)
+    decide("accelerators", "one" if not hidden else "one a kind of ray", f"{hidden} objects are hidden from some rays")
+    if len(lights) < len(scene.lights):
+        decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
+    if "Shadow" in passes and p.shadows == "NONE":
+        decide("Shadow pass", "lit sides", "nothing casts a shadow")
+    return p

@@ -1,0 +1,179 @@
+"""Embree behind two verbs: `closest` and `occluded`. Nothing else in the engine knows Embree.
+
+Precision (float32 inside Embree): the scene stands recentred and scaled in [−1, 1]; rays are built in float64,
+leave a surface by a few ulps of 1 along its geometric normal, aim from the *rounded* origin at the target, and are
+cast last. Points are float64 in world space on this side of the module.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from .compiled import kernel
+from .geometry import Surfaces
+from .scene import Scene, SceneError
+
+CHUNK = 16384  # rays a call: the best of what was measured, and a bound on the delay of a cancel
+ULPS = 16 * 2.0**-23  # how far a ray leaves its surface and how far a closed end reaches, in the frame
+LIGHT_END = 1 - 1e-5  # a ray to a light stops short of it: a light on a surface is not shadowed by it
+
+
+class Targets(NamedTuple):
+    """Where rays go: a point, or for a sun the way towards it."""
+
+    position: NDArray[np.float64]  # (m,3) world; for a directional one the unit vector towards the light
+    directional: NDArray[np.bool_]  # (m,)
+
+
+def points(position: NDArray[np.float64]) -> Targets:
+    """Targets that are all points."""
+    return Targets(position, np.zeros(len(position), np.bool_))
+
+
+class Tracer:
+    """The triangles of a scene, ready to be traced; one Embree scene for each distinct set of visible objects.
+
+    `kind` is who looks: "camera", "reflection" or "shadow".
+    """
+
+    KINDS = ("camera", "reflection", "shadow")
+
+    def __init__(self, scene: Scene, surfaces: Surfaces) -> None:
+        self.centre, self.scale = surfaces.centre, surfaces.scale
+        self._embree: dict[str, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        owner = scene.geometry.instance_object[surfaces.instance]
+        built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        for kind in self.KINDS:
+            flags = np.array([getattr(o, f"visible_{kind}") for o in scene.objects], np.bool_)
+            seen = flags[owner] if len(owner) else np.zeros(0, np.bool_)
+            key = seen.tobytes()
+            if key not in built:
+                built[key] = _build(surfaces, seen)
+            self._embree[kind] = built[key]
+        self.embree_scenes = len(built)
+
+    def closest(
+        self, kind: str, origin: NDArray[np.float64], direction: NDArray[np.float64],
+        normal: NDArray[np.float64] | None = None, reach: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+        """First triangle along each ray (−1: none) and its barycentrics u, v.
+
+        origin, direction: (n,3), unit directions. normal (n,3): of the surface a ray leaves, on its side.
+        reach (n,): hits beyond this world length do not count.
+        """
+        embree, original = self._embree[kind]
+        n = len(origin)
+        triangle = np.empty(n, np.int32)
+        u, v = np.empty(n, np.float32), np.empty(n, np.float32)
+        no_normal = normal is None
+        for i in range(0, n, CHUNK):
+            part = slice(i, min(i + CHUNK, n))
+            o, d, t = _scratch(part.stop - i)
+            _rays(
+                self.centre, self.scale, origin[part], direction[part],
+                origin[part] if no_normal else normal[part], not no_normal,
+                np.empty(0) if reach is None else reach[part], o, d, t,
+            )
+            hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
+            triangle[part], u[part], v[part] = hit["primID"], hit["u"], hit["v"]
+        if original is not None:
+            triangle = np.where(triangle >= 0, original[triangle], -1).astype(np.int32)
+        return triangle, u, v
+
+    def occluded(
+        self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
+        target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool,
+    ) -> NDArray[np.bool_]:
+        """Whether anything that casts shadows lies between origin[origin_of[k]] and targets[target_of[k]].
+
+        normal (len(origin),3): surface normals by which rays leave their surface; None: origins are free points
+        and what touches them blocks. closed: what touches the target blocks too (lattice nodes); otherwise the
+        ray ends just before it (lights).
+        """
+        embree, _ = self._embree["shadow"]
+        n = len(origin_of)
+        blocked = np.empty(n, np.bool_)
+        for i in range(0, n, CHUNK):
+            part = slice(i, min(i + CHUNK, n))
+            o, d, t = _scratch(part.stop - i)
+            _segments(
+                self.centre, self.scale, origin, origin if normal is None else normal, normal is not None,
+                origin_of[part], targets, target_of[part], closed, o, d, t,
+            )
+            np.equal(embree.run(o, d, dists=t, query="OCCLUDED"), 0, out=blocked[part])
+        return blocked
+
+
+def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[EmbreeScene, NDArray[np.int32] | None]:
+    """An Embree scene of the triangles in `seen`, and their original numbers (None where all are in)."""
+    embree = EmbreeScene()  # robust mode is its default, and needed: without it rays slip through edges
+    original = None if seen.all() else np.flatnonzero(seen).astype(np.int32)
+    triangles = surfaces.triangles if original is None else surfaces.triangles[original]
+    if len(triangles):
+        try:
+            TriangleMesh(embree, surfaces.vertices, triangles)
+        except MemoryError as e:
+            raise SceneError(f"out of memory while building the accelerator of {len(triangles):,} triangles") from e
+    empty = np.zeros((1, 3), np.float32)
+    embree.run(empty, empty + 1, query="OCCLUDED")  # commits; later calls come from several threads
+    return embree, original
+
+
+def _scratch(n: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    return np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, np.float32)
+
+
+@kernel
+def _rays(centre, scale, origin, direction, normal, has_normal, reach, o, d, t):
+    for n in range(len(origin)):
+        x = (origin[n, 0] - centre[0]) / scale
+        y = (origin[n, 1] - centre[1]) / scale
+        z = (origin[n, 2] - centre[2]) / scale
+        if has_normal:
+            x += normal[n, 0] * ULPS
+            y += normal[n, 1] * ULPS
+            z += normal[n, 2] * ULPS
+        dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
+        # A far origin has no float32 digits left at the scene: start where the ray nears it.
+        distance = x * x + y * y + z * z
+        start = 0.0
+        if distance > 16.0:
+            start = max(0.0, -(x * dx + y * dy + z * dz) - 2.0)
+            x, y, z = x + start * dx, y + start * dy, z + start * dz
+        o[n, 0], o[n, 1], o[n, 2] = x, y, z
+        d[n, 0], d[n, 1], d[n, 2] = dx, dy, dz
+        if len(reach):
+            t[n] = min(max(reach[n] / scale - start, 0.0), 1e30)
+        else:
+            t[n] = 1e30
+
+
+@kernel
+def _segments(centre, scale, origin, normal, has_normal, origin_of, targets, target_of, closed, o, d, t):
+    for n in range(len(origin_of)):
+        p, q = origin_of[n], target_of[n]
+        for j in range(3):
+            x = (origin[p, j] - centre[j]) / scale
+            if has_normal:
+                x += normal[p, j] * ULPS
+            o[n, j] = x
+        if targets.directional[q]:
+            # Everything lies in [−1, 1]³: this length passes it from wherever the ray starts.
+            length = 4.0 + abs(o[n, 0]) + abs(o[n, 1]) + abs(o[n, 2])
+            for j in range(3):
+                d[n, j] = length * targets.position[q, j]
+            t[n] = 1.0
+        else:
+            square = 0.0
+            for j in range(3):
+                d[n, j] = (targets.position[q, j] - centre[j]) / scale - np.float64(o[n, j])
+                square += np.float64(d[n, j]) * d[n, j]
+            if closed:
+                t[n] = 1.0 + ULPS / np.sqrt(square) if square > 0.0 else 1.0
+            else:
+                t[n] = LIGHT_END

@@ -1,0 +1,381 @@
+"""S_i(P): how much of light i a receiver sees. Three ways, one interface.
+
+`visibility(P, N, active) -> S` takes receivers P (n,3), world, with unit geometric normals N (n,3) on their viewed
+side, and active (n,W) uint64: bit i of a receiver says that ξ_i·Ω_i ≠ 0. S is (n,L) float32, 0 where not active.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import kernel
+from .lattice import Lattice, NodeStore, candidates
+from .scene import Light
+from .statistics import Statistics
+from .tracing import Targets, Tracer, points
+
+Check = Callable[[], None]  # raises where the render was cancelled
+CANDIDATES = 1 << 20  # about so many candidates are held at once
+PAIRS = 1 << 19  # and so many rays
+
+
+def mask_of(flags: list[bool]) -> NDArray[np.uint64]:
+    """Flags of L lights as words of 64 bits, (max(1, ceil(L/64)),)."""
+    words = np.zeros(max(1, (len(flags) + 63) // 64), np.uint64)
+    for i, flag in enumerate(flags):
+        if flag:
+            words[i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+    return words
+
+
+@kernel
+def _set_bits(mask, first, last, value, S):
+    """S = value for each set bit among lights first..last."""
+    for p in range(len(mask)):
+        for i in range(first, last):
+            if mask[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
+                S[p, i] = value
+
+
+@kernel
+def _pairs(mask, first, last, row, light):
+    """(row, light) of each set bit, light by light so that neighbouring rays go the same way; returns how many."""
+    count = 0
+    for i in range(first, last):
+        for p in range(len(mask)):
+            if mask[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
+                row[count], light[count] = p, i
+                count += 1
+    return count
+
+
+def _blocks(mask: NDArray[np.uint64], lights: int):
+    """The set bits of mask (n,W) as (row, light) arrays of bounded length."""
+    step = max(1, PAIRS // max(1, len(mask)))
+    for first in range(0, lights, step):
+        last = min(first + step, lights)
+        size = len(mask) * (last - first)
+        row, light = np.empty(size, np.int32), np.empty(size, np.int32)
+        n = _pairs(mask, first, last, row, light)
+        if n:
+            yield row[:n], light[:n]
+
+
+class Unshadowed:
+    """Local illumination, and lights that cast no shadow: S = 1."""
+
+    def __init__(self, lights: tuple[Light, ...]) -> None:
+        self.count = len(lights)
+
+    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+        """S, see the module."""
+        S = np.zeros((len(P), self.count), np.float32)
+        _set_bits(active, 0, self.count, 1.0, S)
+        return S
+
+
+class Sharp:
+    """V_i(P): one ray to each light."""
+
+    def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics) -> None:
+        self.count, self._targets, self._tracer, self._stats = len(lights), targets, tracer, stats
+        self._casting = mask_of([light.cast_shadow for light in lights])
+
+    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+        """S, see the module."""
+        S = np.zeros((len(P), self.count), np.float32)
+        _set_bits(active & ~self._casting, 0, self.count, 1.0, S)
+        with self._stats.stage("sharp shadows"):
+            for row, light in _blocks(active & self._casting, self.count):
+                check()
+                blocked = self._tracer.occluded(P, row, self._targets, light, N, closed=False)
+                S[row, light] = ~blocked
+                self._stats.add(shadow_rays=len(row))
+        return S
+
+
+class LightMeshes:
+    """Algorithm Ψ (paper §3): the average of what the nodes around P see."""
+
+    def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
+                 lattice: Lattice, uniform_skip: bool) -> None:
+        self.lattice, self._tracer, self._stats, self._targets = lattice, tracer, stats, targets
+        self._uniform_skip = uniform_skip
+        self._sharp = Sharp(lights, targets, tracer, stats)
+        self.count = len(lights)
+        self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
+        self.store = NodeStore(max(1, self.count))
+        self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.kI**3 + 4), 64, 16384))
+
+    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+        """S, see the module."""
+        S = np.zeros((len(P), self.count), np.float32)
+        soft = active & self._soft
+        left = active.copy()  # what Ψ has no answer for goes to sharp shadows
+        for i in range(0, len(P), self._batch):
+            check()
+            part = slice(i, i + self._batch)
+            m = self._average(P[part], N[part], soft[part], S[part], check)
+            left[part][m > 0] &= ~self._soft
+        self._stats.add(receivers=len(P))
+        if left.any():
+            S += self._sharp(P, N, left, check)  # disjoint bits: the sum is a choice
+        return S
+
+    def _average(self, P: NDArray, N: NDArray, soft: NDArray[np.uint64], S: NDArray[np.float32],
+                 check: Check) -> NDArray[np.int32]:
+        """Steps 1 to 5 for receivers with soft lights: S is filled; returns m (n,), 0 where the set is empty."""
+        stats, tracer = self._stats, self._tracer
+        with stats.stage("candidates"):
+            start = np.empty(len(P) + 1, np.int64)
+            candidate, nodes = candidates(self.lattice, P, N, start)
+            need = np.zeros((len(nodes), soft.shape[1]), np.uint64)
+            _need(start, candidate, soft, need)
+            position = self.lattice.position(nodes)
+        with stats.stage("nodes"):
+            values = self.store.values(nodes, need, lambda n, todo: self._trace(n, todo, check))
+        target = points(position)
+        visible = np.zeros(len(candidate), np.bool_)
+        m = np.zeros(len(P), np.int32)
+        uniform = np.zeros(len(P), np.bool_)
+        if self._uniform_skip:
+            with stats.stage("uniform skip"):
+                _uniform(start, candidate, values, soft, uniform)
+                witness = np.flatnonzero(uniform).astype(np.int32)
+                first = candidate[start[witness]]
+                seen = ~tracer.occluded(P, witness, target, first, N, closed=True)
+                uniform[witness[~seen]] = False  # whether m > 0 is not certain: the long way
+                stats.add(short_rays=len(witness), uniform_skips=int(seen.sum()))
+        with stats.stage("short rays"):
+            row, index = _listed(start, soft, uniform)
+            for i in range(0, len(row), PAIRS):
+                check()
+                k = slice(i, i + PAIRS)
+                visible[index[k]] = ~tracer.occluded(P, row[k], target, candidate[index[k]], N, closed=True)
+            stats.add(short_rays=len(row))
+        with stats.stage("average"):
+            _count(start, candidate, visible, uniform, values, soft, m, S)
+        wanted = soft.any(1)
+        stats.add(candidates=len(candidate), empty_sets=int((wanted & (m == 0)).sum()))
+        return m
+
+    def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint64]:
+        """V(i, x) of nodes (n,3) for the lights in todo (n,W), as bits."""
+        found = np.zeros_like(todo)
+        position = self.lattice.position(nodes)
+        for i in range(0, len(nodes), 16384):
+            part = slice(i, i + 16384)
+            for row, light in _blocks(todo[part], self.count):
+                check()
+                blocked = self._tracer.occluded(position[part], row, self._targets, light, None, closed=False)
+                _collect(row, light, blocked, found[part])
+                self._stats.add(long_rays=len(row))
+        return found
+
+    def interpolation_set(self, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+        """DLM(P) (steps 1 to 4): start (n+1,) and nodes (c,3); receiver p keeps nodes[start[p]:start[p+1]]."""
+        start = np.empty(len(P) + 1, np.int64)
+        candidate, nodes = candidates(self.lattice, P, N, start)
+        row = np.repeat(np.arange(len(P), dtype=np.int32), np.diff(start))
+        seen = ~self._tracer.occluded(P, row, points(self.lattice.position(nodes)), candidate, N, closed=True)
+        kept = np.concatenate([[0], np.cumsum(np.bincount(row[seen], minlength=len(P)))])
+        return kept.astype(np.int64), nodes[candidate[seen]]
+
+
+@kernel
+def _need(start, candidate, soft, need):
+    for p in range(len(soft)):
+        for w in range(soft.shape[1]):
+            s = soft[p, w]
+            if s:
+                for c in range(start[p], start[p + 1]):
+                    need[candidate[c], w] |= s
+
+
+@kernel
+def _uniform(start, candidate, values, soft, uniform):
+    """Marks receivers all of whose candidates agree on every soft light."""
+    for p in range(len(soft)):
+        agree, any_soft = start[p + 1] > start[p], False
+        for w in range(soft.shape[1]):
+            s = soft[p, w]
+            if s == 0 or not agree:
+                continue
+            any_soft = True
+            first = values[candidate[start[p]], w] & s
+            for c in range(start[p] + 1, start[p + 1]):
+                if values[candidate[c], w] & s != first:
+                    agree = False
+                    break
+        uniform[p] = agree and any_soft
+
+
+@kernel
+def _listed(start, soft, uniform):
+    """(receiver, index into candidate) of every short ray that is needed."""
+    total = 0
+    need = np.zeros(len(soft), np.bool_)
+    for p in range(len(soft)):
+        if not uniform[p]:
+            for w in range(soft.shape[1]):
+                if soft[p, w]:
+                    need[p] = True
+            if need[p]:
+                total += start[p + 1] - start[p]
+    row, index = np.empty(total, np.int32), np.empty(total, np.int64)
+    n = 0
+    for p in range(len(soft)):
+        if need[p]:
+            for c in range(start[p], start[p + 1]):
+                row[n], index[n] = p, c
+                n += 1
+    return row, index
+
+
+@kernel
+def _count(start, candidate, visible, uniform, values, soft, m, S):
+    """m and S = (number of kept nodes that see the light)/m, eq. (4).
+
+    The numbers of 64 lights are counted at once: plane b holds bit b of each light's number.
+    """
+    plane = np.zeros(32, np.uint64)
+    for p in range(len(soft)):
+        if uniform[p]:
+            m[p] = 1  # all agree, and one is seen: any m gives the same quotients
+        else:
+            for c in range(start[p], start[p + 1]):
+                m[p] += visible[c]
+        if m[p] == 0:
+            continue
+        for w in range(soft.shape[1]):
+            s = soft[p, w]
+            if s == 0:
+                continue
+            planes = 0
+            if uniform[p]:
+                plane[0] = values[candidate[start[p]], w] & s
+                planes = 1
+            else:
+                for c in range(start[p], start[p + 1]):
+                    if not visible[c]:
+                        continue
+                    carry = values[candidate[c], w] & s
+                    b = 0
+                    while carry:
+                        if b == planes:
+                            plane[b] = 0
+                            planes += 1
+                        carry, plane[b] = carry & plane[b], carry ^ plane[b]
+                        b += 1
+            for i in range(64 * w, min(64 * w + 64, S.shape[1])):
+                bit = np.uint64(i & 63)
+                if s >> bit & np.uint64(1):
+                    number = np.uint64(0)
+                    for b in range(planes):
+                        number |= (plane[b] >> bit & np.uint64(1)) << np.uint64(b)
+                    S[p, i] = np.float32(np.float64(number) / m[p])
+
+
+@kernel
+def _collect(row, light, blocked, found):
+    for n in range(len(row)):
+        if not blocked[n]:
+            i = light[n]
+            found[row[n], i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+
+
+class AreaSampling:
+    """The mean of N rays to points of the light: the reference that light meshes are compared with.
+
+    Only visibility is sampled; Ω stays the point source's, so that away from shadows all three ways agree.
+    """
+
+    def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
+                 samples: int, seed: int) -> None:
+        self.count, self._targets, self._tracer, self._stats = len(lights), targets, tracer, stats
+        self._samples, self._seed = samples, seed
+        self._sharp = Sharp(lights, targets, tracer, stats)
+        self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
+        rectangle = [light.type == "AREA" and not light.area_ellipse for light in lights]
+        self._rectangle = np.array(rectangle, np.bool_)
+        self._free = np.array([light.type != "AREA" for light in lights], np.bool_)  # turns to the receiver
+        self._size = np.array([np.tan(light.angle / 2) if light.type == "SUN" else light.radius
+                               for light in lights], np.float64)
+        self._u = np.array([light.area_u for light in lights], np.float64).reshape(-1, 3)
+        self._v = np.array([light.area_v for light in lights], np.float64).reshape(-1, 3)
+
+    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+        """S, see the module."""
+        S = self._sharp(P, N, active & ~self._soft, check)
+        with self._stats.stage("area sampling"):
+            for row, light in _blocks(active & self._soft, self.count):
+                clear = np.zeros(len(row), np.int32)
+                target = np.empty((len(row), 3))
+                directional = self._targets.directional[light]
+                order = np.arange(len(row), dtype=np.int32)
+                for s in range(self._samples):
+                    check()
+                    _sample(s, self._samples, self._seed, P, row, self._targets, light, self._free, self._rectangle,
+                            self._size, self._u, self._v, target)
+                    clear += ~self._tracer.occluded(P, row, Targets(target, directional), order, N, closed=False)
+                S[row, light] = (clear / self._samples).astype(np.float32)
+                self._stats.add(shadow_rays=len(row) * self._samples)
+        return S
+
+
+@kernel
+def _random(x):
+    """A uniform number in [0,1) from 64 bits (SplitMix64's finaliser)."""
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    x ^= x >> np.uint64(31)
+    return np.float64(x >> np.uint64(11)) * 2.0**-53
+
+
+@kernel
+def _sample(s, samples, seed, P, row, targets, light, free, rectangle, size, u, v, out):
+    """Point s of `samples` on each pair's light: strata of equal area in one axis, van der Corput in the other.
+
+    Each pair turns the pattern at random, from its own position: the same for any tiles, threads and order.
+    """
+    inverse, digit, rest = 0.0, 0.5, s
+    while rest:
+        inverse += digit * (rest & 1)
+        digit *= 0.5
+        rest >>= 1
+    bits = P.view(np.uint64)
+    for n in range(len(row)):
+        p, i = row[n], light[n]
+        key = np.uint64(seed) + np.uint64(i) * np.uint64(0x9E3779B97F4A7C15)
+        for j in range(3):
+            key = (key ^ bits[p, j]) * np.uint64(0xD6E8FEB86659FD93)
+            key ^= key >> np.uint64(32)
+        a = (s + _random(key + np.uint64(s) * np.uint64(2))) / samples
+        b = (inverse + _random(key ^ np.uint64(0xA0761D6478BD642F))) % 1.0
+        c = targets.position[i]
+        if rectangle[i]:
+            for j in range(3):
+                out[n, j] = c[j] + (2.0 * a - 1.0) * u[i, j] + (2.0 * b - 1.0) * v[i, j]
+            continue
+        x, y = np.sqrt(a) * np.cos(2 * np.pi * b), np.sqrt(a) * np.sin(2 * np.pi * b)
+        if not free[i]:
+            for j in range(3):
+                out[n, j] = c[j] + x * u[i, j] + y * v[i, j]
+            continue
+        # The disc of a sphere (or of the sun) as the receiver sees it.
+        if targets.directional[i]:
+            d0, d1, d2 = c[0], c[1], c[2]
+        else:
+            d0, d1, d2 = c[0] - P[p, 0], c[1] - P[p, 1], c[2] - P[p, 2]
+            length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+            d0, d1, d2 = d0 / length, d1 / length, d2 / length
+        sign = 1.0 if d2 >= 0.0 else -1.0
+        f = -1.0 / (sign + d2)
+        g = d0 * d1 * f
+        x, y = x * size[i], y * size[i]
+        out[n, 0] = c[0] + x * (1.0 + sign * d0 * d0 * f) + y * g
+        out[n, 1] = c[1] + x * sign * g + y * (sign + d1 * d1 * f)
+        out[n, 2] = c[2] - x * sign * d0 - y * d1
