@@ -1,0 +1,16 @@
+"""Light Meshes: a Blender render engine with noise-free soft shadows from point lights."""
+
+from . import preferences, properties, render_engine, ui
+
+# Properties before the panels that show them, the engine last: it may render as soon as it is known.
+_MODULES = (preferences, properties, ui, render_engine)
+
+
+def register() -> None:
+    for module in _MODULES:
+        module.register()
+
+
+def unregister() -> None:
+    for module in reversed(_MODULES):
+        module.unregister()

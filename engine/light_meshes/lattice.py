@@ -37,7 +37,7 @@ class Lattice(NamedTuple):
     kI: float  # r = h·kI
     rotation: NDArray[np.float64]  # (3,3) R
     origin: NDArray[np.float64]  # (3,) world
-    offsets: NDArray[np.int32]  # (c,3) all nodes that the ball around a point of the cell [0,1)³ may hold
+    offsets: NDArray[np.float64]  # (c,3) all nodes that the ball around a point of the cell [0,1)³ may hold
 
     def position(self, nodes: NDArray[np.int32]) -> NDArray[np.float64]:
         """World positions (n,3) of nodes (n,3)."""
@@ -58,7 +58,7 @@ def lattice(h: float, kI: float, rotate: bool = True, origin: tuple[float, float
     cube = cube[near]
     # Nearest first: the first candidate is the likeliest to be seen, a witness that the set is not empty.
     order = np.argsort(((cube - 0.5) ** 2).sum(1), kind="stable")
-    return Lattice(h, kI, rotation, np.asarray(origin, np.float64) + shift, np.ascontiguousarray(cube[order]))
+    return Lattice(h, kI, rotation, np.asarray(origin, np.float64) + shift, cube[order].astype(np.float64))
 
 
 @kernel
@@ -99,23 +99,39 @@ def _fill(table, keys, count):
         table[_find(table, keys, keys[row, 0], keys[row, 1], keys[row, 2])] = row
 
 
-@kernel
-def candidates(lattice, P, N, start):
-    """Steps 1 and 2 of Ψ for receivers P with geometric normals N (both (n,3)).
+def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
+    """Steps 1 and 2 of Ψ for receivers P with unit geometric normals N, both (n,3).
 
-    Fills start (n+1,) and returns (candidate, nodes): the candidates of receiver p are
+    Returns (start, candidate, nodes): the candidates of receiver p are
     nodes[candidate[start[p]:start[p+1]]], nearest cells first; nodes (u,3) holds each node once.
     """
-    R, kI2, off = lattice.rotation, lattice.kI * lattice.kI, lattice.offsets
-    candidate = np.empty(max(1024, len(P) * len(off) // 3), np.int32)
-    nodes = np.empty((4096, 3), np.int32)
-    table = np.full(16384, -1, np.int32)
-    count, total = 0, 0
-    start[0] = 0
-    for p in range(len(P)):
-        x = (P[p, 0] - lattice.origin[0]) / lattice.h
-        y = (P[p, 1] - lattice.origin[1]) / lattice.h
-        z = (P[p, 2] - lattice.origin[2]) / lattice.h
+    most = len(lattice.offsets)
+    start = np.zeros(len(P) + 1, np.int64)
+    candidate = np.empty(most + len(P) * most // 3, np.int32)
+    nodes = np.empty((most + 4096, 3), np.int32)
+    table = np.full(1 << int(2 * len(nodes)).bit_length(), -1, np.int32)
+    p, count = 0, 0
+    while True:
+        p, count = _candidates(lattice, P, N, p, count, start, candidate, nodes, table)
+        if p == len(P):
+            return start, candidate[:start[p]], nodes[:count]
+        if start[p] + most > len(candidate):
+            candidate = np.concatenate([candidate, np.empty(len(candidate), np.int32)])
+        else:
+            nodes = np.concatenate([nodes, np.empty_like(nodes)])
+            table = np.full(2 * len(table), -1, np.int32)
+            _fill(table, nodes, count)
+
+
+@kernel
+def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
+    """Receivers from p on, until all are done or an array may be too short; returns the next p and the count."""
+    R, kI2, off, h = lattice.rotation, lattice.kI * lattice.kI, lattice.offsets, lattice.h
+    o0, o1, o2 = lattice.origin[0], lattice.origin[1], lattice.origin[2]
+    most = len(off)
+    total = start[p]
+    while p < len(P) and total + most <= len(candidate) and count + most <= len(nodes):
+        x, y, z = (P[p, 0] - o0) / h, (P[p, 1] - o1) / h, (P[p, 2] - o2) / h
         q0 = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
         q1 = R[0, 1] * x + R[1, 1] * y + R[2, 1] * z
         q2 = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
@@ -127,32 +143,25 @@ def candidates(lattice, P, N, start):
         if abs(b0) < 2e9 and abs(b1) < 2e9 and abs(b2) < 2e9:
             f0, f1, f2 = q0 - b0, q1 - b1, q2 - b2
             i0, i1, i2 = np.int32(b0), np.int32(b1), np.int32(b2)
-            if total + len(off) > len(candidate):
-                candidate = np.concatenate((candidate, np.empty(len(candidate) + len(off), np.int32)))
-            for c in range(len(off)):
+            for c in range(most):
                 d0, d1, d2 = off[c, 0] - f0, off[c, 1] - f1, off[c, 2] - f2
                 if d0 * d0 + d1 * d1 + d2 * d2 > kI2:  # step 1
                     continue
                 if d0 * n0 + d1 * n1 + d2 * n2 <= TAU:  # step 2
                     continue
-                i, j, k = i0 + off[c, 0], i1 + off[c, 1], i2 + off[c, 2]
+                i, j, k = i0 + np.int32(off[c, 0]), i1 + np.int32(off[c, 1]), i2 + np.int32(off[c, 2])
                 slot = _find(table, nodes, i, j, k)
                 row = table[slot]
                 if row < 0:
-                    if 2 * count >= len(table):
-                        table = np.full(4 * len(table), -1, np.int32)
-                        _fill(table, nodes, count)
-                        slot = _find(table, nodes, i, j, k)
-                    if count == len(nodes):
-                        nodes = np.concatenate((nodes, np.empty((count, 3), np.int32)))
                     row = np.int32(count)
                     nodes[row, 0], nodes[row, 1], nodes[row, 2] = i, j, k
                     table[slot] = row
                     count += 1
                 candidate[total] = row
                 total += 1
-        start[p + 1] = total
-    return candidate[:total], nodes[:count]
+        p += 1
+        start[p] = total
+    return p, count
 
 
 @kernel

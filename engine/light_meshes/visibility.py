@@ -130,8 +130,7 @@ class LightMeshes:
         """Steps 1 to 5 for receivers with soft lights: S is filled; returns m (n,), 0 where the set is empty."""
         stats, tracer = self._stats, self._tracer
         with stats.stage("candidates"):
-            start = np.empty(len(P) + 1, np.int64)
-            candidate, nodes = candidates(self.lattice, P, N, start)
+            start, candidate, nodes = candidates(self.lattice, P, N)
             need = np.zeros((len(nodes), soft.shape[1]), np.uint64)
             _need(start, candidate, soft, need)
             position = self.lattice.position(nodes)
@@ -177,8 +176,7 @@ class LightMeshes:
 
     def interpolation_set(self, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
         """DLM(P) (steps 1 to 4): start (n+1,) and nodes (c,3); receiver p keeps nodes[start[p]:start[p+1]]."""
-        start = np.empty(len(P) + 1, np.int64)
-        candidate, nodes = candidates(self.lattice, P, N, start)
+        start, candidate, nodes = candidates(self.lattice, P, N)
         row = np.repeat(np.arange(len(P), dtype=np.int32), np.diff(start))
         seen = ~self._tracer.occluded(P, row, points(self.lattice.position(nodes)), candidate, N, closed=True)
         kept = np.concatenate([[0], np.cumsum(np.bincount(row[seen], minlength=len(P)))])
