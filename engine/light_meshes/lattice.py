@@ -217,7 +217,7 @@ class NodeStore:
 
     def _allocate(self, rows: int) -> None:
         def grown(old: str, width: int, dtype: type) -> NDArray:
-            new = np.zeros((rows, width), dtype)
+            new: NDArray = np.zeros((rows, width), dtype)
             if self.count:
                 new[:self.count] = getattr(self, old)[:self.count]
             return new

@@ -151,7 +151,9 @@ def _radiance(ready: Prepared, box: tuple[int, int, int, int], check: Callable[[
                                  "Shadow": np.zeros((n, 3))}
     pixel = np.arange(n)  # the sample that a ray belongs to
     weight = np.ones((n, 3))
-    normal, kind, bounds = None, "camera", reach
+    normal: NDArray | None = None
+    bounds: NDArray | None = reach
+    kind = "camera"
     for bounce in range(scene.settings.max_depth + 1 if ready.plan.reflections else 1):
         check()
         with ready.stats.stage("reflected rays" if bounce else "camera rays"):
@@ -252,9 +254,9 @@ def render(
         except BaseException:
             stopped.set()  # the other threads end at their next batch
             pool.shutdown(wait=True, cancel_futures=True)
-            failures = [f.exception() for f in futures if f.done() and not f.cancelled() and f.exception()]
-            for e in failures:  # a thread that failed is the reason; those that were stopped are not
-                if not isinstance(e, Cancelled):
+            for f in futures:  # a thread that failed is the reason; those that were stopped are not
+                e = None if f.cancelled() or not f.done() else f.exception()
+                if e is not None and not isinstance(e, Cancelled):
                     raise e from None
             raise
     return Result(frame, _report(ready, frame, tiles, threads, time.perf_counter() - started), list(ready.warnings))

@@ -191,6 +191,19 @@ def _build(cls: type, data: Any, where: str) -> Any:
     return cls(**values)
 
 
+def with_setting(settings: Settings, key: str, text: str) -> Settings:
+    """`settings` with one more set from text, as `--set key=value` gives it; h given by hand turns auto_h off."""
+    if key not in names_of(Settings):
+        raise SceneError(f"there is no setting '{key}'; there are {', '.join(names_of(Settings))}")
+    try:
+        value = json.loads(text.lower() if text.lower() in ("true", "false") else text)
+    except ValueError:
+        value = text
+    value = _checked(Settings, key, names_of(Settings)[key], value, "--set")
+    changed: dict[str, Any] = {key: value} | ({"auto_h": False} if key == "h" else {})
+    return dataclasses.replace(settings, **changed)
+
+
 _SAMPLES: dict[tuple[type, str], Any] = {  # what a field without a default, or with None, looks like
     (Camera, "matrix"): None,
     (Camera, "window"): (0.0,) * 4,
@@ -266,11 +279,11 @@ def check(scene: Scene) -> None:
         values = getattr(g, name)
         if len(values) and not (values.min() >= 0 and values.max() < count):
             raise SceneError(f"{name}.npy names a {what} that does not exist")
-    for m in scene.materials:
-        if m.image >= len(scene.images) or m.image < -1:
-            raise SceneError(f"material '{m.name}': image {m.image} does not exist")
-        if m.image >= 0 and not len(g.uvs) and nt:
-            raise SceneError(f"material '{m.name}' has an image, but uvs.npy is empty")
+    for material in scene.materials:
+        if material.image >= len(scene.images) or material.image < -1:
+            raise SceneError(f"material '{material.name}': image {material.image} does not exist")
+        if material.image >= 0 and not len(g.uvs) and nt:
+            raise SceneError(f"material '{material.name}' has an image, but uvs.npy is empty")
     left, right, bottom, top = scene.camera.window
     if left == right or bottom == top:
         raise SceneError("camera: the window has no area")

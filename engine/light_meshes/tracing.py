@@ -70,13 +70,12 @@ class Tracer:
         n = len(origin)
         triangle = np.empty(n, np.int32)
         u, v = np.empty(n, np.float32), np.empty(n, np.float32)
-        no_normal = normal is None
         for i in range(0, n, CHUNK):
             part = slice(i, min(i + CHUNK, n))
             o, d, t = _scratch(part.stop - i)
             _rays(
                 self.centre, self.scale, origin[part], direction[part],
-                origin[part] if no_normal else normal[part], not no_normal,
+                origin[part] if normal is None else normal[part], normal is not None,
                 np.empty(0) if reach is None else reach[part], o, d, t,
             )
             hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)

@@ -1,0 +1,96 @@
+""".blend files for the command line: Blender reads them, in a process of its own, through the add-on.
+
+Nothing here imports bpy: it ends some processes badly (4.2 and 4.5 crash or hang at exit), and a `blender` on the
+PATH does as well.
+"""
+
+from __future__ import annotations
+
+import collections
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from .cli import UsageError
+from .scene import SceneError
+
+MARK = "@light-meshes "  # begins each line of the driver that is for us
+Changes = list[tuple[str, str]]
+
+
+def driver() -> list[str]:
+    """The command that runs the add-on's headless driver. Raises SceneError where no Blender is to be had."""
+    addon = importlib.util.find_spec("light_meshes_addon")
+    if addon is None or addon.origin is None:
+        raise SceneError("the add-on is not installed beside the engine: install the project with pip again")
+    if importlib.util.find_spec("bpy"):
+        return [sys.executable, "-m", "light_meshes_addon.headless"]
+    blender = shutil.which("blender")
+    if blender:
+        script = Path(addon.origin).with_name("headless.py")
+        return [blender, "-b", "--factory-startup", "-P", str(script), "--"]
+    raise SceneError(
+        "a .blend file needs Blender to read it: install the 'blender' extra of this project with Python 3.11 or 3.13 "
+        f"(bpy has wheels for no others; this is {sys.version_info.major}.{sys.version_info.minor}), or put a blender "
+        "of version 4.2 or later on the PATH")
+
+
+def render(file: Path, output: Path, frames: str | None, changes: Changes, progress: Callable[[float, str], None],
+           debug: bool) -> tuple[list[str], list[Path]]:
+    """Render frames of a .blend as Blender would; returns warnings and the pictures written."""
+    arguments = ["render", str(file), "-o", str(output)] + (["-f", frames] if frames else [])
+    warnings, pictures = [], []
+    for event in _events(arguments, changes, debug):
+        if event["event"] == "progress":
+            progress(event["fraction"], f"frame {event['frame']}: {event['stage']}")
+        elif event["event"] == "warning":
+            warnings.append(event["message"])
+        elif event["event"] == "wrote":
+            pictures.append(Path(event["path"]))
+    return warnings, pictures
+
+
+def export(file: Path, folder: Path, changes: Changes, debug: bool) -> None:
+    """Write the snapshot of a .blend's current frame into `folder`."""
+    for _ in _events(["snapshot", str(file), "-o", str(folder)], changes, debug):
+        pass
+
+
+def _events(arguments: list[str], changes: Changes, debug: bool) -> Iterator[dict[str, Any]]:
+    """What the driver says, event by event; its error is raised as SceneError (UsageError for exit code 2)."""
+    command = driver() + arguments + [word for key, value in changes for word in ("--set", f"{key}={value}")]
+    # Whatever Python Blender has inside, the engine runs in this one.
+    child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             text=True, errors="replace", env=os.environ | {"LIGHT_MESHES_PYTHON": sys.executable})
+    assert child.stdout is not None
+    tail: collections.deque[str] = collections.deque(maxlen=5)
+    error = ""
+    try:
+        for line in child.stdout:
+            if not line.startswith(MARK):
+                if debug:
+                    print(line, end="", file=sys.stderr)
+                tail.append(line.strip())
+                continue
+            event = json.loads(line[len(MARK):])
+            if event["event"] == "error":
+                error = event["message"]
+            else:
+                yield event
+        code = child.wait()
+    finally:
+        if child.poll() is None:
+            child.terminate()
+            child.wait()
+    if code == 2:
+        raise UsageError(error)
+    if error:
+        raise SceneError(error)
+    if code:
+        raise SceneError(f"Blender ended with code {code}; its last words: {' | '.join(filter(None, tail))}")

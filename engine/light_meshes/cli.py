@@ -1,0 +1,190 @@
+"""The command `light-meshes`: render and inspect .blend files and snapshots.
+
+Exit codes: 0 done, 1 failed, 2 bad usage; one sentence on stderr, a traceback only with --debug.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+
+from . import __version__
+from .scene import Scene, SceneError
+
+
+class UsageError(Exception):
+    """What was asked makes no sense: exit code 2."""
+
+
+class Progress:
+    """A bar on stderr where that is a terminal; silent elsewhere."""
+
+    def __init__(self) -> None:
+        self._terminal, self._last = sys.stderr.isatty(), 0.0
+
+    def __call__(self, fraction: float, stage: str) -> None:
+        """Show that `fraction` of `stage` is done."""
+        now = time.monotonic()
+        if self._terminal and (fraction >= 1 or now - self._last > 0.1):
+            self._last = now
+            bar = "█" * round(30 * fraction)
+            print(f"\r{bar:░<30} {fraction:4.0%} {stage[:40]:<40}", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Take the bar away."""
+        if self._terminal:
+            print("\r" + " " * 78 + "\r", end="", file=sys.stderr, flush=True)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    arguments = _parser().parse_args(argv)
+    try:
+        arguments.run(arguments)
+        return 0
+    except (Exception, KeyboardInterrupt) as e:
+        if arguments.debug:
+            traceback.print_exc()
+        print(f"light-meshes: {_sentence(e)}", file=sys.stderr)
+        return 2 if isinstance(e, UsageError) else 1
+
+
+def _sentence(e: BaseException) -> str:
+    if isinstance(e, KeyboardInterrupt):
+        return "interrupted"
+    if isinstance(e, SceneError | UsageError):
+        return str(e)
+    if isinstance(e, MemoryError):
+        return "out of memory: render fewer pixels, a larger h or fewer triangles"
+    if isinstance(e, OSError):
+        return f"{e.filename}: {e.strerror}" if e.filename else str(e)
+    return f"{type(e).__name__}: {e} (--debug shows where)"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="light-meshes", description="Soft shadows from point lights, without noise.")
+    parser.add_argument("--version", action="version", version=f"light-meshes {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    render = commands.add_parser("render", help="render a .blend file or a snapshot folder to a picture")
+    render.add_argument("file", metavar="FILE.blend|SNAPSHOT", type=Path)
+    render.add_argument("-o", "--output", metavar="OUT.png|.exr", type=Path, required=True,
+                        help="#### stands for the frame number")
+    render.add_argument("-f", "--frames", metavar="1,3..8", help="frames of a .blend; its current one otherwise")
+    render.set_defaults(run=_render)
+    inspect = commands.add_parser("inspect", help="say what a scene holds, what the plan decides, what is missing")
+    inspect.add_argument("file", metavar="FILE.blend|SNAPSHOT", type=Path)
+    inspect.set_defaults(run=_inspect)
+    for command in (render, inspect):
+        command.add_argument("--set", metavar="key=value", action="append", default=[], type=_setting,
+                             help="a setting, such as shadows=SHARP, h=0.02, kI=4 or samples=16; a .blend also takes "
+                                  "resolution=WxH")
+        command.add_argument("--debug", action="store_true", help="show tracebacks and what Blender prints")
+    return parser
+
+
+def _setting(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not equals or not key or not value:
+        raise argparse.ArgumentTypeError(f"'{text}' is not of the form key=value")
+    return key, value
+
+
+def _is_blend(path: Path) -> bool:
+    if not path.exists():
+        raise SceneError(f"{path} does not exist")
+    if path.is_dir():
+        return False
+    if path.suffix.lower() != ".blend":
+        raise UsageError(f"{path} is neither a .blend file nor a snapshot folder")
+    return True
+
+
+def _render(arguments: argparse.Namespace) -> None:
+    output: Path = arguments.output
+    if output.suffix.lower() not in (".png", ".exr"):
+        raise UsageError(f"{output.name}: pictures are written as .png or .exr")
+    frames = frame_numbers(arguments.frames) if arguments.frames else None
+    if not output.absolute().parent.is_dir():
+        raise SceneError(f"the folder {output.absolute().parent} does not exist")
+    started, progress = time.monotonic(), Progress()
+    try:
+        if _is_blend(arguments.file):
+            from . import blend
+
+            warnings, pictures = blend.render(arguments.file, output, arguments.frames, arguments.set, progress,
+                                              arguments.debug)
+        else:
+            if frames:
+                raise UsageError("a snapshot is one frame: leave out -f")
+            warnings, pictures = _render_snapshot(arguments, progress), [output]
+    finally:
+        progress.clear()
+    for warning in warnings:
+        print(f"light-meshes: warning: {warning}", file=sys.stderr)
+    print(f"{', '.join(map(str, pictures))} in {time.monotonic() - started:.1f} s")
+
+
+def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> list[str]:
+    from . import film, render
+
+    scene = _changed(_read(arguments.file), arguments.set)
+    passes = tuple(film.PASSES) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
+    done = render.render(scene, film.Framebuffer.create(scene, passes), progress=progress)
+    film.write(done.frame, arguments.output)
+    return [*scene.warnings, *done.warnings]
+
+
+def _read(folder: Path) -> Scene:
+    from . import snapshot
+
+    return snapshot.read(folder)
+
+
+def _changed(scene: Scene, changes: list[tuple[str, str]]) -> Scene:
+    import dataclasses
+
+    from . import snapshot
+
+    settings = scene.settings
+    try:
+        for key, value in changes:
+            settings = snapshot.with_setting(settings, key, value)
+    except SceneError as e:
+        raise UsageError(str(e)) from e
+    return dataclasses.replace(scene, settings=settings)
+
+
+def frame_numbers(text: str) -> list[int]:
+    """Frames of a list as Blender takes it: "1,3..8" is 1 and 3 to 8. Raises UsageError."""
+    frames: list[int] = []
+    for part in text.split(","):
+        first, dots, last = part.partition("..")
+        try:
+            low, high = int(first), int(last if dots else first)
+        except ValueError:
+            raise UsageError(f"-f {text}: '{part}' is not a frame or a range such as 3..8") from None
+        if low > high:
+            raise UsageError(f"-f {text}: the range {part} is empty")
+        frames += range(low, high + 1)
+    return frames
+
+
+def _inspect(arguments: argparse.Namespace) -> None:
+    from . import report
+
+    if not _is_blend(arguments.file):
+        print(report.describe(_changed(_read(arguments.file), arguments.set)))
+        return
+    from . import blend
+
+    with tempfile.TemporaryDirectory(prefix="light-meshes-") as folder:
+        blend.export(arguments.file, Path(folder), arguments.set, arguments.debug)
+        print(report.describe(_read(Path(folder))))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

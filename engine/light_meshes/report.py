@@ -1,0 +1,55 @@
+"""What a scene holds and what its plan decides, as text for people."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .render import Prepared
+from .scene import Scene
+
+
+def describe(scene: Scene) -> str:
+    """The text of `light-meshes inspect`."""
+    ready = Prepared(scene)
+    scene = ready.scene
+    s, g, camera = scene.settings, scene.geometry, scene.camera
+    lines = ["Scene"]
+    lines += _table([
+        ("triangles", f"{len(ready.surfaces.triangles):,} of {len(g.meshes):,} meshes in {len(g.instance_mesh):,} "
+                      f"instances of {len(scene.objects):,} objects"),
+        ("camera", f"{'perspective' if camera.perspective else 'orthographic'}, {camera.width} × {camera.height} "
+                   f"pixels" + (f", crop {camera.crop}" if camera.crop else "")),
+        ("world colour", _colour(scene.world_color)),
+    ])
+    lines += [f"Lights ({len(scene.lights)})"]
+    for light in scene.lights[:20]:
+        shadows = ("soft" if light.soft_shadows else "sharp") if light.cast_shadow else "no"
+        lines += _table([(light.name, f"{light.type.lower()}, I = {_colour(light.intensity)}, {shadows} shadows")])
+    lines += [f"  … and {len(scene.lights) - 20} more"] if len(scene.lights) > 20 else []
+    used = np.unique(g.triangle_materials).tolist()
+    lines += [f"Materials ({len(used)} used)"]
+    for i in used[:20]:
+        m = scene.materials[i]
+        lines += _table([(m.name, f"Od {_colour(m.Od)}" + (" (image)" if m.image >= 0 else "") +
+                          f", kd {m.kd:.3g}, ks {m.ks:.3g}, nShiny {m.nShiny:.3g}, mirror {_colour(m.mirror)}")])
+    lines += [f"  … and {len(used) - 20} more"] if len(used) > 20 else []
+    lines += ["Settings"]
+    lines += _table([
+        ("mode, shadows", f"{s.mode}, {s.shadows}"),
+        ("h, kI, r", f"{s.h:g}, {s.kI:g}, {s.h * s.kI:g}" + (" (h measured from what the camera sees)"
+                                                             if s.auto_h else "")),
+        ("samples", f"{s.samples} a pixel, filter {s.filter_size:g} pixels wide"),
+    ])
+    lines += ["Plan"]
+    lines += _table(list(ready.plan.reasons.items()))
+    missing = [*scene.warnings, *ready.warnings]
+    lines += [f"Not translated ({len(missing)})", *(f"  {w}" for w in missing)] if missing else ["All is translated."]
+    return "\n".join(lines)
+
+
+def _table(rows: list[tuple[str, str]]) -> list[str]:
+    return [f"  {name:<16} {value}" for name, value in rows]
+
+
+def _colour(rgb: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{c:.3g}" for c in rgb) + ")"
