@@ -4,12 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from . import camera, lights, world
+from .camera import border
 from .geometry import Geometry
 from .materials import Materials
 from .report import ExportError, Report
 from .snapshot import write
 
-__all__ = ["ExportError", "Report", "export", "settings"]
+__all__ = ["ExportError", "Report", "border", "export", "settings"]
 
 
 def export(engine, depsgraph, folder: Path, check: Callable[[], None], **overrides) -> Report:
@@ -21,7 +22,7 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], **overrid
     scene = depsgraph.scene_eval
     frame = camera.frame(engine, scene, depsgraph, report)
     materials = Materials(report, folder, depsgraph)
-    geometry = Geometry(depsgraph, materials, report)
+    geometry = Geometry(materials, report)
     lamps = []
     for instance in depsgraph.object_instances:
         check()

@@ -1,0 +1,92 @@
+"""Image textures → files that the engine can read."""
+
+import struct
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from .report import Report
+
+# Blender's colour spaces that are plain numbers to the engine. Non-Color is used for colours too.
+_LINEAR = ("Linear", "Non-Color", "Raw", "Utility - Raw", "scene_linear")
+
+
+class Images:
+    """The images of a snapshot, each once."""
+
+    def __init__(self, report: Report, folder: Path) -> None:
+        self.descriptions: list[dict] = []
+        self._report, self._folder = report, folder
+        self._indices: dict[tuple, int] = {}
+
+    def index(self, node) -> int:
+        """Number of the image of an image texture node, with the node's interpolation and extension."""
+        image = node.image
+        key = (image.original.as_pointer(), node.interpolation, node.extension)
+        if key not in self._indices:
+            if node.projection != 'FLAT':
+                self._warn(image, f"its {node.projection.lower()} projection is not translated; the UV map places it")
+            path = self._path(image)
+            if path is None:
+                self._indices[key] = -1
+            else:
+                self._indices[key] = len(self.descriptions)
+                self.descriptions.append({
+                    "name": image.name, "path": path, "colorspace": self._colorspace(image),
+                    "interpolation": 'CLOSEST' if node.interpolation == 'Closest' else 'LINEAR',
+                    "extension": node.extension,
+                })
+        return self._indices[key]
+
+    def _colorspace(self, image) -> str:
+        name = image.colorspace_settings.name
+        if name == 'sRGB':
+            return 'sRGB'
+        if not name.startswith(_LINEAR):
+            self._warn(image, f"its colour space {name} is not translated; read as sRGB")
+            return 'sRGB'
+        return 'LINEAR'
+
+    def _path(self, image) -> str | None:
+        """A file with the image's pixels; where Blender alone has them, one in the snapshot's folder."""
+        if image.source in {'MOVIE', 'SEQUENCE'}:
+            self._warn(image, "movies and image sequences are not translated; the frame that Blender shows is used")
+        elif image.source == 'TILED':
+            self._warn(image, "UDIM tiles are not translated; the first tile is used everywhere")
+        elif image.source == 'FILE' and not image.packed_file and not image.is_dirty:
+            path = Path(bpy.path.abspath(image.filepath, library=image.library)).resolve()
+            if path.is_file():
+                return str(path)
+        original = image.original
+        size = tuple(original.size)
+        if not all(size) or original.channels == 0:
+            self._warn(image, f"its file {image.filepath!r} cannot be read; the surface has a plain colour")
+            return None
+        name = f"image-{len(self.descriptions)}.tif"
+        pixels = np.empty(size[0] * size[1] * original.channels, np.float32)
+        original.pixels.foreach_get(pixels)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        write_tiff(self._folder / name, pixels.reshape(size[1], size[0], -1)[::-1])
+        return name
+
+    def _warn(self, image, sentence: str) -> None:
+        self._report.warn(f"Image '{image.name}': {sentence}")
+
+
+def write_tiff(path: Path, pixels: np.ndarray) -> None:
+    """Write float RGB pixels, top row first, as the plainest TIFF: the one float format that needs no library."""
+    height, width, channels = pixels.shape
+    rgb = np.ascontiguousarray(pixels[:, :, :3] if channels >= 3 else pixels[:, :, :1].repeat(3, axis=2), "<f4")
+    data = rgb.tobytes()
+    # tag, type (3: 16 bit, 4: 32 bit), count, value; those of three values follow the directory.
+    entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 3, None), (259, 3, 1, 1), (262, 3, 1, 2),
+               (273, 4, 1, None), (277, 3, 1, 3), (278, 4, 1, height), (279, 4, 1, len(data)), (339, 3, 3, None)]
+    after = 8 + 2 + 12 * len(entries) + 4
+    values = {258: after, 339: after + 6, 273: after + 12}
+    with path.open("wb") as f:
+        f.write(struct.pack("<2sHIH", b"II", 42, 8, len(entries)))
+        for tag, kind, count, value in entries:
+            f.write(struct.pack("<HHII", tag, kind, count, values[tag] if value is None else value))
+        f.write(struct.pack("<I6H", 0, 32, 32, 32, 3, 3, 3))
+        f.write(data)

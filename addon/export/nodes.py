@@ -1,0 +1,88 @@
+"""Reading node trees: what feeds a socket, and its constant where something untranslated does."""
+
+import bpy
+
+from .report import Report
+
+
+def uses_nodes(owner) -> bool:
+    """Whether `owner` (material, world, light) is described by its node tree."""
+    if owner.node_tree is None:
+        return False
+    # From 5.0 on materials and worlds always use their nodes, and asking is deprecated.
+    return (bpy.app.version >= (5, 0) and not isinstance(owner, bpy.types.Light)) or owner.use_nodes
+
+
+class Nodes:
+    """A node tree, the name of its owner for warnings, and where warnings go."""
+
+    def __init__(self, tree, owner: str, report: Report) -> None:
+        self.tree, self.owner, self._report = tree, owner, report
+
+    def output(self, idname: str):
+        """The output node that renders use, or None."""
+        outputs = [n for n in self.tree.nodes if n.bl_idname == idname]
+        for_us = [n for n in outputs if n.target == 'ALL'] or outputs
+        return next((n for n in for_us if n.is_active_output), for_us[0] if for_us else None)
+
+    def source(self, node, socket):
+        """The node that feeds input `socket` of `node`, through reroutes; None where nothing does."""
+        link = self.link(node, socket)
+        return link.from_node if link else None
+
+    def link(self, node, socket):
+        """The link that feeds input `socket` (name or position) of `node`, with reroutes and muted nodes passed."""
+        if node is None:
+            return None
+        socket = self.input(node, socket)
+        while socket is not None and socket.is_linked:
+            link = socket.links[0]
+            if link.is_muted:
+                return None
+            node = link.from_node
+            if node.bl_idname == 'NodeReroute':
+                socket = node.inputs[0]
+            elif node.mute:
+                through = [l.from_socket for l in node.internal_links if l.to_socket == link.from_socket]
+                socket = through[0] if through else None
+            else:
+                return link
+        return None
+
+    def color(self, node, socket) -> list[float]:
+        """The constant colour of an input."""
+        return list(self._constant(node, socket))[:3]
+
+    def value(self, node, socket) -> float:
+        """The constant number of an input."""
+        value = self._constant(node, socket)
+        # A colour that feeds a number gives its luminance.
+        return value if isinstance(value, float) else 0.2126 * value[0] + 0.7152 * value[1] + 0.0722 * value[2]
+
+    @staticmethod
+    def input(node, socket):
+        """The input of `node` with that name or position."""
+        return node.inputs[socket] if isinstance(socket, str | int) else socket
+
+    def warn(self, sentence: str) -> None:
+        self._report.warn(f"{self.owner}: {sentence}")
+
+    def not_translated(self, node, instead: str) -> None:
+        """Warn that `node` means nothing to the engine, and what is done instead."""
+        label = f"'{node.name}'" if node.name == node.bl_label else f"'{node.name}' ({node.bl_label})"
+        self.warn(f"node {label} is not translated; {instead}")
+
+    def _constant(self, node, socket):
+        socket = self.input(node, socket)
+        link = self.link(node, socket)
+        if link is None:
+            return _plain(socket.default_value)
+        if link.from_node.bl_idname in {'ShaderNodeRGB', 'ShaderNodeValue'}:
+            value = _plain(link.from_socket.default_value)
+            return [value] * 3 if isinstance(value, float) and socket.type == 'RGBA' else value
+        self.not_translated(link.from_node, f"the value in '{socket.name}' of '{node.name}' is used")
+        return _plain(socket.default_value)
+
+
+def _plain(value):
+    return float(value) if isinstance(value, int | float) else list(value)

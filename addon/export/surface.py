@@ -1,0 +1,108 @@
+"""A surface as shader nodes describe it, and its translation to Whitted's parameters (method §1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+RGB = tuple[float, float, float]
+BLACK: RGB = (0.0, 0.0, 0.0)
+
+# A surface smoother than the first mirrors its surroundings, one rougher than the second does not, between
+# them the mirror image fades: the engine's reflections are not blurred, so a rough surface must have none.
+MIRROR_ROUGHNESS = (0.1, 0.15)
+# Highlights do not become smaller than this (roughness 0.2): a point light in a mirror would be a dot that
+# no number of samples finds in every frame.
+LARGEST_EXPONENT = 312.0
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The diffuse and the specular part of a surface, and what else a shader adds."""
+
+    color: RGB = (0.8, 0.8, 0.8)  # of the diffuse part
+    kd: float = 1.0
+    ka: float = 1.0  # share of the world's light that comes back unmirrored, in `color`
+    specular: RGB = BLACK  # reflectance at normal incidence
+    roughness: float = 1.0  # of the specular part
+    emission: RGB = BLACK  # radiance
+    image: Any = None  # an image texture node that replaces `color`
+    uv_map: str = ""  # that the image wants; empty: the mesh's own
+
+    @classmethod
+    def principled(cls, color: RGB, metallic: float, roughness: float, specular: float) -> Surface:
+        """Principled BSDF: diffuse with a faint white reflection, or a metal's coloured reflection."""
+        f0 = 0.08 * specular
+        # A metal has no diffuse part; what it does not mirror sharply of the world, ambient light stands for.
+        return cls(color=color, kd=1 - metallic, ka=1 - metallic * mirrored(roughness), roughness=roughness,
+                   specular=tuple(f0 * (1 - metallic) + c * metallic for c in color))
+
+    @classmethod
+    def diffuse(cls, color: RGB) -> Surface:
+        """Diffuse BSDF."""
+        return cls(color=color)
+
+    @classmethod
+    def glossy(cls, color: RGB, roughness: float) -> Surface:
+        """Glossy BSDF: a metal."""
+        return cls.principled(color, 1.0, roughness, 0.0)
+
+    @classmethod
+    def emitting(cls, radiance: RGB) -> Surface:
+        """Emission: light, and nothing else."""
+        return cls(color=BLACK, kd=0.0, ka=0.0, emission=radiance)
+
+    def plus(self, other: Surface, mine: float = 1.0, others: float = 1.0) -> Surface:
+        """The weighted sum of two surfaces: Add Shader, and Mix Shader with weights that add up to 1."""
+        a, b = self, other
+        shine_a, shine_b = mine * max(a.specular), others * max(b.specular)
+        # Of two colours, each counts as much as it is seen: in diffuse, else in ambient light.
+        seen_a, seen_b = (mine * a.kd, others * b.kd) if mine * a.kd + others * b.kd > 0 else (mine * a.ka, others * b.ka)
+        imaged = a if a.image else b
+        return Surface(
+            color=_weighted(a.color, b.color, seen_a, seen_b),
+            kd=mine * a.kd + others * b.kd,
+            ka=mine * a.ka + others * b.ka,
+            specular=added(scaled(a.specular, mine), scaled(b.specular, others)),
+            roughness=_weighted((a.roughness,), (b.roughness,), shine_a, shine_b)[0],
+            emission=added(scaled(a.emission, mine), scaled(b.emission, others)),
+            image=imaged.image, uv_map=imaged.uv_map,
+        )
+
+    def whitted(self) -> dict:
+        """Whitted's parameters of the engine's Material.
+
+        Highlights: GGX of width α = roughness² has the Blinn exponent 2/α² − 2, and a Phong exponent is a quarter
+        of Blinn's, as R turns twice as fast as the half vector. The lobe (R·V)ⁿ·(n+2)/2π reflects all light at
+        normal incidence; 1/π is in the light's intensity already, so ks = (n+2)/2 times the reflectance.
+        """
+        n = min(max((2 / max(self.roughness, 1e-3) ** 4 - 2) / 4, 1.0), LARGEST_EXPONENT)
+        shine = max(self.specular)
+        return {
+            "ka": self.ka, "kd": self.kd, "Od": list(self.color),
+            "ks": shine * (n + 2) / 2, "Os": list(scaled(self.specular, 1 / shine)) if shine > 0 else [1.0, 1.0, 1.0],
+            "nShiny": n,
+            "mirror": list(scaled(self.specular, mirrored(self.roughness))),
+            "emission": list(self.emission),
+        }
+
+
+def mirrored(roughness: float) -> float:
+    """Which share of the specular reflection is a sharp mirror image."""
+    low, high = MIRROR_ROUGHNESS
+    return min(max((high - roughness) / (high - low), 0.0), 1.0)
+
+
+def scaled(color: RGB, factor: float) -> RGB:
+    """`color` times `factor`."""
+    return tuple(c * factor for c in color)
+
+
+def added(a: RGB, b: RGB) -> RGB:
+    """The sum of two colours."""
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def _weighted(a: tuple, b: tuple, weight_a: float, weight_b: float) -> tuple:
+    total = weight_a + weight_b
+    return added(scaled(a, weight_a / total), scaled(b, weight_b / total)) if total > 0 else a

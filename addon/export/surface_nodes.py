@@ -1,0 +1,152 @@
+"""Shader nodes → a Surface. What is not known here falls back to its nearest and is named in a warning."""
+
+from dataclasses import replace
+
+from .nodes import Nodes
+from .surface import BLACK, RGB, Surface, scaled
+
+IMAGE = 'ShaderNodeTexImage'
+# Inputs of the Principled BSDF that add what is not translated, and what is done instead.
+_PRINCIPLED_EXTRAS = {
+    "Transmission Weight": "it is rendered opaque",
+    "Subsurface Weight": "it is rendered without subsurface scattering",
+    "Coat Weight": "it is rendered without a coat",
+    "Sheen Weight": "it is rendered without a sheen",
+}
+
+
+def surface(nodes: Nodes, output) -> Surface:
+    """The surface at a material's output node."""
+    if output is None:
+        nodes.warn("there is no output node; it is rendered black")
+        return Surface.emitting(BLACK)
+    for extra in ("Displacement", "Volume"):
+        node = nodes.source(output, extra)
+        if node is not None:
+            nodes.not_translated(node, f"it is rendered without {extra.lower()}")
+    return _shader(nodes, output, "Surface")
+
+
+def _shader(nodes: Nodes, node, socket) -> Surface:
+    """The surface that input `socket` of `node` gets."""
+    shader = nodes.source(node, socket)
+    if shader is None:
+        return Surface.emitting(BLACK)  # as Blender draws it
+    translate = _SHADERS.get(shader.bl_idname)
+    if translate:
+        return translate(nodes, shader)
+    # Most shaders have a colour, and the colour of a surface is what one sees first.
+    if "Color" in shader.inputs:
+        nodes.not_translated(shader, "it is rendered as a diffuse surface of its colour")
+        return _colored(nodes, shader, "Color", Surface.diffuse)
+    nodes.not_translated(shader, "it is rendered as a grey diffuse surface")
+    return Surface()
+
+
+def _principled(nodes: Nodes, node) -> Surface:
+    metallic, roughness, specular = (nodes.value(node, s) for s in ("Metallic", "Roughness", "Specular IOR Level"))
+    for name, instead in _PRINCIPLED_EXTRAS.items():
+        if nodes.link(node, name) or nodes.input(node, name).default_value > 0:
+            nodes.warn(f"'{name}' of node '{node.name}' is not translated; {instead}")
+    if nodes.link(node, "Alpha") or nodes.input(node, "Alpha").default_value < 1:
+        nodes.warn(f"'Alpha' of node '{node.name}' is not translated; it is rendered opaque")
+    _without_bumps(nodes, node)
+    base = _colored(nodes, node, "Base Color", lambda color: Surface.principled(color, metallic, roughness, specular))
+    if base.image and metallic > 0:
+        nodes.not_translated(base.image, f"'{node.name}' is metallic, and its image colours only the diffuse part")
+    strength = nodes.value(node, "Emission Strength")
+    if strength == 0:
+        return base
+    return base.plus(Surface.emitting(scaled(tuple(nodes.color(node, "Emission Color")), strength)))
+
+
+def _diffuse(nodes: Nodes, node) -> Surface:
+    if nodes.link(node, "Roughness") or nodes.input(node, "Roughness").default_value > 0:
+        nodes.warn(f"'Roughness' of node '{node.name}' is not translated; it is rendered as 0")
+    _without_bumps(nodes, node)
+    return _colored(nodes, node, "Color", Surface.diffuse)
+
+
+def _glossy(nodes: Nodes, node) -> Surface:
+    _without_bumps(nodes, node)
+    return Surface.glossy(tuple(nodes.color(node, "Color")), nodes.value(node, "Roughness"))
+
+
+def _emission(nodes: Nodes, node) -> Surface:
+    return Surface.emitting(scaled(tuple(nodes.color(node, "Color")), nodes.value(node, "Strength")))
+
+
+def _mix(nodes: Nodes, node) -> Surface:
+    factor = min(max(nodes.value(node, 0), 0.0), 1.0)
+    # A side that is not seen must not warn.
+    if factor in (0.0, 1.0):
+        return _shader(nodes, node, 1 + int(factor))
+    return _sum(nodes, node, _shader(nodes, node, 1), _shader(nodes, node, 2), 1 - factor, factor)
+
+
+def _add(nodes: Nodes, node) -> Surface:
+    return _sum(nodes, node, _shader(nodes, node, 0), _shader(nodes, node, 1), 1.0, 1.0)
+
+
+def _sum(nodes: Nodes, node, a: Surface, b: Surface, weight_a: float, weight_b: float) -> Surface:
+    if (a.image and b.kd > 0) or (b.image and a.kd > 0):
+        nodes.not_translated(node, "of its two diffuse colours only the one with the image is used")
+    return a.plus(b, weight_a, weight_b)
+
+
+_SHADERS = {
+    'ShaderNodeBsdfPrincipled': _principled,
+    'ShaderNodeBsdfDiffuse': _diffuse,
+    'ShaderNodeBsdfGlossy': _glossy,
+    'ShaderNodeBsdfAnisotropic': _glossy,  # what Glossy is called inside
+    'ShaderNodeEmission': _emission,
+    'ShaderNodeMixShader': _mix,
+    'ShaderNodeAddShader': _add,
+}
+
+
+def _without_bumps(nodes: Nodes, node) -> None:
+    bump = nodes.source(node, "Normal")
+    if bump is not None:
+        nodes.not_translated(bump, "the surface is rendered without it")
+
+
+def _colored(nodes: Nodes, node, socket: str, make) -> Surface:
+    """The surface that `make` makes of the colour, or the image, at input `socket`."""
+    link = nodes.link(node, socket)
+    image = _image_above(nodes, link) if link else None
+    if image is None:
+        return make(tuple(nodes.color(node, socket)))
+    if link.from_node != image:
+        nodes.not_translated(link.from_node, f"the image of '{image.name}' is used as it is")
+    # Where the highlights of a metal need a colour, the socket's own is the nearest constant.
+    color: RGB = tuple(nodes.input(node, socket).default_value)[:3]
+    return replace(make(color), image=image, uv_map=_uv_map(nodes, image))
+
+
+def _image_above(nodes: Nodes, link):
+    """The image texture that `link` comes from, directly or through nodes that would change its colours."""
+    seen, todo = set(), [link]
+    while todo:
+        link = todo.pop(0)
+        source = link.from_node
+        if source.name in seen:
+            continue
+        seen.add(source.name)
+        if source.bl_idname == IMAGE and source.image and link.from_socket.name == "Color":
+            return source
+        colors = [s for s in source.inputs if s.type == 'RGBA']
+        todo += [above for above in (nodes.link(source, s) for s in colors) if above]
+    return None
+
+
+def _uv_map(nodes: Nodes, image) -> str:
+    link = nodes.link(image, "Vector")
+    if link is None:
+        return ""
+    source = link.from_node
+    if source.bl_idname == 'ShaderNodeUVMap':
+        return source.uv_map
+    if not (source.bl_idname == 'ShaderNodeTexCoord' and link.from_socket.name == "UV"):
+        nodes.not_translated(source, f"'{image.name}' is placed by the UV map")
+    return ""

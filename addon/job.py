@@ -1,0 +1,153 @@
+"""One render of one view layer: what the engine is asked, and what Blender is told meanwhile."""
+
+import shutil
+import time
+from pathlib import Path
+
+import bpy
+
+from . import observers, session
+from .export import border, export
+from .picture import Picture
+
+ASK_SECONDS = 0.04  # how often Blender is asked whether the artist pressed ESC
+SHOW_SECONDS = 0.5  # how often new tiles are shown
+CONFIRM_SECONDS = 0.1  # how long a cancelled render has to end before Blender goes on without it
+
+
+class Cancelled(Exception):
+    """The artist pressed ESC."""
+
+
+class Job:
+    """Used as a context, which leaves no files behind."""
+
+    def __init__(self, engine, depsgraph) -> None:
+        self.engine, self.depsgraph = engine, depsgraph
+        self._session: session.Session | None = None
+        self._folder: Path | None = None
+        self._snapshots = 0
+        self._asked = 0.0
+        self._warnings: dict[str, None] = {}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self._folder:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        for sentence in self._warnings:
+            self.engine.report({'WARNING'}, sentence)
+            observers.notify(event="warning", message=sentence)
+
+    def start_engine(self) -> None:
+        """Have an engine that is ready, and a folder of our own in the one shared with it."""
+        self._say("Starting the engine")
+        self._session = session.current()
+        while not self._session.folder:
+            self._poll()
+        self._folder = self._session.new_folder()
+
+    def export(self, h: float | None) -> None:
+        """Write the snapshot of the current frame, with step `h`; None: as the scene says."""
+        self._say("Exporting the scene")
+        # Never over an older one, which the engine may have mapped.
+        self._snapshots += 1
+        self._snapshot = self._folder / f"scene-{self._snapshots}"
+        overrides = {} if h is None else {"auto_h": False, "h": h}
+        report = export(self.engine, self.depsgraph, self._snapshot, self.check, **overrides)
+        self._warnings.update(dict.fromkeys(report.sentences))
+
+    def measure(self) -> float:
+        """The step that the engine finds for the exported snapshot."""
+        self._say("Measuring the scene")
+        return self._carry_out(lambda event: None, "measure", snapshot=str(self._snapshot))["h"]
+
+    def render(self) -> None:
+        """Have the exported snapshot rendered, and show it."""
+        engine, render = self.engine, self.depsgraph.scene.render
+        frame = self._folder / "frame"
+        crop = border(render, engine.resolution_x, engine.resolution_y)
+        size = (crop[2] - crop[0], crop[3] - crop[1]) if crop else (engine.resolution_x, engine.resolution_y)
+        picture = Picture(engine, size, self.depsgraph.view_layer_eval)
+        shown = time.monotonic()
+
+        def on_event(event):
+            nonlocal shown
+            if event["event"] == "started":
+                picture.open(frame)
+            elif event["event"] == "progress":
+                self._progress(event["fraction"], event["stage"])
+            elif event["event"] == "tile" and not bpy.app.background and time.monotonic() - shown > SHOW_SECONDS:
+                picture.show()
+                shown = time.monotonic()
+
+        try:
+            done = self._carry_out(on_event, "render", snapshot=str(self._snapshot), framebuffer=str(frame),
+                                   passes=[p.engine_name for p in picture.passes])
+        except Cancelled:
+            picture.end()
+            raise
+        except BaseException:
+            picture.discard()
+            raise
+        picture.end()
+        self._finish(done)
+
+    def check(self) -> None:
+        """Raise Cancelled when the artist pressed ESC. Cheap: asks Blender only now and then."""
+        now = time.monotonic()
+        if now - self._asked > ASK_SECONDS:
+            self._asked = now
+            if self.engine.test_break():
+                raise Cancelled
+
+    def _carry_out(self, on_event, command: str, **arguments) -> dict:
+        """Send a command and see it through; its last event."""
+        number = self._session.send(command, **arguments)
+        try:
+            while True:
+                event = self._poll()
+                if not event or event.get("id") not in {number, None}:
+                    continue  # nothing, or of an earlier command that was cancelled
+                if event["event"] == "error":
+                    raise session.EngineError(f"Light Meshes: {event['message']}", self._session.log)
+                if event["event"] in session.LAST_EVENTS:
+                    return event
+                on_event(event)
+        except session.EngineError:
+            raise
+        except BaseException:
+            self._session.cancel(number, CONFIRM_SECONDS)
+            raise
+
+    def _poll(self) -> dict | None:
+        self.check()
+        try:
+            return self._session.poll(ASK_SECONDS)
+        except session.EngineError:
+            session.discard()
+            raise
+
+    def _finish(self, done: dict) -> None:
+        session.statistics = done["statistics"]
+        self._warnings.update(dict.fromkeys(done["warnings"]))
+        observers.notify(event="statistics", frame=self.depsgraph.scene.frame_current, statistics=done["statistics"])
+        line = summary(done["statistics"])
+        self._say(line)
+        if bpy.app.background:
+            print(f"Light Meshes: {line}", flush=True)
+
+    def _progress(self, fraction: float, stage: str) -> None:
+        self.engine.update_progress(fraction)
+        self._say(stage)
+        observers.notify(event="progress", frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
+
+    def _say(self, text: str) -> None:
+        self.engine.update_stats("", text)
+
+
+def summary(statistics: dict) -> str:
+    """The statistics in one line."""
+    return ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}" for k, v in statistics.items()
+                     if isinstance(v, int | float | str))

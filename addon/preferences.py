@@ -1,0 +1,36 @@
+"""The add-on's preferences: which Python runs the engine."""
+
+import bpy
+
+from . import session
+
+
+def _python_changed(preferences, context):
+    session.set_python(bpy.path.abspath(preferences.python))
+
+
+class LightMeshesPreferences(bpy.types.AddonPreferences):
+    bl_idname = __package__
+
+    python: bpy.props.StringProperty(
+        name="Engine's Python",
+        description="Python that runs the render engine; it must have the package light-meshes. "
+                    "Empty: Blender's own Python",
+        subtype='FILE_PATH', update=_python_changed,
+    )
+
+    def draw(self, context):
+        self.layout.prop(self, "python")
+
+
+def register() -> None:
+    bpy.utils.register_class(LightMeshesPreferences)
+    # Read now, because a render must not touch the context. Without an entry the add-on was
+    # registered by a script, not enabled by a user.
+    addon = bpy.context.preferences.addons.get(__package__)
+    if addon and addon.preferences:
+        _python_changed(addon.preferences, None)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_class(LightMeshesPreferences)

@@ -1,0 +1,149 @@
+"""What the artist sets: on the scene, on a light, on a material."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty
+
+
+def _changed(settings, context):
+    # Without this Blender hands the old values to the render: an add-on's properties
+    # reach evaluated data only when their owner is tagged.
+    settings.id_data.update_tag()
+
+
+class LightMeshesScene(bpy.types.PropertyGroup):
+    mode: EnumProperty(
+        name="Method",
+        description="How much of the light's way through the scene is followed",
+        items=(
+            ('LOCAL', "Local", "Light and surface only: no shadows, no reflections. Fastest, for a first look", 0),
+            ('RAY_CASTING', "Ray Casting", "With shadows, without reflections", 1),
+            ('WHITTED', "Whitted", "With shadows and mirror reflections", 2),
+        ),
+        default='WHITTED', update=_changed,
+    )
+    shadows: EnumProperty(
+        name="Shadows",
+        description="How the edge of a shadow is found",
+        items=(
+            ('SHARP', "Sharp", "Every shadow has a hard edge", 0),
+            ('LIGHT_MESHES', "Light Meshes", "Soft edges without noise: light is looked up at the nodes of a lattice "
+             "around each point. Their width is set by the step and the quality below, not by the light's size", 1),
+            ('AREA_SAMPLING', "Area Sampling", "Soft edges from the light's own size, by many shadow rays. "
+             "Noisy or slow: a reference to compare with", 2),
+        ),
+        default='LIGHT_MESHES', update=_changed,
+    )
+    auto_h: BoolProperty(
+        name="Automatic Step",
+        description="Take the step of the lattice from what the camera sees at the scene's first frame, "
+                    "so that shadow edges look alike at any scale and do not change through an animation",
+        default=True, update=_changed,
+    )
+    h: FloatProperty(
+        name="Step",
+        description="Distance between the nodes of the lattice. Larger makes shadow edges softer and rendering "
+                    "faster; smaller keeps the shadows of small things",
+        subtype='DISTANCE', unit='LENGTH', min=1e-6, soft_min=1e-3, soft_max=10.0, default=0.05, precision=4,
+        update=_changed,
+    )
+    kI: FloatProperty(
+        name="Quality",
+        description="Radius of the neighbourhood that is averaged, in steps. Larger makes shadow edges wider and "
+                    "their gradation finer, and takes longer; below 1.225 some points find no node "
+                    "and get sharp shadows",
+        min=0.5, max=8.0, soft_min=1.225, soft_max=6.0, default=3.0, update=_changed,
+    )
+    samples: IntProperty(
+        name="Samples",
+        description="Camera rays per pixel. More make the edges of objects smoother; shadows do not need them",
+        min=1, max=4096, soft_max=64, default=4, update=_changed,
+    )
+    light_samples: IntProperty(
+        name="Shadow Rays",
+        description="Shadow rays per light. More make soft shadows less noisy, and take longer",
+        min=1, max=65536, soft_max=1024, default=64, update=_changed,
+    )
+    max_depth: IntProperty(
+        name="Reflections",
+        description="How often light may be mirrored on its way to the camera. "
+                    "With fewer, mirrors seen in mirrors turn into the colour of the world",
+        min=0, max=64, soft_max=16, default=4, update=_changed,
+    )
+    ambient: FloatProperty(
+        name="Ambient",
+        description="How much the world's colour lights every surface, in shadow too. "
+                    "0 makes shadows black, 1 is the world's full colour",
+        min=0.0, max=1e6, soft_max=2.0, default=1.0, update=_changed,
+    )
+
+
+class LightMeshesLight(bpy.types.PropertyGroup):
+    soft_shadows: BoolProperty(
+        name="Soft Shadows",
+        description="Let the shadows of this light have soft edges; without it they are sharp whatever the scene says",
+        default=True, update=_changed,
+    )
+
+
+def _override_switched(name):
+    def update(settings, context):
+        # Start from what the picture showed, unless a value was given before.
+        if getattr(settings, f"override_{name}") and not settings.is_property_set(name):
+            from .export.materials import translated_value
+
+            setattr(settings, name, translated_value(settings.id_data, name))
+        _changed(settings, context)
+    return update
+
+
+# The parameters of Whitted's shading that a material's nodes are translated to, and that may be overridden.
+PARAMETERS = {
+    "ka": FloatProperty(
+        name="Ambient", description="How much of the world's colour the surface returns, in shadow too",
+        min=0.0, soft_max=1.0, default=1.0, update=_changed),
+    "kd": FloatProperty(
+        name="Diffuse", description="How bright the surface is where light falls on it",
+        min=0.0, soft_max=1.0, default=1.0, update=_changed),
+    "Od": FloatVectorProperty(
+        name="Colour", description="Colour of the lit and of the ambient surface; replaces an image too",
+        subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.8, 0.8, 0.8), update=_changed),
+    "ks": FloatProperty(
+        name="Highlight", description="How bright the highlights of lights are",
+        min=0.0, soft_max=10.0, default=0.0, update=_changed),
+    "Os": FloatVectorProperty(
+        name="Highlight Colour", description="Colour of the highlights",
+        subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(1.0, 1.0, 1.0), update=_changed),
+    "nShiny": FloatProperty(
+        name="Shininess", description="How small the highlights are: 1 is a broad sheen, 500 a bright dot",
+        min=0.0, max=1e9, soft_min=1.0, soft_max=1000.0, default=50.0, update=_changed),
+    "mirror": FloatVectorProperty(
+        name="Mirror", description="How much of its surroundings the surface mirrors. Black is no mirror",
+        subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.0, 0.0, 0.0), update=_changed),
+    "emission": FloatVectorProperty(
+        name="Emission", description="Light that the surface shows by itself. It does not light other surfaces",
+        subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.0, 0.0, 0.0), update=_changed),
+}
+
+
+class LightMeshesMaterial(bpy.types.PropertyGroup):
+    __annotations__ = PARAMETERS | {
+        f"override_{name}": BoolProperty(
+            name="Override", description="Use the value here instead of the one translated from the nodes",
+            default=False, update=_override_switched(name))
+        for name in PARAMETERS
+    }
+
+
+_GROUPS = {bpy.types.Scene: LightMeshesScene, bpy.types.Light: LightMeshesLight, bpy.types.Material: LightMeshesMaterial}
+
+
+def register() -> None:
+    for owner, group in _GROUPS.items():
+        bpy.utils.register_class(group)
+        owner.light_meshes = PointerProperty(type=group)
+
+
+def unregister() -> None:
+    for owner, group in _GROUPS.items():
+        del owner.light_meshes
+        bpy.utils.unregister_class(group)

@@ -1,0 +1,53 @@
+"""The render engine that Blender sees."""
+
+import traceback
+
+import bpy
+
+from . import observers, passes, session, step
+from .export import ExportError
+from .job import Cancelled, Job
+
+
+class LightMeshesEngine(bpy.types.RenderEngine):
+    bl_idname = 'LIGHT_MESHES'
+    bl_label = "Light Meshes"
+    bl_use_preview = False
+    bl_use_postprocess = True
+    bl_use_eevee_viewport = True
+    bl_use_shading_nodes_custom = False
+
+    def update_render_passes(self, scene=None, renderlayer=None):
+        for p in passes.wanted(renderlayer):
+            self.register_pass(scene, renderlayer, p.name, p.channels, p.channel_ids, p.kind)
+
+    def render(self, depsgraph):
+        try:
+            with Job(self, depsgraph) as job:
+                job.start_engine()
+                job.export(step.for_frame(job))
+                job.render()
+        except Cancelled:
+            pass  # what is done stays in sight
+        except (ExportError, session.EngineError) as e:
+            self._fail(str(e), getattr(e, "log", ""))
+        except Exception as e:  # the boundary: Blender itself would finish with an empty picture
+            self._fail(f"The Light Meshes add-on failed: {type(e).__name__}: {e}", traceback.format_exc())
+
+    def _fail(self, message, log):
+        if log:
+            print(f"Light Meshes, the end of the log:\n{log}", flush=True)
+        self.report({'ERROR'}, message)  # exit code 1
+        self.error_set(message)  # in the picture's window
+        observers.notify(event="error", message=message)
+
+
+def register() -> None:
+    bpy.utils.register_class(LightMeshesEngine)
+    step.register()
+
+
+def unregister() -> None:
+    step.unregister()
+    bpy.utils.unregister_class(LightMeshesEngine)
+    session.end()

@@ -1,0 +1,244 @@
+"""The engine's process: start, send, poll, cancel, end. Knows nothing of Blender.
+
+One JSON object a line goes each way; the protocol is described in the engine's `service` module. The process is
+kept between renders. It owns the folder that both sides share and ends by itself when its stdin closes, so it
+does not outlive Blender, however Blender ends.
+"""
+
+import atexit
+import collections
+import contextlib
+import json
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+MODULE = "light_meshes.service"
+LAST_EVENTS = {"done", "measured", "cancelled", "error"}
+
+
+def timeout() -> float:
+    """Seconds of silence after which an engine hangs: it says "alive" every second."""
+    try:
+        return float(os.environ["LIGHT_MESHES_TIMEOUT"])
+    except (KeyError, ValueError):
+        return 60.0
+
+
+class EngineError(Exception):
+    """The engine did not do it. The message is for the artist; `log` is the end of the engine's log."""
+
+    def __init__(self, message: str, log: str = "") -> None:
+        super().__init__(message)
+        self.log = log
+
+
+class Session:
+    """A running engine. Made and used by one thread at a time."""
+
+    def __init__(self, python: str) -> None:
+        self.python = python
+        self.folder: Path | None = None  # shared with the engine, known once it is ready
+        self._number = 0
+        self._folders = 0
+        self._changed = threading.Condition()  # guards the next two
+        self._unfinished: set[int] = set()
+        self._closed = False  # nothing more will come
+        self._events: queue.Queue[dict | None] = queue.Queue()
+        self._log: collections.deque[str] = collections.deque(maxlen=60)
+        try:
+            # Only this process holds the other ends of the pipes: close_fds is subprocess's default.
+            self._process = subprocess.Popen(
+                [python, "-m", MODULE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                env=_environment(python), text=True, encoding="utf-8", errors="replace",
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        except OSError as e:
+            raise EngineError(f"The Light Meshes engine cannot start: {python} cannot be run ({e.strerror}). "
+                              "Choose another Python in the add-on's preferences") from e
+        # Threads, because Windows cannot wait for a pipe with a timeout.
+        self._readers = [threading.Thread(target=f, daemon=True) for f in (self._read_events, self._read_log)]
+        for reader in self._readers:
+            reader.start()
+        self.listen()
+
+    def listen(self) -> None:
+        """Start the clock by which a silent engine is said to hang."""
+        self._heard = time.monotonic()
+
+    @property
+    def usable(self) -> bool:
+        """Whether another command may be sent: it lives, and nothing is left that was cancelled but goes on."""
+        return self._process.poll() is None and not self._closed and not self._unfinished
+
+    def new_folder(self) -> Path:
+        """A new folder in the shared one, for the snapshots and the framebuffer of one job."""
+        self._folders += 1
+        folder = self.folder / f"job-{self._folders}"
+        folder.mkdir()
+        return folder
+
+    def send(self, command: str, **arguments) -> int:
+        """Send a command; the number that its events will carry."""
+        self._number += 1
+        with self._changed:
+            self._unfinished.add(self._number)
+        self._write(command=command, id=self._number, **arguments)
+        self.listen()
+        return self._number
+
+    def poll(self, seconds: float) -> dict | None:
+        """The next event, or None if there was none for `seconds`. Raises EngineError when the engine is gone."""
+        try:
+            event = self._events.get(timeout=seconds)
+        except queue.Empty:
+            if time.monotonic() - self._heard > timeout():
+                raise EngineError(f"The Light Meshes engine does not answer any more: "
+                                  f"it was silent for {timeout():g} seconds and has been ended", self.log) from None
+            return None
+        if event is None:
+            raise self._died()
+        self.listen()
+        return event
+
+    def cancel(self, number: int, seconds: float) -> None:
+        """Ask the engine to give command `number` up and wait for it, but no longer than `seconds`.
+
+        An engine that goes on after that is ended in the background.
+        """
+        self._write(command="cancel", id=number)
+        if not self._ended(number, seconds):
+            threading.Thread(target=lambda: self._ended(number, 10 * seconds) or self.kill()).start()
+
+    def _ended(self, number: int, seconds: float) -> bool:
+        with self._changed:
+            return self._changed.wait_for(lambda: self._closed or number not in self._unfinished, seconds)
+
+    @property
+    def log(self) -> str:
+        """The end of the engine's log."""
+        return "\n".join(self._log)
+
+    def end(self, patience: float = 2.0) -> None:
+        """End the process by request, then by signal, and see that its folder is gone."""
+        self._write(command="quit")
+        for ask in (None, self._process.terminate, self._process.kill):
+            if ask:
+                ask()
+            try:
+                self._process.wait(patience)
+                break
+            except subprocess.TimeoutExpired:
+                continue
+        with contextlib.suppress(OSError):  # what was not sent cannot be
+            self._process.stdin.close()
+        if self.folder:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+        self.end()
+
+    def _write(self, **message) -> None:
+        with contextlib.suppress(OSError, ValueError):  # when it has ended, poll says so, with the log
+            self._process.stdin.write(json.dumps(message) + "\n")
+            self._process.stdin.flush()
+
+    def _read_events(self) -> None:
+        for line in self._process.stdout:
+            try:
+                event = json.loads(line)
+                kind = event["event"]
+            except (ValueError, TypeError, KeyError):
+                self._log.append(line.rstrip())
+                continue
+            if kind == "ready":
+                self.folder = Path(event["folder"])
+            if kind in LAST_EVENTS:
+                with self._changed:
+                    self._unfinished.discard(event.get("id"))
+                    self._changed.notify_all()
+            self._events.put(event)
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        self._events.put(None)
+
+    def _read_log(self) -> None:
+        for line in self._process.stderr:
+            self._log.append(line.rstrip())
+
+    def _died(self) -> EngineError:
+        self._process.wait()
+        self._readers[1].join(1.0)  # the log's last lines say why
+        log = self.log
+        missing = [line for line in self._log if line.endswith(("No module named 'light_meshes'",
+                                                                "No module named light_meshes.service"))]
+        if missing or "ModuleNotFoundError" in log:
+            return EngineError(f"The Light Meshes engine cannot start: {self.python} lacks a package of the engine "
+                               f"({log.splitlines()[-1]}). Install it with '{self.python} -m pip install "
+                               "light-meshes', or choose another Python in the add-on's preferences", log)
+        code = self._process.returncode
+        how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
+        when = "has ended unexpectedly" if self.folder else "cannot start"
+        return EngineError(f"The Light Meshes engine {when} ({how})", log)
+
+
+_python = ""
+_session: Session | None = None
+statistics: dict = {}  # of the last render, as the engine gave them
+
+
+def set_python(python: str) -> None:
+    """Remember the Python that the artist chose; an empty string means this one."""
+    global _python
+    _python = python
+
+
+def engine_python() -> str:
+    """The Python that runs the engine."""
+    return os.environ.get("LIGHT_MESHES_PYTHON") or _python or sys.executable
+
+
+def _environment(python: str) -> dict[str, str]:
+    environment = dict(os.environ)
+    if python == sys.executable:
+        # Blender adds the folders of an extension's packages to sys.path, not to the environment.
+        environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p and Path(p).exists())
+    return environment
+
+
+def current() -> Session:
+    """The engine, started if need be. It may not be ready yet: poll it."""
+    global _session
+    python = engine_python()
+    if _session and not (_session.usable and _session.python == python):
+        discard()
+    if not _session:
+        _session = Session(python)
+    return _session
+
+
+def discard() -> None:
+    """Give the engine up without waiting: a thread ends it."""
+    global _session
+    if _session:
+        threading.Thread(target=_session.kill).start()
+        _session = None
+
+
+def end() -> None:
+    """End the engine in good order."""
+    global _session
+    if _session:
+        _session.end()
+        _session = None
+
+
+atexit.register(end)

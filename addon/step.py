@@ -1,0 +1,67 @@
+"""The automatic step: measured once for a whole animation, always at its first frame.
+
+So all frames have the same one, in whichever order and on however many machines they are rendered.
+"""
+
+import bpy
+from bpy.app.handlers import persistent
+
+# Modifiers that may move without any animation data.
+_MOVING = {
+    'BUILD', 'CLOTH', 'DYNAMIC_PAINT', 'EXPLODE', 'FLUID', 'MESH_CACHE', 'MESH_SEQUENCE_CACHE', 'NODES', 'OCEAN',
+    'PARTICLE_INSTANCE', 'PARTICLE_SYSTEM', 'SOFT_BODY', 'VOLUME_TO_MESH', 'WAVE',
+}
+_measured: dict[tuple, float] = {}  # of the render job that is going on
+
+
+def for_frame(job) -> float | None:
+    """The step to render the current frame of `job` with, or None: what the snapshot says by itself is right."""
+    scene = job.depsgraph.scene
+    own = job.depsgraph.scene_eval.light_meshes
+    if not own.auto_h or own.shadows != 'LIGHT_MESHES' or own.mode == 'LOCAL':
+        return None
+    engine, frame, subframe = job.engine, scene.frame_current, scene.frame_subframe
+    here = frame == scene.frame_start and not subframe
+    if (here and not engine.is_animation) or not may_move(job.depsgraph):
+        return None  # the engine measures what it renders
+    key = (scene.name_full, job.depsgraph.view_layer.name)
+    if key not in _measured:
+        try:
+            if not here:
+                engine.frame_set(scene.frame_start, 0.0)
+            job.export(None)
+            _measured[key] = job.measure()
+        finally:
+            if not here:
+                engine.frame_set(frame, subframe)
+    return _measured[key]
+
+
+def may_move(depsgraph) -> bool:
+    """Whether frames may differ: False only when nothing in the scene could."""
+    scene = depsgraph.scene
+    if scene.rigidbody_world or any(m.camera for m in scene.timeline_markers):
+        return True
+    for block in depsgraph.ids:
+        if getattr(block, "animation_data", None):
+            return True
+        if isinstance(block, bpy.types.Object) and (
+                block.particle_systems or any(m.type in _MOVING for m in block.modifiers)):
+            return True
+        keys = getattr(block, "shape_keys", None)
+        if keys and keys.animation_data:
+            return True
+    return False
+
+
+@persistent
+def _forget(*_):
+    _measured.clear()
+
+
+def register() -> None:
+    bpy.app.handlers.render_init.append(_forget)
+
+
+def unregister() -> None:
+    bpy.app.handlers.render_init.remove(_forget)
