@@ -184,11 +184,12 @@ def _claim(table, keys, count, nodes, need, known, pending, rows, todo):
 
 
 @kernel
-def _settle(rows, todo, found, known, pending, seen):
+def _settle(rows, todo, found, known, pending, value):
     for n in range(len(rows)):
         row = rows[n]
+        for w in range(found.shape[1]):
+            value[row, w] += found[n, w]  # each bit or number is found once, and was 0
         for w in range(todo.shape[1]):
-            seen[row, w] |= found[n, w]
             known[row, w] |= todo[n, w]
             pending[row, w] &= ~todo[n, w]
 
@@ -203,12 +204,13 @@ def _settled(rows, need, known):
 
 
 class NodeStore:
-    """Node values: bit i of a node says that light i is visible from it. Each is computed once, when first needed.
+    """Node values v(i,x): bits where the scene is opaque, else `channels` (1 or 3) float32 a light.
 
-    Threads share it: one that needs a value which another is computing waits for it.
+    Each is computed once, when first needed. Threads share it: one that needs a value which another is computing waits for it.
     """
 
-    def __init__(self, lights: int) -> None:
+    def __init__(self, lights: int, channels: int = 0) -> None:
+        self._width, self._kind = (lights * channels, np.float32) if channels else ((lights + 63) // 64, np.uint64)
         self.words = (lights + 63) // 64
         self.count = 0
         self._ready = threading.Condition()
@@ -223,7 +225,7 @@ class NodeStore:
             return new
 
         self._keys = grown("_keys", 3, np.int32)
-        self._seen = grown("_seen", self.words, np.uint64)
+        self._value = grown("_value", self._width, self._kind)
         self._known = grown("_known", self.words, np.uint64)
         self._pending = grown("_pending", self.words, np.uint64)
         self._table = np.full(2 * rows, -1, np.int32)
@@ -232,15 +234,15 @@ class NodeStore:
     @property
     def bytes(self) -> int:
         """Memory of the store."""
-        return sum(a.nbytes for a in (self._keys, self._seen, self._known, self._pending, self._table))
+        return sum(a.nbytes for a in (self._keys, self._value, self._known, self._pending, self._table))
 
     def values(
         self, nodes: NDArray[np.int32], need: NDArray[np.uint64],
-        evaluate: Callable[[NDArray[np.int32], NDArray[np.uint64]], NDArray[np.uint64]],
-    ) -> NDArray[np.uint64]:
-        """Visibility bits (n, words) of distinct `nodes` (n,3), right for the lights in `need` (n, words).
+        evaluate: Callable[[NDArray[np.int32], NDArray[np.uint64]], NDArray],
+    ) -> NDArray:
+        """Values (n, words), or (n, lights·channels), of distinct `nodes` (n,3), right for the lights in `need`.
 
-        evaluate(nodes, todo) traces the missing ones; it runs outside the lock.
+        evaluate(nodes, todo) traces the missing ones, 0 elsewhere; it runs outside the lock. need, todo: (n, words).
         """
         rows = np.empty(len(nodes), np.int32)
         todo = np.empty_like(need)
@@ -251,7 +253,7 @@ class NodeStore:
                 self._table, self._keys, self.count, nodes, need, self._known, self._pending, rows, todo)
         try:
             wanted = todo.any(1)
-            found = np.zeros_like(todo)
+            found = np.zeros((len(nodes), self._width), self._kind)
             if wanted.any():
                 found[wanted] = evaluate(nodes[wanted], todo[wanted])
         except BaseException:
@@ -260,10 +262,10 @@ class NodeStore:
                 self._ready.notify_all()
             raise
         with self._ready:
-            _settle(rows, todo, found, self._known, self._pending, self._seen)
+            _settle(rows, todo, found, self._known, self._pending, self._value)
             self._ready.notify_all()
             while not _settled(rows, need, self._known):
                 if self._broken:
                     raise RuntimeError("another thread failed while it computed shared nodes")
                 self._ready.wait()
-            return self._seen[rows]
+            return self._value[rows]

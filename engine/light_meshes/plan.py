@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .interfaces import Glass
 from .scene import Scene
 
 
@@ -15,12 +16,14 @@ class Plan:
 
     shadows: str = "NONE"  # NONE, SHARP, LIGHT_MESHES, AREA_SAMPLING
     reflections: bool = False
+    transparent: bool = False  # rays pass through surfaces
+    channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
     reasons: dict[str, str] = field(default_factory=dict)
 
 
-def plan(scene: Scene, passes: tuple[str, ...] = ("Combined",)) -> Plan:
-    """Decide what `scene` needs for `passes`."""
+def plan(scene: Scene, glass: Glass, passes: tuple[str, ...] = ("Combined",)) -> Plan:
+    """Decide what `scene`, with what is transparent in it, needs for `passes`."""
     s, p = scene.settings, Plan()
     used = scene.geometry.triangle_materials
     count = np.bincount(used, minlength=len(scene.materials)) if len(used) else np.zeros(len(scene.materials))
@@ -40,11 +43,21 @@ def plan(scene: Scene, passes: tuple[str, ...] = ("Combined",)) -> Plan:
     else:
         p.shadows = s.shadows
         decide("shadows", s.shadows.lower().replace("_", " "), "as set")
+    p.transparent = glass.transparent
+    if glass.lets_through.any() and p.shadows != "NONE":
+        p.channels = 3 if glass.coloured else 1
+    if p.transparent:
+        bent = int(glass.bending.sum())
+        decide("transparency", "yes", f"{'with' if bent else 'without'} refraction, {bent} triangles bend rays")
+    else:
+        decide("transparency", "no", "all surfaces are opaque")
     if p.shadows == "LIGHT_MESHES":
         words = (len(scene.lights) + 63) // 64
-        decide("node values", f"{words} × 64 bits", f"opaque surfaces only, {len(scene.lights)} lights")
+        values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
+                  3: ("RGB a light", "coloured glass")}[p.channels]
+        decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
         decide("uniform skip", "on" if s.uniform_skip else "off", "exact, saves short rays")
-    mirrors = [m.name for m in materials if any(m.mirror)]
+    mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
     p.reflections = s.mode == "WHITTED" and bool(mirrors) and s.max_depth > 0
     if s.mode != "WHITTED":
         decide("reflected rays", "no", f"mode {s.mode.lower().replace('_', ' ')}")

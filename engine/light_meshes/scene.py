@@ -13,6 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
+REFRACTIONS = ("NONE", "VIEW", "FULL")
+GLASS = ("BOUNDED", "PAPER")
+CAUSTICS = ("PAPER", "FOCUS")
 SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
 RGB = tuple[float, float, float]
@@ -36,6 +39,10 @@ class Settings:
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour
     filter_size: float = 1.5  # width of the Blackman-Harris pixel filter, pixels
+    refraction: str = "VIEW"  # which rays bend in glass: M1 NONE, M2 VIEW rays, M3 FULL: shadow paths too (eq. 6)
+    glass: str = "BOUNDED"  # nodes behind glass: BOUNDED leaves them out, PAPER weighs them as eq. (7)
+    caustics: str = "PAPER"  # energy of refracted paths: Σ Π t, or FOCUS: Σ Π t·J
+    leak_free: bool = False  # end of paper §5: ξ for each path by its first segment
     light_samples: int = 64  # shadow rays a light, AREA_SAMPLING only
     seed: int = 0  # of AREA_SAMPLING
     film_transparent: bool = False  # alpha 0 where nothing is hit
@@ -94,6 +101,13 @@ class Material:
     nShiny: float = 50.0
     mirror: RGB = (0.0, 0.0, 0.0)  # ks of the recursive term, coloured; 0 for a surface that is only glossy
     emission: RGB = (0.0, 0.0, 0.0)  # radiance
+    kt: RGB = (0.0, 0.0, 0.0)  # kt·Ot: what each crossing lets through
+    ior: float = 1.0  # bends rays at closed meshes only; an open sheet has none
+    priority: int = 0  # of overlapping media the one with the highest is there
+    fresnel: bool = False  # mirror and kt by Fresnel's equations instead of constant
+    alpha: float = 1.0  # 1 − share of the surface that is not there: no bending, no shading
+    image_alpha: bool = False  # the image's alpha channel multiplies alpha
+    transparent_shadow: bool = True  # False: casts the shadow of an opaque surface
     image: int = -1  # index of the image that replaces Od; -1: none
 
 

@@ -142,15 +142,19 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
 
 @kernel
 def gather(S, out, colour, shadow):
-    """Adds U = Σ_i S_i·Ω_i, eqs. (2) and (4), to colour (n,3), and sets shadow (n,) = mean of S over the lights."""
+    """Adds U = Σ_i S_i·Ω_i, eqs. (2), (4) and (7), to colour (n,3); sets shadow (n,) = mean of S over the lights.
+
+    S is (n,L,C): one number a light, or RGB.
+    """
+    green, blue = S.shape[2] // 2, S.shape[2] - 1
     for p in range(len(S)):
         r, g, b, s = 0.0, 0.0, 0.0, 0.0
         for i in range(S.shape[1]):
-            v = np.float64(S[p, i])
-            s += v
-            r += v * out[p, i, 0]
-            g += v * out[p, i, 1]
-            b += v * out[p, i, 2]
+            x, y, z = np.float64(S[p, i, 0]), np.float64(S[p, i, green]), np.float64(S[p, i, blue])
+            s += x if green == 0 else (x + y + z) / 3.0
+            r += x * out[p, i, 0]
+            g += y * out[p, i, 1]
+            b += z * out[p, i, 2]
         colour[p, 0] += r
         colour[p, 1] += g
         colour[p, 2] += b

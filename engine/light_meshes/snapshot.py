@@ -15,8 +15,11 @@ from typing import Any
 import numpy as np
 
 from .scene import (
+    CAUSTICS,
+    GLASS,
     LIGHT_TYPES,
     MODES,
+    REFRACTIONS,
     SHADOWS,
     Camera,
     Geometry,
@@ -48,6 +51,9 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
 _CHOICES = {
     (Settings, "mode"): MODES,
     (Settings, "shadows"): SHADOWS,
+    (Settings, "refraction"): REFRACTIONS,
+    (Settings, "glass"): GLASS,
+    (Settings, "caustics"): CAUSTICS,
     (Light, "type"): LIGHT_TYPES,
     (Image, "colorspace"): ("sRGB", "LINEAR"),
     (Image, "interpolation"): ("LINEAR", "CLOSEST"),
@@ -68,6 +74,8 @@ _RANGES = {
     (Camera, "height"): (1, 65536),
     (Light, "radius"): (0.0, 1e30),
     (Material, "nShiny"): (0.0, 1e9),
+    (Material, "ior"): (0.01, 100.0),
+    (Material, "alpha"): (0.0, 1.0),
 }
 
 

@@ -21,15 +21,17 @@ class Texture:
             raise OSError(oiio.geterror() or "cannot be opened")
         try:
             kind = oiio.UINT8 if source.spec().format == oiio.UINT8 else oiio.FLOAT
-            texels = source.read_image(0, 0, 0, min(3, source.spec().nchannels), kind)
+            texels = source.read_image(0, 0, 0, source.spec().nchannels, kind)
             if texels is None:
                 raise OSError(source.geterror() or "cannot be read")
         finally:
             source.close()
         texels = np.atleast_3d(texels)
-        if texels.shape[2] < 3:  # grey, or grey and alpha
-            texels = np.repeat(texels[:, :, :1], 3, axis=2)
-        self._linear = np.linspace(0, 1, 256, dtype=np.float32)
+        has_alpha = texels.shape[2] in (2, 4)
+        self._alpha = np.ascontiguousarray(texels[:, :, -1:]) if has_alpha else None
+        texels = texels[:, :, :3] if texels.shape[2] >= 3 else np.repeat(texels[:, :, :1], 3, axis=2)  # grey
+        self._straight = np.linspace(0, 1, 256, dtype=np.float32)
+        self._linear = self._straight
         if image.colorspace == "sRGB":
             self._linear = _srgb_to_linear(self._linear)
             if texels.dtype != np.uint8:
@@ -41,6 +43,13 @@ class Texture:
     def lookup(self, uv: NDArray[np.float32], rows: NDArray[np.int64], colour: NDArray[np.float64]) -> None:
         """colour[rows] = the texture at uv[rows]; v points up."""
         _lookup(self._texels, self._linear, self._closest, self._extension, uv, rows, colour)
+
+    def alpha(self, uv: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Its alpha (n,) at uv (n,2); 1 where it has none."""
+        alpha = np.ones((len(uv), 1))
+        if self._alpha is not None:
+            _lookup(self._alpha, self._straight, self._closest, self._extension, uv, np.arange(len(uv)), alpha)
+        return alpha[:, 0]
 
 
 def load(images: tuple[Image, ...]) -> tuple[list[Texture | None], list[str]]:
@@ -87,7 +96,7 @@ def _lookup(texels, linear, closest, extension, uv, rows, colour):
             x, y = x - 0.5, y - 0.5
         x0, y0 = int(np.floor(x)), int(np.floor(y))
         fx, fy = x - x0, y - y0
-        for c in range(3):
+        for c in range(colour.shape[1]):
             colour[row, c] = 0.0
         for corner in range(4):
             dx, dy = corner & 1, corner >> 1
@@ -97,6 +106,6 @@ def _lookup(texels, linear, closest, extension, uv, rows, colour):
             i, j = _wrap(x0 + dx, width, extension), _wrap(y0 + dy, height, extension)
             if i < 0 or j < 0:
                 continue
-            for c in range(3):
+            for c in range(colour.shape[1]):
                 t = texels[j, i, c]
                 colour[row, c] += weight * (linear[t] if texels.dtype == np.uint8 else t)

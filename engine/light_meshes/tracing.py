@@ -1,4 +1,4 @@
-"""Embree behind two verbs: `closest` and `occluded`. Nothing else in the engine knows Embree.
+"""Embree behind three verbs: `closest`, `occluded` and `transmittance`. Nothing else in the engine knows Embree.
 
 Precision (float32 inside Embree): the scene stands recentred and scaled in [−1, 1]; rays are built in float64,
 leave a surface by a few ulps of 1 along its geometric normal, aim from the *rounded* origin at the target, and are
@@ -7,6 +7,7 @@ cast last. Points are float64 in world space on this side of the module.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -38,19 +39,25 @@ def points(position: NDArray[np.float64]) -> Targets:
 class Tracer:
     """The triangles of a scene, ready to be traced; one Embree scene for each distinct set of visible objects.
 
-    `kind` is who looks: "camera", "reflection" or "shadow".
+    `kind` is who looks: "camera", "reflection" (and refraction) or "shadow"; shadow casters come apart as "opaque"
+    and "glass" (those that let light through), and as "stops" and "sheets" (those that let it through unbent).
     """
 
-    KINDS = ("camera", "reflection", "shadow")
-
-    def __init__(self, scene: Scene, surfaces: Surfaces) -> None:
+    def __init__(self, scene: Scene, surfaces: Surfaces, glass: NDArray[np.bool_], bending: NDArray[np.bool_]) -> None:
+        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them."""
         self.centre, self.scale = surfaces.centre, surfaces.scale
+        self._surfaces = surfaces
         self._embree: dict[str, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
         owner = scene.geometry.instance_object[surfaces.instance]
         built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
-        for kind in self.KINDS:
-            flags = np.array([getattr(o, f"visible_{kind}") for o in scene.objects], np.bool_)
-            seen = flags[owner] if len(owner) else np.zeros(0, np.bool_)
+        kinds = {
+            "camera": ("camera", np.True_), "reflection": ("reflection", np.True_), "shadow": ("shadow", np.True_),
+            "opaque": ("shadow", ~glass), "glass": ("shadow", glass),
+            "stops": ("shadow", ~glass | bending), "sheets": ("shadow", glass & ~bending),
+        }
+        for kind, (looks, part) in kinds.items():
+            flags = np.array([getattr(o, f"visible_{looks}") for o in scene.objects], np.bool_)
+            seen = (flags[owner] if len(owner) else np.zeros(0, np.bool_)) & part
             key = seen.tobytes()
             if key not in built:
                 built[key] = _build(surfaces, seen)
@@ -86,7 +93,7 @@ class Tracer:
 
     def occluded(
         self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
-        target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool,
+        target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool, kind: str = "shadow",
     ) -> NDArray[np.bool_]:
         """Whether anything that casts shadows lies between origin[origin_of[k]] and targets[target_of[k]].
 
@@ -94,7 +101,7 @@ class Tracer:
         and what touches them blocks. closed: what touches the target blocks too (lattice nodes); otherwise the
         ray ends just before it (lights).
         """
-        embree, _ = self._embree["shadow"]
+        embree, _ = self._embree[kind]
         n = len(origin_of)
         blocked = np.empty(n, np.bool_)
         for i in range(0, n, CHUNK):
@@ -106,6 +113,87 @@ class Tracer:
             )
             np.equal(embree.run(o, d, dists=t, query="OCCLUDED"), 0, out=blocked[part])
         return blocked
+
+    def transmittance(
+        self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
+        target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool,
+        factor: Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]],
+        unbent: bool = False,
+    ) -> NDArray[np.float32]:
+        """Π t (n,3) of the surfaces crossed on the straight segments of `occluded`; 0 behind an opaque one.
+
+        factor(triangle, u, v) -> (n,3) is what a crossing lets through. Each crossing counts once: at an edge Embree
+        may report both its triangles. unbent: a surface that would bend the ray stops it.
+        """
+        through = np.ones((len(origin_of), 3), np.float32)
+        blocked = self.occluded(origin, origin_of, targets, target_of, normal, closed,
+                                kind="stops" if unbent else "opaque")
+        through[blocked] = 0
+        embree, original = self._embree["sheets" if unbent else "glass"]
+        if original is not None and not len(original):
+            return through
+        s = self._surfaces
+        for i in range(0, len(origin_of), CHUNK):
+            alive = i + np.flatnonzero(~blocked[i:i + CHUNK])
+            o, d, t = _scratch(len(alive))
+            _segments(
+                self.centre, self.scale, origin, origin if normal is None else normal, normal is not None,
+                origin_of[alive], targets, target_of[alive], closed, o, d, t,
+            )
+            start = o.astype(np.float64)
+            end = start + d.astype(np.float64) * t[:, None].astype(np.float64)
+            passed = np.zeros(len(alive))  # distance of the last crossing from the start
+            last = np.full(len(alive), -1, np.int32)
+            while len(alive):
+                hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
+                on = hit["primID"] >= 0
+                triangle = hit["primID"][on] if original is None else original[hit["primID"][on]]
+                alive, start, end, passed, last = alive[on], start[on], end[on], passed[on], last[on]
+                o, d, t = o[on], d[on], t[on]
+                new = np.empty(len(alive), np.bool_)
+                _cross(s, triangle, start, end, o, d, t, passed, last, new)
+                through[alive[new]] *= factor(triangle[new], hit["u"][on][new], hit["v"][on][new])
+                on = (through[alive] > 0).any(1) & (t > 0)
+                alive, start, end, passed, last = alive[on], start[on], end[on], passed[on], last[on]
+                o, d, t = o[on], d[on], t[on]
+        return through
+
+
+@kernel
+def _cross(s, triangle, start, end, o, d, t, passed, last, new):
+    """Tell real crossings from an edge's second triangle, and move the rays behind them (t = 0: at the end)."""
+    for n in range(len(triangle)):
+        k = triangle[n]
+        distance = 0.0
+        length = 0.0
+        for j in range(3):
+            x = np.float64(o[n, j]) + np.float64(d[n, j]) * t[n] - start[n, j]
+            distance += x * x
+            length += (end[n, j] - start[n, j]) ** 2
+        distance, length = np.sqrt(distance), np.sqrt(length)
+        new[n] = True
+        if last[n] >= 0 and s.instance[last[n]] == s.instance[k]:
+            near = distance - passed[n] < 16 * ULPS
+            new[n] = last[n] != k and not (near and _facing(s, k, d[n]) == _facing(s, last[n], d[n]))
+        passed[n] = max(passed[n], distance)
+        last[n] = k
+        ahead = (passed[n] + ULPS) / length
+        if ahead < 1.0:
+            for j in range(3):
+                o[n, j] = start[n, j] + ahead * (end[n, j] - start[n, j])
+                d[n, j] = end[n, j] - np.float64(o[n, j])
+            passed[n] += ULPS
+            t[n] = 1.0
+        else:
+            t[n] = 0.0
+
+
+@kernel
+def _facing(s, k, d):
+    a, b, c = s.vertices[s.triangles[k, 0]], s.vertices[s.triangles[k, 1]], s.vertices[s.triangles[k, 2]]
+    e0, e1, e2 = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
+    f0, f1, f2 = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
+    return (e1 * f2 - e2 * f1) * d[0] + (e2 * f0 - e0 * f2) * d[1] + (e0 * f1 - e1 * f0) * d[2] > 0.0
 
 
 def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[EmbreeScene, NDArray[np.int32] | None]:

@@ -52,7 +52,7 @@ def _pairs(mask, first, last, row, light):
     return count
 
 
-def _blocks(mask: NDArray[np.uint64], lights: int):
+def blocks(mask: NDArray[np.uint64], lights: int):
     """The set bits of mask (n,W) as (row, light) arrays of bounded length."""
     step = max(1, PAIRS // max(1, len(mask)))
     for first in range(0, lights, step):
@@ -89,7 +89,7 @@ class Sharp:
         S = np.zeros((len(P), self.count), np.float32)
         _set_bits(active & ~self._casting, 0, self.count, 1.0, S)
         with self._stats.stage("sharp shadows"):
-            for row, light in _blocks(active & self._casting, self.count):
+            for row, light in blocks(active & self._casting, self.count):
                 check()
                 blocked = self._tracer.occluded(P, row, self._targets, light, N, closed=False)
                 S[row, light] = ~blocked
@@ -132,7 +132,7 @@ class LightMeshes:
         with stats.stage("candidates"):
             start, candidate, nodes = candidates(self.lattice, P, N)
             need = np.zeros((len(nodes), soft.shape[1]), np.uint64)
-            _need(start, candidate, soft, need)
+            need_of(start, candidate, soft, need)
             position = self.lattice.position(nodes)
         with stats.stage("nodes"):
             values = self.store.values(nodes, need, lambda n, todo: self._trace(n, todo, check))
@@ -149,7 +149,7 @@ class LightMeshes:
                 uniform[witness[~seen]] = False  # whether m > 0 is not certain: the long way
                 stats.add(short_rays=len(witness), uniform_skips=int(seen.sum()))
         with stats.stage("short rays"):
-            row, index = _listed(start, soft, uniform)
+            row, index = listed(start, soft, uniform)
             for i in range(0, len(row), PAIRS):
                 check()
                 k = slice(i, i + PAIRS)
@@ -167,7 +167,7 @@ class LightMeshes:
         position = self.lattice.position(nodes)
         for i in range(0, len(nodes), 16384):
             part = slice(i, i + 16384)
-            for row, light in _blocks(todo[part], self.count):
+            for row, light in blocks(todo[part], self.count):
                 check()
                 blocked = self._tracer.occluded(position[part], row, self._targets, light, None, closed=False)
                 _collect(row, light, blocked, found[part])
@@ -184,7 +184,8 @@ class LightMeshes:
 
 
 @kernel
-def _need(start, candidate, soft, need):
+def need_of(start, candidate, soft, need):
+    """The lights (u,W) that each node is asked for: those of all receivers whose candidate it is."""
     for p in range(len(soft)):
         for w in range(soft.shape[1]):
             s = soft[p, w]
@@ -212,7 +213,7 @@ def _uniform(start, candidate, values, soft, uniform):
 
 
 @kernel
-def _listed(start, soft, uniform):
+def listed(start, soft, uniform):
     """(receiver, index into candidate) of every short ray that is needed."""
     total = 0
     need = np.zeros(len(soft), np.bool_)
@@ -309,7 +310,7 @@ class AreaSampling:
         """S, see the module."""
         S = self._sharp(P, N, active & ~self._soft, check)
         with self._stats.stage("area sampling"):
-            for row, light in _blocks(active & self._soft, self.count):
+            for row, light in blocks(active & self._soft, self.count):
                 clear = np.zeros(len(row), np.int32)
                 target = np.empty((len(row), 3))
                 directional = self._targets.directional[light]

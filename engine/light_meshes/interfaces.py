@@ -1,0 +1,183 @@
+"""What happens at a surface that lets light through: alpha, media by priority, Snell, Fresnel, kt."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import kernel
+from .geometry import Hits, Surfaces, closed_meshes
+from .scene import Scene
+from .textures import Texture
+
+MEDIA = 8  # media that a ray can be in at once; of more the lowest priorities are forgotten
+
+
+class Face(NamedTuple):
+    """The interface at each hit of a batch."""
+
+    real: NDArray[np.bool_]  # (n,) False: inside a medium of higher priority, nothing is there
+    bends: NDArray[np.bool_]  # (n,) the ray behind it goes another way
+    kt: NDArray[np.float64]  # (n,3) share that passes
+    mirror: NDArray[np.float64]  # (n,3) share that is reflected
+    refracted: NDArray[np.float64]  # (n,3) unit direction behind the surface
+    media: NDArray[np.int32]  # (n, MEDIA) what the ray is in behind it
+
+
+class Glass:
+    """The transparent side of a scene's materials."""
+
+    def __init__(self, scene: Scene, surfaces: Surfaces, textures: list[Texture | None]) -> None:
+        m = scene.materials
+        self._surfaces, self._textures = surfaces, textures
+        self._alpha = np.array([x.alpha for x in m], np.float64)
+        self._image = np.array([x.image if x.image_alpha else -1 for x in m], np.int32)
+        self._kt = np.array([x.kt for x in m], np.float64).reshape(-1, 3)
+        self._mirror = np.array([x.mirror for x in m], np.float64).reshape(-1, 3)
+        self._ior = np.array([x.ior for x in m], np.float64)
+        self._priority = np.array([x.priority for x in m], np.int32)
+        self._fresnel = np.array([x.fresnel for x in m], np.bool_)
+        self._reflects = scene.settings.mode == "WHITTED"
+        material = surfaces.materials[surfaces.source]
+        cut = (self._alpha < 1) | (self._image >= 0)
+        passes = cut | (self._kt > 0).any(1)
+        shadow = np.array([x.transparent_shadow for x in m], np.bool_)
+        self.lets_through = (passes & shadow)[material]  # (T,) shadow rays
+        bends = ((self._ior != 1) & (self._kt > 0).any(1))[material] & (scene.settings.refraction != "NONE")
+        self.bending = bends & closed_meshes(scene, surfaces, bends)  # (T,)
+        self.transparent = bool(passes[material].any())
+        self.cutouts = bool(cut[material].any())
+        self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())
+
+    def _alpha_of(self, material: NDArray[np.int32], uv: NDArray[np.float32]) -> NDArray[np.float64]:
+        alpha = self._alpha[material]
+        image = self._image[material]
+        for i, texture in enumerate(self._textures):
+            rows = np.flatnonzero(image == i)
+            if texture is not None and len(rows):
+                alpha[rows] *= texture.alpha(uv[rows])
+        return alpha
+
+    def alpha(self, hits: Hits) -> NDArray[np.float64]:
+        """Share (n,) of the surface that is there."""
+        return self._alpha_of(hits.material, hits.uv)
+
+    def factor(self, triangle: NDArray[np.int32], u: NDArray[np.float32],
+               v: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What one straight crossing lets through, (n,3): 1 − α + α·kt."""
+        s = self._surfaces
+        material = s.materials[s.source[triangle]]
+        uv = np.zeros((len(triangle), 2), np.float32)
+        if len(s.uvs):
+            corners = s.uvs[s.source[triangle]]
+            uv = corners[:, 0] * (1 - u - v)[:, None] + corners[:, 1] * u[:, None] + corners[:, 2] * v[:, None]
+        alpha = self._alpha_of(material, uv)[:, None]
+        return (1 - alpha + alpha * self._kt[material]).astype(np.float32)
+
+    def interface(self, hits: Hits, rays: dict[str, NDArray]) -> Face:
+        """What becomes of rays that hit `hits`."""
+        n = len(hits.P)
+        face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
+                    np.empty((n, 3)), rays["media"].copy())
+        _interface(hits, rays["direction"], self.bending, self._ior, self._priority, self._fresnel, self._kt,
+                   self._mirror, self._reflects, face)
+        return face
+
+
+@kernel
+def _top(media, priority):
+    """The medium of highest priority; of equals the one entered first. −1: none."""
+    best = -1
+    for m in media:
+        if m >= 0 and (best < 0 or priority[m] > priority[best]):
+            best = m
+    return best
+
+
+@kernel
+def fresnel(eta, cosine):
+    """Unpolarised reflectance at an interface with relative index eta = n2/n1; 1 at total reflection."""
+    square = 1.0 - (1.0 - cosine * cosine) / (eta * eta)
+    if square <= 0.0:
+        return 1.0
+    t = np.sqrt(square)
+    s, p = (cosine - eta * t) / (cosine + eta * t), (eta * cosine - t) / (eta * cosine + t)
+    return (s * s + p * p) / 2.0
+
+
+@kernel
+def _interface(hits, direction, bending, ior, priority, by_fresnel, kt, mirror, reflects, face):
+    for n in range(len(hits.P)):
+        m = hits.material[n]
+        media = face.media[n]
+        n1, n2 = 1.0, 1.0
+        face.real[n] = True
+        face.bends[n] = False
+        if bending[hits.triangle[n]]:
+            before = _top(media, priority)
+            if hits.front[n]:
+                slot = -1
+                for j in range(MEDIA):
+                    if media[j] < 0:
+                        slot = j
+                        break
+                if slot >= 0:
+                    media[slot] = m
+            else:
+                if before < 0:
+                    before = m  # the ray began inside
+                for j in range(MEDIA):
+                    if media[j] == m:
+                        for k in range(j, MEDIA - 1):
+                            media[k] = media[k + 1]
+                        media[MEDIA - 1] = -1
+                        break
+            after = _top(media, priority)
+            n1 = ior[before] if before >= 0 else 1.0
+            n2 = ior[after] if after >= 0 else 1.0
+            face.real[n] = before != after
+            face.bends[n] = n1 != n2
+        d, N = direction[n], hits.Ns[n]
+        cosine = -(d[0] * N[0] + d[1] * N[1] + d[2] * N[2])
+        if cosine <= 0.0:  # the shading normal looks away: the geometric one does not
+            N = hits.Ng[n]
+            cosine = -(d[0] * N[0] + d[1] * N[1] + d[2] * N[2])
+        eta = n1 / n2
+        square = 1.0 - eta * eta * (1.0 - cosine * cosine)
+        reflected = 0.0
+        if by_fresnel[m]:
+            if face.bends[n]:
+                reflected = fresnel(n2 / n1, cosine)
+            elif ior[m] != 1.0 and (kt[m, 0] > 0.0 or kt[m, 1] > 0.0 or kt[m, 2] > 0.0):
+                reflected = fresnel(ior[m], cosine)
+        for c in range(3):
+            face.refracted[n, c] = d[c]
+            if by_fresnel[m]:
+                face.mirror[n, c] = reflected
+                face.kt[n, c] = kt[m, c] * (1.0 - reflected)
+            else:
+                face.mirror[n, c] = mirror[m, c]
+                face.kt[n, c] = kt[m, c]
+        if not face.real[n]:
+            for c in range(3):
+                face.kt[n, c], face.mirror[n, c] = 0.0, 0.0
+        elif face.bends[n]:
+            if square <= 0.0:  # total internal reflection: what would pass comes back
+                for c in range(3):
+                    face.mirror[n, c] = max(face.mirror[n, c], kt[m, c])
+                    face.kt[n, c] = 0.0
+            else:
+                f = eta * cosine - np.sqrt(square)
+                for c in range(3):
+                    face.refracted[n, c] = eta * d[c] + f * N[c]
+                G = hits.Ng[n]
+                r = face.refracted[n]
+                into = r[0] * G[0] + r[1] * G[1] + r[2] * G[2]
+                if into >= 0.0:  # bent shading normals must not send it back out
+                    for c in range(3):
+                        face.refracted[n, c] -= (into + 1e-6) * G[c]
+                length = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+                for c in range(3):
+                    face.refracted[n, c] /= length
