@@ -130,15 +130,15 @@ def assemble(parts: Sequence[Part], camera: Camera, lights: Sequence[Light],
     for p in parts:  # a triangle's material belongs to the mesh
         if used.setdefault(place[id(p.mesh)], p.material) != p.material:
             raise ValueError(f"{p.name}: one mesh has one material here")
-    counts = np.array([(len(m.vertices), len(m.triangles)) for m in meshes]).reshape(-1, 2)
+    counts = np.array([(len(m.vertices), len(m.triangles)) for m in meshes], int).reshape(-1, 2)
     starts = np.cumsum(counts, 0) - counts
     geometry = Geometry(
         vertices=_stack([m.vertices for m in meshes], (0, 3), np.float32),
         triangles=_stack([m.triangles for m in meshes], (0, 3), np.int32),
         corner_normals=_stack([_normals(m) for m in meshes], (0, 3, 3), np.float32),
         uvs=np.zeros((0, 3, 2), np.float32),
-        triangle_materials=np.repeat([materials.index(used[n]) for n in range(len(meshes))],
-                                     counts[:, 1]).astype(np.int32),
+        triangle_materials=np.repeat(np.array([materials.index(used[n]) for n in range(len(meshes))], np.int32),
+                                     counts[:, 1]),
         meshes=np.stack([starts[:, 0], counts[:, 0], starts[:, 1], counts[:, 1]], 1).astype(np.int64),
         instance_mesh=np.array([place[id(p.mesh)] for p in parts for _ in p.matrices], np.int32),
         instance_object=np.array([n for n, p in enumerate(parts) for _ in p.matrices], np.int32),

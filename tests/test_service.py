@@ -1,0 +1,276 @@
+"""The engine as a real child process over pipes: every command's end, and that nothing of it outlives its parent."""
+
+import json
+import os
+import queue
+import signal
+import stat
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from light_meshes import snapshot
+from light_meshes.render import render_image
+from scenes import four_lights, hall, tabletop
+
+ENDS = {"done", "measured", "cancelled", "error"}
+SECONDS = 30.0  # for what should take less than one; a compiler may be at work
+
+
+class Child:
+    """The service, its events in a queue."""
+
+    def __init__(self):
+        self.process = subprocess.Popen([sys.executable, "-m", "light_meshes.service"], stdin=subprocess.PIPE,
+                                        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                        env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"})  # as on a desktop
+        self.events = queue.Queue()
+        threading.Thread(target=self._read, daemon=True).start()
+        self.folder = Path(self.until("ready")["folder"])
+
+    def _read(self):
+        for line in self.process.stdout:
+            self.events.put(json.loads(line))
+
+    def send(self, **command):
+        self.write(json.dumps(command).encode() + b"\n")
+
+    def write(self, line: bytes):
+        self.process.stdin.write(line)
+        self.process.stdin.flush()
+
+    def next(self, timeout=SECONDS):
+        """The next event that is no sign of life."""
+        end = time.monotonic() + timeout
+        while True:
+            event = self.events.get(timeout=max(0.001, end - time.monotonic()))
+            if event["event"] != "alive":
+                return event
+
+    def until(self, *names):
+        while True:
+            event = self.next()
+            if event["event"] in names:
+                return event
+
+    def of(self, number):
+        """All events of a command up to its end."""
+        events = []
+        while not events or events[-1]["event"] not in ENDS:
+            event = self.next()
+            assert event["id"] == number
+            events.append(event)
+        return events
+
+    def put(self, scene, name="scene"):
+        snapshot.write(scene, self.folder / name)
+
+    def gone(self):
+        """Exit code, and that the folder went with the process."""
+        code = self.process.wait(SECONDS)
+        assert not self.folder.exists()
+        return code
+
+
+@pytest.fixture
+def child():
+    child = Child()
+    yield child
+    if child.process.poll() is None:
+        child.process.kill()
+    child.process.wait()
+
+
+def test_it_is_ready_with_a_private_folder(child):
+    assert child.folder.is_dir()
+    assert stat.S_IMODE(child.folder.stat().st_mode) == 0o700
+
+
+def test_a_render_tells_its_size_its_tiles_and_its_end(child):
+    scene = tabletop(200)
+    child.put(scene)
+    child.send(command="render", id=7, snapshot="scene", framebuffer="frame", passes=["Combined", "Depth"])
+    events = child.of(7)
+    kinds = [e["event"] for e in events]
+    started = next(e for e in events if e["event"] == "started")
+    assert (started["width"], started["height"], started["passes"]) == (200, 200, {"Combined": 4, "Depth": 1})
+    assert kinds[-1] == "done" and kinds.count("started") == 1
+    fractions = [e["fraction"] for e in events if e["event"] == "progress"]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    covered = np.zeros((200, 200), int)
+    for e in events:
+        if e["event"] == "tile":
+            x0, y0, x1, y1 = e["box"]
+            covered[y0:y1, x0:x1] += 1
+    assert (covered == 1).all()
+    expected = render_image(scene, ("Combined", "Depth"))
+    for name in ("Combined", "Depth"):
+        np.testing.assert_array_equal(np.load(child.folder / "frame" / f"{name}.npy"), expected.passes[name])
+    assert events[-1]["statistics"]["triangles"] == expected.statistics["triangles"]
+
+
+def test_several_renders_one_after_the_other(child):
+    for number, scene in enumerate((tabletop(40), four_lights(40), tabletop(24))):
+        child.put(scene, f"scene{number}")
+        child.send(command="render", id=number, snapshot=f"scene{number}", framebuffer=f"frame{number}")
+    for number in range(3):
+        assert child.of(number)[-1]["event"] == "done"
+
+
+def test_h_is_measured(child):
+    child.put(tabletop(64))
+    child.send(command="measure", id=1, snapshot="scene")
+    (event,) = child.of(1)
+    assert event["event"] == "measured" and 0.01 < event["h"] < 0.1
+
+
+def test_cancel_ends_a_render_within_a_fifth_of_a_second_and_the_next_one_works(child):
+    child.put(tabletop(16), "small")
+    child.send(command="render", id=1, snapshot="small", framebuffer="frame")  # so that nothing is left to compile
+    child.of(1)
+    child.put(hall(64, columns=6, width=1500, samples=16, filter_size=1.5), "large")
+    child.send(command="render", id=2, snapshot="large", framebuffer="large frame")
+    while child.next()["event"] != "tile":
+        pass
+    asked = time.monotonic()
+    child.send(command="cancel", id=2)
+    assert child.of(2)[-1]["event"] == "cancelled"
+    assert time.monotonic() - asked < 0.2
+    child.send(command="render", id=3, snapshot="small", framebuffer="frame")
+    assert child.of(3)[-1]["event"] == "done"
+
+
+def test_cancel_before_a_render_starts(child):
+    child.put(hall(64, columns=6, width=1000, samples=16), "large")
+    child.put(tabletop(16), "small")
+    child.send(command="render", id=1, snapshot="large", framebuffer="frame1")
+    child.send(command="render", id=2, snapshot="small", framebuffer="frame2")
+    child.send(command="cancel", id=2)
+    child.send(command="cancel", id=1)
+    assert child.of(1)[-1]["event"] == "cancelled"
+    assert [e["event"] for e in child.of(2)] == ["cancelled"]
+
+
+@pytest.mark.parametrize("line", [b"no json", b"", b"[]", b"3", b"null", b'"quit"', b"{}", b'{"id": 1}', b"{" * 100_000,
+                                  b"\xff\xfe", b'{"command": ["render"]}', b'{"command": "cancel", "id": [1]}',
+                                  b'{"command": "cancel", "id": {}}', b'{"command": "cancel"}'],
+                         ids=lambda line: repr(line[:30]))
+def test_a_bad_line_is_answered_and_the_child_lives_on(child, line):
+    child.write(line + b"\n")
+    child.put(tabletop(8))
+    child.send(command="measure", id="after", snapshot="scene")
+    events = [child.next()]
+    while events[-1]["event"] != "measured":
+        events.append(child.next())
+    assert [e["event"] for e in events[:-1]] in ([], ["error"])
+    child.process.stdin.close()
+    assert child.gone() == 0
+
+
+@pytest.mark.parametrize(("command", "sentence"), [
+    ({"command": "dance"}, "dance"),
+    ({"command": "render"}, "snapshot"),
+    ({"command": "render", "snapshot": "nowhere", "framebuffer": "f"}, "no snapshot"),
+    ({"command": "render", "snapshot": 3, "framebuffer": "f"}, "snapshot"),
+    ({"command": "render", "snapshot": "scene"}, "framebuffer"),
+    ({"command": "render", "snapshot": "scene", "framebuffer": "f", "passes": ["Mist"]}, "Mist"),
+    ({"command": "render", "snapshot": "scene", "framebuffer": "f", "passes": 3}, "passes"),
+    ({"command": "measure", "snapshot": "nowhere"}, "no snapshot"),
+    ({"command": "render", "snapshot": "broken", "framebuffer": "f"}, "cut short"),
+])
+def test_a_bad_command_is_answered_in_a_sentence_with_its_id(child, command, sentence):
+    child.put(tabletop(8))
+    child.put(tabletop(8), "broken")
+    file = child.folder / "broken" / "vertices.npy"
+    file.write_bytes(file.read_bytes()[:-7])
+    child.send(id=5, **command)
+    (event,) = child.of(5)
+    assert event["event"] == "error" and sentence in event["message"]
+    child.send(command="measure", id=6, snapshot="scene")
+    assert child.of(6)[-1]["event"] == "measured"
+
+
+def test_it_says_that_it_is_alive_every_second(child):
+    end = time.monotonic() + 3.5
+    signs = []
+    while time.monotonic() < end:
+        try:
+            signs.append(child.events.get(timeout=end - time.monotonic()))
+        except queue.Empty:
+            break
+    assert 2 <= sum(e["event"] == "alive" for e in signs) <= 4
+
+
+def test_quit_ends_it(child):
+    child.send(command="quit")
+    assert child.gone() == 0
+
+
+def test_a_closed_stdin_ends_it(child):
+    child.process.stdin.close()
+    assert child.gone() == 0
+
+
+@pytest.mark.parametrize("end", ["closed stdin", "SIGTERM"])
+def test_in_mid_render_it_ends_at_once_and_leaves_nothing(child, end):
+    child.put(hall(64, columns=6, width=1500, samples=16, filter_size=1.5))
+    child.send(command="render", id=1, snapshot="scene", framebuffer="frame")
+    while child.next()["event"] != "tile":
+        pass
+    started = time.monotonic()
+    if end == "closed stdin":
+        child.process.stdin.close()
+    else:
+        child.process.terminate()
+    child.gone()
+    assert time.monotonic() - started < 3
+
+
+def test_it_ends_when_nobody_listens():
+    process = subprocess.Popen([sys.executable, "-m", "light_meshes.service"], stdin=subprocess.PIPE,
+                               stdout=subprocess.PIPE)
+    folder = Path(json.loads(process.stdout.readline())["folder"])
+    process.stdout.close()  # the next sign of life finds no reader
+    assert process.wait(SECONDS) == 0
+    assert not folder.exists()
+
+
+def test_an_interrupt_is_the_parents_affair(child):
+    child.process.send_signal(signal.SIGINT)
+    child.put(tabletop(8))
+    child.send(command="measure", id=1, snapshot="scene")
+    assert child.of(1)[-1]["event"] == "measured"
+
+
+def test_it_does_not_outlive_a_parent_that_is_killed():
+    """SIGKILL leaves the parent no chance to clean up: the pipes close, and the child notices."""
+    code = """
+import subprocess, sys, time
+child = subprocess.Popen([sys.executable, "-m", "light_meshes.service"], stdin=subprocess.PIPE,
+                         stdout=subprocess.PIPE, text=True)
+print(child.pid, child.stdout.readline(), flush=True)
+time.sleep(600)
+"""
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    pid, ready = parent.stdout.readline().split(maxsplit=1)
+    folder = Path(json.loads(ready)["folder"])
+    assert folder.is_dir()
+    parent.kill()
+    parent.wait()
+    end = time.monotonic() + 10
+    while (folder.exists() or _running(int(pid))) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not folder.exists() and not _running(int(pid))
+
+
+def _running(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    status = Path(f"/proc/{pid}/status")  # one that nobody has waited for yet is gone all the same
+    return not (status.exists() and "State:\tZ" in status.read_text())
