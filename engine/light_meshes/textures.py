@@ -16,7 +16,9 @@ class Texture:
     """One image: texels as the file has them (8 bits or float32) and the way to linear light."""
 
     def __init__(self, image: Image) -> None:
-        source = oiio.ImageInput.open(image.path)
+        straight = oiio.ImageSpec()  # colours as painted, not multiplied by alpha
+        straight.attribute("oiio:UnassociatedAlpha", 1)
+        source = oiio.ImageInput.open(image.path, straight)
         if source is None:
             raise OSError(oiio.geterror() or "cannot be opened")
         try:
