@@ -170,17 +170,34 @@ def closed_meshes(scene: Scene, surfaces: Surfaces, wanted: NDArray[np.bool_]) -
 
 
 @kernel
-def surface(s, triangle, u, v, direction, P, Ng, Ns, uv, material, hit, front):
-    """Fill P … material for hits (triangle, u, v) of rays with `direction`; P lies in its triangle's plane."""
+def surface(s, triangle, u, v, origin, direction, P, Ng, Ns, uv, material, hit, front):
+    """Fill P … material for the triangles that rays hit; u, v are Embree's, in float32.
+
+    The crossing is computed again in float64 (Möller and Trumbore, 1997) and held to the triangle, so that P lies in
+    its plane and on the ray.
+    """
     for n in range(len(triangle)):
         t = triangle[n]
         i, k = s.instance[t], s.source[t]
-        ui = min(max(np.float64(u[n]), 0.0), 1.0)  # Embree's own may leave [0, 1] by an ulp
-        vi = min(max(np.float64(v[n]), 0.0), 1.0)
-        wi = 1.0 - ui - vi
         a, b, c = s.vertices[s.triangles[t, 0]], s.vertices[s.triangles[t, 1]], s.vertices[s.triangles[t, 2]]
         e0, e1, e2 = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
         f0, f1, f2 = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
+        d0, d1, d2 = direction[n, 0], direction[n, 1], direction[n, 2]
+        q0 = (origin[n, 0] - s.centre[0]) / s.scale - a[0]
+        q1 = (origin[n, 1] - s.centre[1]) / s.scale - a[1]
+        q2 = (origin[n, 2] - s.centre[2]) / s.scale - a[2]
+        p0, p1, p2 = d1 * f2 - d2 * f1, d2 * f0 - d0 * f2, d0 * f1 - d1 * f0
+        r0, r1, r2 = q1 * e2 - q2 * e1, q2 * e0 - q0 * e2, q0 * e1 - q1 * e0
+        determinant = e0 * p0 + e1 * p1 + e2 * p2
+        ui = (q0 * p0 + q1 * p1 + q2 * p2) / determinant
+        vi = (d0 * r0 + d1 * r1 + d2 * r2) / determinant
+        if not (abs(ui) <= 2.0 and abs(vi) <= 2.0):  # the ray lies in the plane
+            ui, vi = np.float64(u[n]), np.float64(v[n])
+        ui = min(max(ui, 0.0), 1.0)
+        vi = min(max(vi, 0.0), 1.0)
+        if ui + vi > 1.0:
+            ui, vi = ui / (ui + vi), vi / (ui + vi)
+        wi = 1.0 - ui - vi
         P[n, 0] = s.centre[0] + s.scale * (a[0] + ui * e0 + vi * f0)
         P[n, 1] = s.centre[1] + s.scale * (a[1] + ui * e1 + vi * f1)
         P[n, 2] = s.centre[2] + s.scale * (a[2] + ui * e2 + vi * f2)

@@ -87,7 +87,7 @@ class Prepared:
         n = int(hit.sum())
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32),
                     np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.bool_))
-        surface(self.surfaces, triangle[hit], u[hit], v[hit], direction[hit], *hits)
+        surface(self.surfaces, triangle[hit], u[hit], v[hit], origin[hit], direction[hit], *hits)
         return hit, hits
 
     def direct(self, hits: Hits, direction: NDArray, check: Callable[[], None]) -> tuple[NDArray, NDArray]:

@@ -90,9 +90,12 @@ class Service:
 
     def _render(self, number: Any, message: dict[str, Any]) -> None:
         from . import film, render, snapshot
+        from .scene import SceneError
 
         scene = snapshot.read(self._path(message, "snapshot"))
         passes = message.get("passes", ["Combined"])
+        if not isinstance(passes, list) or not all(isinstance(name, str) for name in passes):
+            raise SceneError("passes must be a list of names")
         frame = film.Framebuffer.create(scene, passes, self._path(message, "framebuffer"))
         self._send(event="started", id=number, width=frame.width, height=frame.height, passes=frame.channels)
         done = render.render(
@@ -122,12 +125,14 @@ class Service:
             for line in self._commands:
                 try:
                     message = json.loads(line)
-                    command = message["command"]
-                except (ValueError, TypeError, KeyError, RecursionError):
+                    command, number = message["command"], message.get("id")
+                    if not isinstance(number, int | str | None):
+                        raise TypeError
+                except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
                     self._send(event="error", id=None, message=f"not a command: {line.strip()[:80]!r}")
                     continue
                 if command == "cancel":
-                    self._cancelled.add(message.get("id"))
+                    self._cancelled.add(number)
                 else:
                     self._queue.put(message)
         end(self._folder)  # stdin is closed: the parent is gone
@@ -160,7 +165,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: end(folder))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the group; the parent decides
     try:
-        Service(sys.stdin, events, folder).run()
+        Service(sys.stdin.buffer, events, folder).run()
     finally:
         end(folder)
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import sys
+import tokenize
 from pathlib import Path
 from typing import Any
 
@@ -169,7 +171,7 @@ def _read_array(folder: Path, name: str, dtype: str, tail: tuple[int, ...]) -> n
         return np.asarray(np.load(path, mmap_mode="c" if size else None, allow_pickle=False))
     except SceneError:
         raise
-    except (OSError, ValueError, EOFError, OverflowError) as e:
+    except (OSError, ValueError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as e:
         raise SceneError(f"{path.name} in the snapshot cannot be read: {e}") from e
 
 
@@ -259,7 +261,7 @@ def _value(where: str, name: str, sample: Any, value: Any) -> Any:
     elif isinstance(sample, int):
         if isinstance(value, int) or (isinstance(value, float) and value.is_integer()):
             return int(value)
-    elif isinstance(value, int | float) and math.isfinite(value):
+    elif isinstance(value, int | float) and abs(value) <= sys.float_info.max:
         return float(value)
     kind = {bool: "true or false", str: "text", int: "a whole number"}.get(type(sample), "a finite number")
     raise SceneError(f"{where}: {name} is {value!r}; it must be {kind}")

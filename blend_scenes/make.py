@@ -1,0 +1,16 @@
+"""Make every .blend of this folder: `python blend_scenes/make.py`.
+
+Needs bpy and the add-on of this project. Made with bpy 4.2, so that every supported Blender can open them.
+"""
+
+import sys
+
+import desk
+import lights
+import tabletop
+
+if __name__ == "__main__":
+    chosen = sys.argv[1:]
+    for scene in (tabletop, lights, desk):
+        if not chosen or scene.__name__ in chosen:
+            scene.make()

@@ -1,0 +1,145 @@
+"""What the scene scripts share: a clean file, meshes, materials, lights, a camera, and saving."""
+
+import shutil
+import tempfile
+from itertools import pairwise
+from math import cos, pi, sin
+from pathlib import Path
+
+import bpy
+import light_meshes_addon
+from mathutils import Vector
+
+HERE = Path(__file__).parent
+
+
+def clean_scene(width, height, **light_meshes):
+    """An empty scene that renders with Light Meshes; `light_meshes` are its settings."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    if not hasattr(bpy.types.Scene, "light_meshes"):
+        light_meshes_addon.register()
+    scene = bpy.context.scene
+    scene.render.engine = 'LIGHT_MESHES'
+    scene.render.resolution_x, scene.render.resolution_y = width, height
+    scene.view_settings.view_transform = 'Standard'
+    for name, value in light_meshes.items():
+        setattr(scene.light_meshes, name, value)
+    return scene
+
+
+def world(color, strength=1.0):
+    made = bpy.data.worlds.new("World")
+    made.use_nodes = True
+    background = made.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value = (*color, 1)
+    background.inputs["Strength"].default_value = strength
+    bpy.context.scene.world = made
+
+
+def add(name, data, location=(0, 0, 0), rotation=(0, 0, 0), scale=(1, 1, 1)):
+    made = bpy.data.objects.new(name, data)
+    made.location, made.rotation_euler, made.scale = location, rotation, scale
+    bpy.context.scene.collection.objects.link(made)
+    return made
+
+
+def mesh(name, vertices, faces, material=None, smooth=False):
+    made = bpy.data.meshes.new(name)
+    made.from_pydata(vertices, [], faces)
+    made.polygons.foreach_set("use_smooth", [smooth] * len(made.polygons))
+    if material:
+        made.materials.append(material)
+    made.validate()
+    made.update()
+    return made
+
+
+def box(name, low, high, material=None):
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    vertices = [(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (z0, z1)]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return mesh(name, vertices, faces, material)
+
+
+def lathe(name, profile, sides, material=None, smooth=True):
+    """The (radius, z) points of `profile` turned around z; ends on the axis are closed.
+
+    With smooth="sides", level rings such as a cylinder's ends stay flat, with a sharp edge.
+    """
+    vertices, rings = [], []
+    for radius, z in profile:
+        if radius == 0:
+            rings.append([len(vertices)] * sides)
+            vertices.append((0, 0, z))
+        else:
+            rings.append(list(range(len(vertices), len(vertices) + sides)))
+            vertices += [(radius * cos(2 * pi * k / sides), radius * sin(2 * pi * k / sides), z) for k in range(sides)]
+    faces = []
+    for low, high in pairwise(rings):
+        for k in range(sides):
+            corners = (low[k], low[(k + 1) % sides], high[(k + 1) % sides], high[k])
+            faces.append(tuple(dict.fromkeys(corners)))
+    made = mesh(name, vertices, faces, material, bool(smooth))
+    if smooth == "sides":
+        made.polygons.foreach_set("use_smooth", [abs(face.normal.z) < 0.999 for face in made.polygons])
+        made.update()
+    return made
+
+
+def principled(name, color=(0.8, 0.8, 0.8), **inputs):
+    """A Principled material; keywords are its inputs, with _ for a space."""
+    made = bpy.data.materials.new(name)
+    made.use_nodes = True
+    shader = made.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (*color, 1)
+    for key, value in inputs.items():
+        shader.inputs[key.replace("_", " ")].default_value = value
+    return made
+
+
+def diffuse(name, color):
+    made = bpy.data.materials.new(name)
+    made.use_nodes = True
+    nodes = made.node_tree.nodes
+    nodes.remove(nodes["Principled BSDF"])
+    shader = nodes.new('ShaderNodeBsdfDiffuse')
+    shader.inputs["Color"].default_value = (*color, 1)
+    made.node_tree.links.new(shader.outputs[0], nodes["Material Output"].inputs["Surface"])
+    return made
+
+
+def light(name, kind, energy, location=(0, 0, 0), target=None, color=(1, 1, 1), **values):
+    """A light; spots, areas and suns look at `target`."""
+    data = bpy.data.lights.new(name, kind)
+    data.energy, data.color = energy, color
+    for key, value in values.items():
+        setattr(data, key, value)
+    made = add(name, data, location)
+    if target is not None:
+        made.rotation_euler = towards(location, target)
+    return made
+
+
+def camera(location, target, angle):
+    data = bpy.data.cameras.new("Camera")
+    data.angle = angle
+    bpy.context.scene.camera = add("Camera", data, location, towards(location, target))
+
+
+def towards(location, target):
+    """Euler angles of an object that looks along its −z, y up."""
+    return (Vector(target) - Vector(location)).to_track_quat('-Z', 'Y').to_euler()
+
+
+def save(name):
+    """Write blend_scenes/NAME.blend, without the maker's folders, which a .blend keeps in several places."""
+    bpy.context.scene.render.filepath = "//"
+    for screen in bpy.data.screens:
+        for space in (space for area in screen.areas for space in area.spaces if space.type == 'FILE_BROWSER'):
+            if space.params:
+                space.params.directory = b"//"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.blend"
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
+        shutil.move(path, HERE / path.name)
+    print(f"{name}.blend: {(HERE / path.name).stat().st_size / 1000:.0f} kB")
