@@ -20,7 +20,8 @@ def radiance(ready: Prepared, box: tuple[int, int, int, int], check: Callable[[]
     """All passes of the tile `box` (x0, y0, x1, y1): (height, width, channels)."""
     scene = ready.scene
     with ready.stats.stage("camera rays"):
-        origin, direction, reach = camera_rays(scene.camera, box, ready.offsets)
+        origin, direction, far = camera_rays(scene.camera, box, ready.offsets)
+    reach: NDArray | None = far
     n = len(origin)
     film = {"Combined": np.zeros((n, 4)), "Depth": np.full((n, 1), NO_DEPTH), "Normal": np.zeros((n, 3)),
             "Shadow": np.zeros((n, 3))}

@@ -206,7 +206,8 @@ def _settled(rows, need, known):
 class NodeStore:
     """Node values v(i,x): bits where the scene is opaque, else `channels` (1 or 3) float32 a light.
 
-    Each is computed once, when first needed. Threads share it: one that needs a value which another is computing waits for it.
+    Each is computed once, when first needed. Threads share it: one that needs a value which another is computing
+    waits for it.
     """
 
     def __init__(self, lights: int, channels: int = 0) -> None:

@@ -53,10 +53,11 @@ class Prepared:
             return Unshadowed(scene.lights)
         needed = scene.lights, self.lights.targets(), self.tracer, self.stats
         through = self.glass.factor, self.plan.channels, None
+        sharp = SharpThrough(*needed, *through) if self.plan.channels else Sharp(*needed)
         if self.plan.shadows == "SHARP":
-            return SharpThrough(*needed, *through) if self.plan.channels else Sharp(*needed)
+            return sharp
         if self.plan.shadows == "AREA_SAMPLING":
-            return AreaSampling(*needed, s.light_samples, s.seed)
+            return AreaSampling(*needed, sharp, s.light_samples, s.seed)
         nodes = lattice(s.h, s.kI, s.lattice_rotation, s.lattice_origin)
         if self.plan.channels:
             return SemitransparentMeshes(*needed, nodes, s.uniform_skip, *through, s.glass == "BOUNDED",

@@ -44,9 +44,7 @@ class Straight:
         _set_one(active & ~self._casting, self.count, S)
         for row, light in blocks(active & self._casting, self.count):
             check()
-            through = self._tracer.transmittance(P, row, self._targets, light, N, False, self._factor,
-                                                 unbent=self._paths is not None)
-            S[row, light] = through[:, :self.channels]
+            S[row, light] = self.segments(P, row, self._targets, light, N)
             self._stats.add(**{"shadow_rays" if N is not None else "long_rays": len(row)})
         if self._paths is not None:
             for i in range(self.count):
@@ -57,6 +55,12 @@ class Straight:
                     _add_paths(wanted, start, alpha, i, S)
                     self._stats.add(refracted_paths=len(alpha))
         return S
+
+    def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray,
+                 N: NDArray | None) -> NDArray[np.float32]:
+        """Π t (n,C) of straight segments from P[row] to targets[target]."""
+        return self._tracer.transmittance(P, row, targets, target, N, False, self._factor,
+                                          unbent=self._paths is not None)[:, :self.channels]
 
 
 class SharpThrough(Straight):

@@ -50,14 +50,15 @@ class Tracer:
         self._embree: dict[str, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
         owner = scene.geometry.instance_object[surfaces.instance]
         built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
-        kinds = {
-            "camera": ("camera", np.True_), "reflection": ("reflection", np.True_), "shadow": ("shadow", np.True_),
+        every = np.ones(len(owner), np.bool_)
+        kinds: dict[str, tuple[str, NDArray[np.bool_]]] = {
+            "camera": ("camera", every), "reflection": ("reflection", every), "shadow": ("shadow", every),
             "opaque": ("shadow", ~glass), "glass": ("shadow", glass),
             "stops": ("shadow", ~glass | bending), "sheets": ("shadow", glass & ~bending),
         }
         for kind, (looks, part) in kinds.items():
             flags = np.array([getattr(o, f"visible_{looks}") for o in scene.objects], np.bool_)
-            seen = (flags[owner] if len(owner) else np.zeros(0, np.bool_)) & part
+            seen = flags[owner] & part if len(owner) else part
             key = seen.tobytes()
             if key not in built:
                 built[key] = _build(surfaces, seen)

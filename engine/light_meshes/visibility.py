@@ -7,6 +7,7 @@ side, and active (n,W) uint64: bit i of a receiver says that ξ_i·Ω_i ≠ 0. S
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from .lattice import Lattice, NodeStore, candidates
 from .scene import Light
 from .statistics import Statistics
 from .tracing import Targets, Tracer, points
+
+if TYPE_CHECKING:
+    from .semitransparent import SharpThrough
 
 Check = Callable[[], None]  # raises where the render was cancelled
 CANDIDATES = 1 << 20  # about so many candidates are held at once
@@ -91,10 +95,14 @@ class Sharp:
         with self._stats.stage("sharp shadows"):
             for row, light in blocks(active & self._casting, self.count):
                 check()
-                blocked = self._tracer.occluded(P, row, self._targets, light, N, closed=False)
-                S[row, light] = ~blocked
+                S[row, light] = self.segments(P, row, self._targets, light, N)
                 self._stats.add(shadow_rays=len(row))
         return S
+
+
+    def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray) -> NDArray:
+        """1 for each clear segment (n,) from P[row] to targets[target], else 0."""
+        return ~self._tracer.occluded(P, row, targets, target, N, closed=False)
 
 
 class LightMeshes:
@@ -293,10 +301,11 @@ class AreaSampling:
     """
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 samples: int, seed: int) -> None:
+                 sharp: Sharp | SharpThrough, samples: int, seed: int) -> None:
+        """sharp: V(P) of lights without a size, and of the segments to each sample."""
         self.count, self._targets, self._tracer, self._stats = len(lights), targets, tracer, stats
         self._samples, self._seed = samples, seed
-        self._sharp = Sharp(lights, targets, tracer, stats)
+        self._sharp = sharp
         self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
         rectangle = [light.type == "AREA" and not light.area_ellipse for light in lights]
         self._rectangle = np.array(rectangle, np.bool_)
@@ -311,7 +320,7 @@ class AreaSampling:
         S = self._sharp(P, N, active & ~self._soft, check)
         with self._stats.stage("area sampling"):
             for row, light in blocks(active & self._soft, self.count):
-                clear = np.zeros(len(row), np.int32)
+                clear = np.zeros((len(row), *S.shape[2:]))
                 target = np.empty((len(row), 3))
                 directional = self._targets.directional[light]
                 order = np.arange(len(row), dtype=np.int32)
@@ -319,7 +328,7 @@ class AreaSampling:
                     check()
                     _sample(s, self._samples, self._seed, P, row, self._targets, light, self._free, self._rectangle,
                             self._size, self._u, self._v, target)
-                    clear += ~self._tracer.occluded(P, row, Targets(target, directional), order, N, closed=False)
+                    clear += self._sharp.segments(P, row, Targets(target, directional), order, N)
                 S[row, light] = (clear / self._samples).astype(np.float32)
                 self._stats.add(shadow_rays=len(row) * self._samples)
         return S
