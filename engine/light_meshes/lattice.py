@@ -211,7 +211,8 @@ class NodeStore:
     """
 
     def __init__(self, lights: int, channels: int = 0) -> None:
-        self._width, self._kind = (lights * channels, np.float32) if channels else ((lights + 63) // 64, np.uint64)
+        self._width = lights * channels if channels else (lights + 63) // 64
+        self._kind: type = np.float32 if channels else np.uint64
         self.words = (lights + 63) // 64
         self.count = 0
         self._ready = threading.Condition()
