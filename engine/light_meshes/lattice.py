@@ -255,7 +255,7 @@ class NodeStore:
                 self._table, self._keys, self.count, nodes, need, self._known, self._pending, rows, todo)
         try:
             wanted = todo.any(1)
-            found = np.zeros((len(nodes), self._width), self._kind)
+            found: NDArray = np.zeros((len(nodes), self._width), self._kind)
             if wanted.any():
                 found[wanted] = evaluate(nodes[wanted], todo[wanted])
         except BaseException:
