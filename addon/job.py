@@ -15,7 +15,7 @@ SHOW_SECONDS = 0.5  # how often new tiles are shown
 CONFIRM_SECONDS = 0.1  # how long a cancelled render has to end before Blender goes on without it
 
 
-class Cancelled(Exception):
+class Cancelled(Exception):  # noqa: N818  no error: it is what the artist wants
     """The artist pressed ESC."""
 
 
@@ -40,22 +40,16 @@ class Job:
             self.engine.report({'WARNING'}, sentence)
             observers.notify(event="warning", message=sentence)
 
-    def start_engine(self) -> None:
-        """Have an engine that is ready, and a folder of our own in the one shared with it."""
-        self._say("Starting the engine")
-        self._session = session.current()
-        while not self._session.folder:
-            self._poll()
-        self._folder = self._session.new_folder()
-
-    def export(self, h: float | None) -> None:
+    def export(self, h: float | None, folder: Path | None = None) -> None:
         """Write the snapshot of the current frame, with step `h`; None: as the scene says."""
+        if not folder:
+            # Never over an older one, which the engine may have mapped.
+            self._snapshots += 1
+            folder = self._shared_folder() / f"scene-{self._snapshots}"
         self._say("Exporting the scene")
-        # Never over an older one, which the engine may have mapped.
-        self._snapshots += 1
-        self._snapshot = self._folder / f"scene-{self._snapshots}"
+        self._snapshot = folder
         overrides = {} if h is None else {"auto_h": False, "h": h}
-        report = export(self.engine, self.depsgraph, self._snapshot, self.check, **overrides)
+        report = export(self.engine, self.depsgraph, folder, self.check, **overrides)
         self._warnings.update(dict.fromkeys(report.sentences))
 
     def measure(self) -> float:
@@ -101,6 +95,16 @@ class Job:
             self._asked = now
             if self.engine.test_break():
                 raise Cancelled
+
+    def _shared_folder(self) -> Path:
+        """A folder of our own in the one shared with the engine, which is started if need be."""
+        if not self._folder:
+            self._say("Starting the engine")
+            self._session = session.current()
+            while not self._session.folder:
+                self._poll()
+            self._folder = self._session.new_folder()
+        return self._folder
 
     def _carry_out(self, on_event, command: str, **arguments) -> dict:
         """Send a command and see it through; its last event."""

@@ -134,7 +134,11 @@ class LightMeshesMaterial(bpy.types.PropertyGroup):
     }
 
 
-_GROUPS = {bpy.types.Scene: LightMeshesScene, bpy.types.Light: LightMeshesLight, bpy.types.Material: LightMeshesMaterial}
+_GROUPS = {
+    bpy.types.Scene: LightMeshesScene,
+    bpy.types.Light: LightMeshesLight,
+    bpy.types.Material: LightMeshesMaterial,
+}
 
 
 def register() -> None:

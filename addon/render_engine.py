@@ -1,6 +1,8 @@
 """The render engine that Blender sees."""
 
 import traceback
+from pathlib import Path
+from typing import ClassVar
 
 import bpy
 
@@ -17,6 +19,8 @@ class LightMeshesEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
 
+    export_to: ClassVar[Path | None] = None  # export there and render nothing, as the headless driver may want
+
     def update_render_passes(self, scene=None, renderlayer=None):
         for p in passes.wanted(renderlayer):
             self.register_pass(scene, renderlayer, p.name, p.channels, p.channel_ids, p.kind)
@@ -24,9 +28,10 @@ class LightMeshesEngine(bpy.types.RenderEngine):
     def render(self, depsgraph):
         try:
             with Job(self, depsgraph) as job:
-                job.start_engine()
-                job.export(step.for_frame(job))
-                job.render()
+                h = step.for_frame(job)
+                job.export(h, self.export_to)
+                if not self.export_to:
+                    job.render()
         except Cancelled:
             pass  # what is done stays in sight
         except (ExportError, session.EngineError) as e:

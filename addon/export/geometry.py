@@ -145,7 +145,7 @@ class Geometry:
         if name is None:
             return None
         layers = mesh.uv_layers
-        layer = layers.get(name) if name else next((l for l in layers if l.active_render), None)
+        layer = layers.get(name) if name else next((a for a in layers if a.active_render), None)
         if layer is None:
             wanted = f"no UV map '{name}'" if name else "no UV map"
             self._report.warn(f"Object '{ob.name}' has {wanted}; its image texture shows a single point of the image")

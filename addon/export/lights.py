@@ -95,11 +95,6 @@ def _area(lamp, lengths, x, y, report):
     ellipse = lamp.shape in {'DISK', 'ELLIPSE'}
     if not _normalized(lamp):
         factor *= size_x * size_y * (math.pi / 4 if ellipse else 1)
-    half = lamp.spread / 2
-    if half < math.pi / 2 - 1e-4:
-        # Narrowed, the same flux is denser: ∫ cos x·(1 − tan x/tan a)·sin x dx from 0 to a, against the full ½.
-        tangent = math.tan(half)
-        factor *= tangent / (tangent - half) if half > 0.05 else 3 / half**2 if half > 0 else 0.0
     return factor, {
         "spread": lamp.spread,
         "area_u": (x * size_x / 2).tolist(),

@@ -43,7 +43,7 @@ class Nodes:
             if node.bl_idname == 'NodeReroute':
                 socket = node.inputs[0]
             elif node.mute:
-                through = [l.from_socket for l in node.internal_links if l.to_socket == link.from_socket]
+                through = [inner.from_socket for inner in node.internal_links if inner.to_socket == link.from_socket]
                 socket = through[0] if through else None
             else:
                 return link

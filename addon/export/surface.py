@@ -57,7 +57,9 @@ class Surface:
         a, b = self, other
         shine_a, shine_b = mine * max(a.specular), others * max(b.specular)
         # Of two colours, each counts as much as it is seen: in diffuse, else in ambient light.
-        seen_a, seen_b = (mine * a.kd, others * b.kd) if mine * a.kd + others * b.kd > 0 else (mine * a.ka, others * b.ka)
+        seen_a, seen_b = mine * a.kd, others * b.kd
+        if seen_a + seen_b == 0:
+            seen_a, seen_b = mine * a.ka, others * b.ka
         imaged = a if a.image else b
         return Surface(
             color=_weighted(a.color, b.color, seen_a, seen_b),

@@ -1,0 +1,275 @@
+"""Render a .blend without a window, as the command line `light-meshes` has it done.
+
+    python -m light_meshes_addon.headless render FILE.blend -o OUT.png|.exr [-f 1,3..8] [--set key=value]…
+    blender -b -P addon/headless.py -- snapshot FILE.blend -o FOLDER [-f N] [--set key=value]…
+
+What a program wants to know is printed on lines "@light-meshes " + JSON: the events progress, wrote, warning,
+statistics and error. Exit codes: 0 done, 1 failed, 2 bad usage.
+"""
+
+import argparse
+import importlib
+import importlib.util
+import json
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+MARK = "@light-meshes "
+RENDER_KEYS = ("resolution", "resolution_percentage")
+
+
+class UsageError(Exception):
+    """The command makes no sense; exit code 2."""
+
+
+class FailedError(Exception):
+    """The command could not be carried out; exit code 1."""
+
+
+def say(**event) -> None:
+    """Tell the program that started us."""
+    print(MARK + json.dumps(event), flush=True)
+
+
+def main(arguments: list[str]) -> int:
+    """Carry a command out; the exit code."""
+    try:
+        options = _parse(arguments)
+        _disable_others()
+        addon = sys.modules[__package__]
+        addon.register()
+        try:
+            _open(options.file)
+            _set(options.set)
+            {"render": _render, "snapshot": _snapshot}[options.command](options)
+        finally:
+            addon.unregister()
+    except UsageError as e:
+        say(event="error", message=str(e))
+        return 2
+    except FailedError as e:
+        say(event="error", message=str(e))
+        return 1
+    return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        raise UsageError(message)
+
+
+def _parse(arguments: list[str]):
+    parser = _Parser(prog="headless")
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name in ("render", "snapshot"):
+        command = commands.add_parser(name)
+        command.add_argument("file", type=Path)
+        command.add_argument("-o", "--output", type=Path, required=True)
+        command.add_argument("-f", "--frames", type=frames_of, default=[])
+        command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    options = parser.parse_args(arguments)
+    if options.command == "render" and options.output.suffix.lower() not in {".png", ".exr"}:
+        raise UsageError(f"{options.output.name}: pictures are written as .png or .exr")
+    if options.command == "snapshot" and len(options.frames) > 1:
+        raise UsageError("a snapshot is of one frame")
+    return options
+
+
+def frames_of(text: str) -> list[int]:
+    """'1,3..8' → frame numbers."""
+    frames = []
+    for part in text.split(","):
+        match = re.fullmatch(r"(-?\d+)(?:\.\.(-?\d+))?", part.strip())
+        if not match:
+            raise UsageError(f"'{part}' is no frame: give numbers and ranges, such as 1,3..8")
+        first, last = int(match[1]), int(match[2] or match[1])
+        frames += range(first, last + 1)
+    if not frames:
+        raise UsageError(f"'{text}' holds no frame: ranges go upwards, such as 3..8")
+    return frames
+
+
+def path_of(output: Path, frame: int, several: bool) -> Path:
+    """Where the picture of `frame` goes: #s are its number; else, of several, it comes before the suffix."""
+    match = re.search(r"#+", output.name)
+    if match:
+        return output.with_name(output.name[:match.start()] + f"{frame:0{len(match[0])}d}" + output.name[match.end():])
+    return output.with_name(f"{output.stem}_{frame:04d}{output.suffix}") if several else output
+
+
+def _disable_others() -> None:
+    """Of two copies of the add-on, the engine's name belongs to this one, whatever the user has enabled."""
+    import addon_utils
+    import bpy
+
+    for name in list(bpy.context.preferences.addons.keys()):
+        if name.split(".")[-1] == "light_meshes" and name != __package__:
+            addon_utils.disable(name)
+
+
+def _open(file: Path) -> None:
+    import bpy
+
+    if not file.is_file():
+        raise FailedError(f"{file} does not exist")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(file.resolve()))
+    except RuntimeError as e:
+        raise FailedError(f"{file} cannot be opened: {_reason(e)}") from e
+    if not bpy.data.scenes or Path(bpy.data.filepath).resolve() != file.resolve():
+        raise FailedError(f"{file} cannot be opened: it is no .blend file that this Blender reads")
+    bpy.context.scene.render.engine = 'LIGHT_MESHES'
+
+
+def _set(changes: list[str]) -> None:
+    import bpy
+
+    scene = bpy.context.scene
+    own = {p.identifier: p for p in scene.light_meshes.bl_rna.properties if p.identifier not in {"rna_type", "name"}}
+    for change in changes:
+        key, equals, text = change.partition("=")
+        if not equals or key not in {*own, *RENDER_KEYS}:
+            raise UsageError(f"there is no setting '{key}'; there are: {', '.join([*own, *RENDER_KEYS])} "
+                             "(given as key=value)")
+        if key == "resolution":
+            match = re.fullmatch(r"(\d+)[x×](\d+)", text)
+            if not match or not all(4 <= int(n) <= 65536 for n in match.groups()):
+                raise _bad(key, text, "such as 1920x1080")
+            scene.render.resolution_x, scene.render.resolution_y = int(match[1]), int(match[2])
+        elif key == "resolution_percentage":
+            scene.render.resolution_percentage = _number(key, text, int, 1, 32767)
+        else:
+            setattr(scene.light_meshes, key, _value(own[key], text))
+            if key == "h" and not any(c.startswith("auto_h=") for c in changes):
+                scene.light_meshes.auto_h = False  # whoever gives a step means it
+
+
+def _value(prop, text: str):
+    """`text` as a value of property `prop`."""
+    if prop.type == 'BOOLEAN':
+        values = {"true": True, "1": True, "on": True, "false": False, "0": False, "off": False}
+        if text.lower() not in values:
+            raise _bad(prop.identifier, text, "true or false")
+        return values[text.lower()]
+    if prop.type == 'ENUM':
+        if text.upper() not in prop.enum_items:
+            raise _bad(prop.identifier, text, f"one of {', '.join(prop.enum_items.keys())}")
+        return text.upper()
+    return _number(prop.identifier, text, int if prop.type == 'INT' else float, prop.hard_min, prop.hard_max)
+
+
+def _number(key: str, text: str, kind: type, low, high):
+    try:
+        value = kind(text)
+    except ValueError:
+        value = None
+    if value is None or not low <= value <= high:
+        what = "a whole number" if kind is int else "a number"
+        raise _bad(key, text, f"{what} of {low:g} or more" if high > 1e9 else f"{what} from {low:g} to {high:g}")
+    return value
+
+
+def _bad(key: str, text: str, needed: str) -> UsageError:
+    return UsageError(f"{key} cannot be '{text}': it must be {needed}")
+
+
+def _render(options) -> None:
+    import bpy
+
+    scene = bpy.context.scene
+    frames = options.frames or [scene.frame_current]
+    file_format = 'PNG' if options.output.suffix.lower() == ".png" else 'OPEN_EXR'
+    image = scene.render.image_settings
+    if not image.file_format.startswith(file_format):  # an EXR of several layers stays one
+        if hasattr(image, "media_type"):
+            image.media_type = 'IMAGE'  # 5.0+
+        image.file_format = file_format
+    # Blender would append a suffix of its own choice, and read #s in a folder's name as the frame's number.
+    scene.render.use_file_extension = False
+    for frame in frames:
+        path = path_of(options.output, frame, len(frames) > 1).resolve()
+        if not path.parent.is_dir():
+            raise FailedError(f"the folder {path.parent} does not exist")
+        before = path.stat().st_mtime_ns if path.exists() else None
+        scene.frame_set(frame)
+        scene.render.filepath = str(path)
+        _run(write_still=True)
+        if not path.exists() or path.stat().st_mtime_ns == before:
+            raise FailedError(f"{path} has not been written: is there room, and permission?")
+        say(event="wrote", frame=frame, path=str(path))
+
+
+def _snapshot(options) -> None:
+    import bpy
+
+    from .render_engine import LightMeshesEngine
+
+    # Through a render, because only a render sees the objects and modifiers that are meant for it.
+    for frame in options.frames:
+        bpy.context.scene.frame_set(frame)
+    LightMeshesEngine.export_to = options.output.resolve()
+    try:
+        _run()
+    finally:
+        LightMeshesEngine.export_to = None
+    if not (options.output / "scene.json").is_file():
+        raise FailedError(f"{options.output} has not been written: is there room, and permission?")
+    say(event="wrote", frame=bpy.context.scene.frame_current, path=str(options.output.resolve()))
+
+
+def _run(**arguments) -> None:
+    """Blender's render operator, with what it says on the way passed on."""
+    import bpy
+
+    from .observers import observers
+
+    errors = []
+    observers.append(lambda event: errors.append(event["message"]) if event["event"] == "error" else say(**event))
+    try:
+        bpy.ops.render.render(**arguments)
+    except RuntimeError as e:
+        raise FailedError(errors[0] if errors else _reason(e)) from e
+    finally:
+        observers.pop()
+    if errors:
+        raise FailedError(errors[0])
+
+
+def _reason(error: RuntimeError) -> str:
+    """Blender's own sentence in an operator's error."""
+    return str(error).strip().removeprefix("Error: ").splitlines()[0]
+
+
+def _this_package() -> str:
+    """Import the folder of this script as a package: `blender -P` runs it as a lone file."""
+    here = Path(__file__).resolve().parent
+    name = "light_meshes_addon"
+    spec = importlib.util.spec_from_file_location(name, here / "__init__.py", submodule_search_locations=[str(here)])
+    sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(sys.modules[name])
+    return name
+
+
+def _leave(code: int) -> NoReturn:
+    """End the process with `code`."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    bpy = sys.modules.get("bpy")
+    if bpy and not bpy.app.binary_path:
+        # bpy as a Python module: 4.2 may crash and 4.5 may hang at exit once an add-on's engine has rendered.
+        session_folder = Path(bpy.app.tempdir)
+        if session_folder.name.startswith("blender_"):
+            shutil.rmtree(session_folder, ignore_errors=True)
+        os._exit(code)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    if __package__:
+        _leave(main(sys.argv[1:]))
+    driver = importlib.import_module(f"{_this_package()}.headless")
+    _leave(driver.main(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []))

@@ -1,0 +1,105 @@
+"""The command `light-meshes` on snapshots: pictures, exit codes, one sentence on stderr."""
+
+import subprocess
+import sys
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from light_meshes import snapshot
+from light_meshes.render import render_image
+from scenes import tabletop, with_settings
+
+
+def run(*arguments):
+    return subprocess.run([sys.executable, "-m", "light_meshes.cli", *map(str, arguments)], capture_output=True,
+                          text=True, timeout=120)
+
+
+def read(path):
+    """(pixels bottom-up, channel names)."""
+    file = oiio.ImageInput.open(str(path))
+    pixels = file.read_image(oiio.FLOAT)
+    return pixels[::-1], list(file.spec().channelnames)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    snapshot.write(tabletop(40), tmp_path / "scene")
+    return tmp_path
+
+
+def test_an_exr_has_the_linear_picture_and_all_passes(folder):
+    done = run("render", folder / "scene", "-o", folder / "out.exr")
+    assert done.returncode == 0 and done.stderr == ""
+    pixels, names = read(folder / "out.exr")
+    expected = render_image(tabletop(40), ("Combined", "Depth", "Normal", "Shadow")).passes
+    np.testing.assert_array_equal(pixels[..., [names.index(c) for c in "RGBA"]], expected["Combined"])
+    np.testing.assert_array_equal(pixels[..., names.index("Depth.Z")], expected["Depth"][..., 0])
+    np.testing.assert_array_equal(pixels[..., names.index("Normal.X")], expected["Normal"][..., 0])
+
+
+def test_a_png_is_srgb(folder):
+    assert run("render", folder / "scene", "-o", folder / "out.png").returncode == 0
+    pixels, _ = read(folder / "out.png")
+    x = np.clip(render_image(tabletop(40)).passes["Combined"][..., :3], 0, 1)
+    expected = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+    np.testing.assert_allclose(pixels[..., :3], expected, atol=0.51 / 255)
+
+
+def test_settings_are_changed_by_set(folder):
+    done = run("render", folder / "scene", "-o", folder / "out.exr", "--set", "shadows=SHARP", "--set", "samples=4",
+               "--set", "filter_size=1.5")
+    assert done.returncode == 0
+    expected = render_image(with_settings(tabletop(40), shadows="SHARP", samples=4, filter_size=1.5))
+    np.testing.assert_array_equal(read(folder / "out.exr")[0][..., :4], expected.passes["Combined"])
+
+
+def test_inspect_says_what_the_scene_holds_and_what_is_planned(folder):
+    done = run("inspect", folder / "scene")
+    assert done.returncode == 0
+    for word in ("triangles", "408", "light", "0.05"):
+        assert word in done.stdout
+
+
+FAILURES = [
+    (["render", "{f}/nowhere", "-o", "{f}/o.png"], 1, "does not exist"),
+    (["render", "{f}", "-o", "{f}/o.png"], 1, "scene.json"),
+    (["render", "{f}/scene", "-o", "{f}/no/folder.png"], 1, "folder"),
+    (["render", "{f}/scene", "-o", "/proc/out.png"], 1, "out.png"),
+    (["render", "{f}/nowhere.blend", "-o", "{f}/o.png"], 1, "does not exist"),
+    (["render", "{f}/scene", "-o", "{f}/o.jpg"], 2, "png"),
+    (["render", "{f}/scene"], 2, "-o"),
+    (["render"], 2, "FILE"),
+    (["dance"], 2, "dance"),
+    ([], 2, "COMMAND"),
+    (["render", "{f}/scene", "-o", "{f}/o.png", "--set", "kI"], 2, "key=value"),
+    (["render", "{f}/scene", "-o", "{f}/o.png", "--set", "blur=3"], 2, "blur"),
+    (["render", "{f}/scene", "-o", "{f}/o.png", "--set", "kI=99"], 2, "kI"),
+    (["render", "{f}/scene", "-o", "{f}/o.png", "--set", "shadows=FUZZY"], 2, "LIGHT_MESHES"),
+    (["render", "{f}/scene", "-o", "{f}/o.png", "--set", "samples=many"], 2, "samples"),
+    (["render", "{f}/scene", "-o", "{f}/o.png", "-f", "1"], 2, "frame"),
+    (["render", "{f}/scene", "-o", "{f}/o.png", "-f", "one"], 2, "one"),
+    (["inspect", "{f}/nowhere"], 1, "does not exist"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "code", "word"), FAILURES, ids=[" ".join(f[0]) or "nothing" for f in FAILURES])
+def test_failures_have_a_code_and_a_sentence(folder, arguments, code, word):
+    done = run(*(a.replace("{f}", str(folder)) for a in arguments))
+    assert done.returncode == code
+    assert word in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (folder / "o.png").exists()
+
+
+def test_debug_shows_the_traceback(folder):
+    done = run("render", folder / "nowhere", "-o", folder / "o.png", "--debug")
+    assert done.returncode == 1 and "Traceback" in done.stderr
+
+
+def test_warnings_of_the_scene_are_passed_on(folder):
+    from dataclasses import replace
+    snapshot.write(replace(tabletop(8), warnings=("Material 'Jelly': Subsurface is left out",)), folder / "scene")
+    done = run("render", folder / "scene", "-o", folder / "out.png")
+    assert done.returncode == 0 and "Jelly" in done.stderr

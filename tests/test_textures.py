@@ -1,0 +1,91 @@
+"""An image on a surface: where its texels lie, how they are blended, and what colour they stand for."""
+
+from dataclasses import replace
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from light_meshes.render import render_image
+from light_meshes.scene import Image, Material
+from meshes import Part, assemble, look_down, rectangle
+from scenes import settings
+
+# Rows from the top, as a file has them: 3 × 2 texels of distinct colours.
+TEXELS = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255)], [(64, 128, 192), (255, 255, 255), (0, 0, 0)]], np.uint8)
+NAMES = {np.uint8: "picture.png", np.uint16: "deep.png", np.float32: "picture.exr"}
+
+
+def saved(folder, dtype=np.uint8, texels=TEXELS):
+    path = folder / NAMES[dtype]
+    kind, white = {np.uint8: (oiio.UINT8, 255), np.uint16: (oiio.UINT16, 65535), np.float32: (oiio.FLOAT, 1)}[dtype]
+    pixels = (texels / np.float32(255) * white).astype(dtype)
+    spec = oiio.ImageSpec(texels.shape[1], texels.shape[0], texels.shape[2], kind)
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # or the colours would be divided by alpha
+    out = oiio.ImageOutput.create(str(path))
+    assert out.open(str(path), spec) and out.write_image(np.ascontiguousarray(pixels)) and out.close()
+    return path
+
+
+def shown(path, pixels, uv=((0, 0), (1, 1)), **values):
+    """The picture of a square with the image on it, uv from its lower left to its upper right corner."""
+    (u0, v0), (u1, v1) = uv
+    corners = np.array([(u0, v0), (u1, v0), (u1, v1), (u0, v1)], np.float32)
+    sheet = rectangle((-0.5, -0.5), (0.5, 0.5), 0.0)
+    material = Material("picture", Od=(9.0, 9.0, 9.0), kd=0.0, image=0)
+    scene = assemble([Part(sheet, material, "sheet")], look_down(0, 0, 1, pixels), [], settings(),
+                     world_color=(1.0, 1.0, 1.0), images=(Image("picture", str(path), **values),))
+    scene = replace(scene, geometry=replace(scene.geometry, uvs=corners[sheet.triangles]))
+    return render_image(scene)
+
+
+def linear(texels):
+    x = texels / 255
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+
+
+@pytest.mark.parametrize("dtype", NAMES)
+@pytest.mark.parametrize(("colorspace", "meaning"), [("sRGB", linear), ("LINEAR", lambda t: t / 255)])
+def test_texels_lie_where_uv_says_in_the_files_colours(tmp_path, dtype, colorspace, meaning):
+    picture = shown(saved(tmp_path, dtype), 6, colorspace=colorspace, interpolation="CLOSEST").passes["Combined"]
+    expected = np.repeat(np.repeat(meaning(TEXELS)[::-1], 3, axis=0), 2, axis=1)  # bottom-up, 6 × 6
+    np.testing.assert_allclose(picture[..., :3], expected, atol=1e-5)
+
+
+def test_between_texels_the_linear_colours_are_blended(tmp_path):
+    picture = shown(saved(tmp_path), 60, uv=((1 / 6, 0.25), (5 / 6, 0.75))).passes["Combined"][..., :3]
+    x = (np.arange(60) + 0.5) / 60 * 2  # in texels from the middle of the first
+    y = (np.arange(60) + 0.5) / 60
+    left = np.minimum(x.astype(int), 1)
+    rows = linear(TEXELS)[::-1]
+    along = rows[:, left] * (1 - (x - left))[:, None] + rows[:, left + 1] * (x - left)[:, None]
+    expected = along[0] * (1 - y)[:, None, None] + along[1] * y[:, None, None]
+    np.testing.assert_allclose(picture, expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(("extension", "columns"), [("REPEAT", [0, 1, 2, 0, 1, 2, 0, 1, 2]),
+                                                    ("MIRROR", [2, 1, 0, 0, 1, 2, 2, 1, 0]),
+                                                    ("EXTEND", [0, 0, 0, 0, 1, 2, 2, 2, 2]),
+                                                    ("CLIP", [-1, -1, -1, 0, 1, 2, -1, -1, -1])])
+def test_beyond_the_image(tmp_path, extension, columns):
+    picture = shown(saved(tmp_path), 9, uv=((-1, 0.5), (2, 1)), interpolation="CLOSEST",
+                    extension=extension).passes["Combined"][..., :3]
+    top = np.vstack([linear(TEXELS)[0], np.zeros((1, 3))])
+    np.testing.assert_allclose(picture, np.broadcast_to(top[columns], (9, 9, 3)), atol=1e-5)
+
+
+@pytest.mark.parametrize("channels", [1, 4])
+def test_grey_images_and_images_with_alpha(tmp_path, channels):
+    texels = TEXELS[..., :1] if channels == 1 else np.concatenate([TEXELS, TEXELS[..., :1] // 2 + 9], 2)
+    picture = shown(saved(tmp_path, texels=texels), 6, interpolation="CLOSEST").passes["Combined"][..., :3]
+    colours = np.repeat(texels, 3, 2) if channels == 1 else TEXELS  # as painted, not multiplied by alpha
+    np.testing.assert_allclose(picture, np.repeat(np.repeat(linear(colours)[::-1], 3, 0), 2, 1), atol=1e-5)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no picture", b"\x89PNG\r\n\x1a\n broken"])
+def test_an_image_that_cannot_be_read_is_named_and_the_plain_colour_stays(tmp_path, content):
+    path = tmp_path / "lost.png"
+    if content is not None:
+        path.write_bytes(content)
+    result = shown(path, 4)
+    assert any("picture" in w and "lost.png" in w for w in result.warnings)
+    assert (result.passes["Combined"][..., :3] == 9).all()
