@@ -39,7 +39,6 @@ class Glass:
         self._ior = np.array([x.ior for x in m], np.float64)
         self._priority = np.array([x.priority for x in m], np.int32)
         self._fresnel = np.array([x.fresnel for x in m], np.bool_)
-        self._reflects = scene.settings.mode == "WHITTED"
         material = surfaces.materials[surfaces.source]
         cut = (self._alpha < 1) | (self._image >= 0)
         passes = cut | (self._kt > 0).any(1)
@@ -82,7 +81,7 @@ class Glass:
         face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
                     np.empty((n, 3)), rays["media"].copy())
         _interface(hits, rays["direction"], self.bending, self._ior, self._priority, self._fresnel, self._kt,
-                   self._mirror, self._reflects, face)
+                   self._mirror, face)
         return face
 
 
@@ -108,7 +107,7 @@ def fresnel(eta, cosine):
 
 
 @kernel
-def _interface(hits, direction, bending, ior, priority, by_fresnel, kt, mirror, reflects, face):
+def _interface(hits, direction, bending, ior, priority, by_fresnel, kt, mirror, face):
     for n in range(len(hits.P)):
         m = hits.material[n]
         media = face.media[n]

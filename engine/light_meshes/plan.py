@@ -58,13 +58,16 @@ def plan(scene: Scene, glass: Glass, passes: tuple[str, ...] = ("Combined",)) ->
         decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
         decide("uniform skip", "on" if s.uniform_skip else "off", "exact, saves short rays")
     mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
-    p.reflections = s.mode == "WHITTED" and bool(mirrors) and s.max_depth > 0
+    totally = bool(glass.bending.any())  # total internal reflection
+    p.reflections = s.mode == "WHITTED" and (bool(mirrors) or totally) and s.max_depth > 0
     if s.mode != "WHITTED":
         decide("reflected rays", "no", f"mode {s.mode.lower().replace('_', ' ')}")
-    elif not mirrors:
-        decide("reflected rays", "no", "no material mirrors")
-    else:
+    elif mirrors:
         decide("reflected rays", f"up to {s.max_depth}", f"{len(mirrors)} materials mirror, '{mirrors[0]}' first")
+    elif totally:
+        decide("reflected rays", f"up to {s.max_depth}", "total reflection inside glass")
+    else:
+        decide("reflected rays", "no", "no material mirrors")
     p.textures = any(m.image >= 0 for m in materials)
     decide("textures", "yes" if p.textures else "no", f"{sum(m.image >= 0 for m in materials)} materials have an image")
     ambient = any(scene.world_color) and s.ambient > 0
