@@ -72,7 +72,8 @@ def test_glass_that_casts_no_transparent_shadow_is_opaque_to_lights_only():
     pane = Part(rectangle((-3, -3), (3, 3), 1.0), glass(0.7, transparent_shadow=False), "pane")
     assert under([pane], (0, 0, 0), shadows="SHARP").max() == 0
     lamp = Material("lamp", emission=(1, 1, 1), kd=0.0)
-    scene = assemble([Part(rectangle((-9, -9), (9, 9), 0.0), lamp, "floor"), pane], look_down(0, 0, 4, 8), [sun((0, 0, -1))], settings(shadows="SHARP"))
+    scene = assemble([Part(rectangle((-9, -9), (9, 9), 0.0), lamp, "floor"), pane], look_down(0, 0, 4, 8),
+                     [sun((0, 0, -1))], settings(shadows="SHARP"))
     np.testing.assert_allclose(render_image(scene).passes["Combined"][..., :3], 0.7, rtol=1e-6)
 
 
