@@ -42,7 +42,8 @@ class Texture:
 
     def lookup(self, uv: NDArray[np.float32], rows: NDArray[np.int64], colour: NDArray[np.float64]) -> None:
         """colour[rows] = the texture at uv[rows]; v points up."""
-        _lookup(self._texels, self._texels.dtype == np.uint8, self._linear, self._closest, self._extension, uv, rows, colour)
+        _lookup(self._texels, self._texels.dtype == np.uint8, self._linear, self._closest, self._extension, uv, rows,
+                colour)
 
 
 def load(images: tuple[Image, ...]) -> tuple[list[Texture | None], list[str]]:
