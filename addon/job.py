@@ -28,6 +28,7 @@ class Job:
         self._folder: Path | None = None
         self._snapshots = 0
         self._asked = 0.0
+        self._said = ""
         self._warnings: dict[str, None] = {}
 
     def __enter__(self):
@@ -148,10 +149,16 @@ class Job:
         observers.notify(event="progress", frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
 
     def _say(self, text: str) -> None:
-        self.engine.update_stats("", text)
+        if text != self._said:  # in the background Blender prints a line for each
+            self._said = text
+            self.engine.update_stats("", text)
 
 
 def summary(statistics: dict) -> str:
-    """The statistics in one line."""
-    return ", ".join(f"{k} {v:g}" if isinstance(v, float) else f"{k} {v}" for k, v in statistics.items()
-                     if isinstance(v, int | float | str))
+    """What an artist wants to know of a render, in one line."""
+    parts = ["{width}×{height} pixels, {triangles:,} triangles, {lights} lights"]
+    if statistics.get("nodes"):
+        parts.append("h {h:.4g}, r {r:.4g}, {nodes:,} nodes ({node_share:.1%}), {empty_sets} empty sets")
+    parts.append("{seconds:.2f} s, {megabytes:.0f} MB")
+    values = statistics | {"megabytes": statistics["peak_memory"] / 1e6}
+    return ", ".join(parts).format_map(values)

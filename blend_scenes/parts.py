@@ -81,7 +81,11 @@ def lathe(name, profile, sides, material=None, smooth=True):
             faces.append(tuple(dict.fromkeys(corners)))
     made = mesh(name, vertices, faces, material, bool(smooth))
     if smooth == "sides":
-        made.polygons.foreach_set("use_smooth", [abs(face.normal.z) < 0.999 for face in made.polygons])
+        level = [abs(face.normal.z) > 0.999 for face in made.polygons]
+        made.polygons.foreach_set("use_smooth", [not flat for flat in level])
+        # Marked sharp as well: Cycles would blend the normals over the rim otherwise.
+        rims = {key for face, flat in zip(made.polygons, level, strict=True) if flat for key in face.edge_keys}
+        made.edges.foreach_set("use_edge_sharp", [edge.key in rims for edge in made.edges])
         made.update()
     return made
 

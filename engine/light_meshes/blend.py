@@ -20,7 +20,7 @@ from typing import Any
 from .cli import UsageError
 from .scene import SceneError
 
-MARK = "@light-meshes "  # begins each line of the driver that is for us
+MARK = "@light-meshes "  # what the driver says to us comes behind it
 Changes = list[tuple[str, str]]
 
 
@@ -73,12 +73,13 @@ def _events(arguments: list[str], changes: Changes, debug: bool) -> Iterator[dic
     error = ""
     try:
         for line in child.stdout:
-            if not line.startswith(MARK):
-                if debug:
-                    print(line, end="", file=sys.stderr)
+            noise, mark, text = line.partition(MARK)  # Blender does not end each of its lines
+            if debug and noise:
+                print(noise, end="", file=sys.stderr)
+            if not mark:
                 tail.append(line.strip())
                 continue
-            event = json.loads(line[len(MARK):])
+            event = json.loads(text)
             if event["event"] == "error":
                 error = event["message"]
             else:

@@ -120,7 +120,7 @@ class Prepared:
 
 
 def measured_h(ready: Prepared) -> float:
-    """A step h that suits what the camera sees: 1/150 of the picture's width at the median visible depth.
+    """A step h that suits what the camera sees: 1/200 of the picture's width at the median visible depth.
 
     The median over the picture is not moved by a far horizon or a large ground. Two digits, so that it reads well.
     """
@@ -133,4 +133,4 @@ def measured_h(ready: Prepared) -> float:
         width = ready.surfaces.scale
     elif camera.perspective:
         width *= float(np.median(depth(camera, hits.P)))
-    return float(f"{max(width / 150, 1e-30):.1e}")
+    return float(f"{max(width / 200, 1e-30):.1e}")

@@ -86,7 +86,8 @@ class Service:
                        "a larger h or fewer triangles")
         except Exception as e:  # the boundary: whatever it is, the parent hears of it
             traceback.print_exc()
-            self._send(event="error", id=number, message=f"the engine failed: {type(e).__name__}: {e}")
+            self._send(event="error", id=number, message=f"the engine failed: {type(e).__name__}: "
+                       f"{str(e).strip().partition(chr(10))[0][:200]}")
 
     def _render(self, number: Any, message: dict[str, Any]) -> None:
         from . import film, render, snapshot

@@ -44,7 +44,8 @@ class Texture:
 
     def lookup(self, uv: NDArray[np.float32], rows: NDArray[np.int64], colour: NDArray[np.float64]) -> None:
         """colour[rows] = the texture at uv[rows]; v points up."""
-        _lookup(self._texels, self._linear, self._closest, self._extension, uv, rows, colour)
+        _lookup(self._texels, self._texels.dtype == np.uint8, self._linear, self._closest, self._extension, uv, rows,
+                colour)
 
     def alpha(self, uv: NDArray[np.float32]) -> NDArray[np.float64]:
         """Its alpha (n,) at uv (n,2); 1 where it has none."""
@@ -86,7 +87,8 @@ def _wrap(x, size, extension):
 
 
 @kernel
-def _lookup(texels, linear, closest, extension, uv, rows, colour):
+def _lookup(texels, coded, linear, closest, extension, uv, rows, colour):
+    """coded: texels are 8-bit indices into `linear`; otherwise they are linear themselves."""
     height, width = texels.shape[0], texels.shape[1]
     for row in rows:
         x, y = np.float64(uv[row, 0]) * width, (1.0 - np.float64(uv[row, 1])) * height
@@ -110,4 +112,4 @@ def _lookup(texels, linear, closest, extension, uv, rows, colour):
                 continue
             for c in range(colour.shape[1]):
                 t = texels[j, i, c]
-                colour[row, c] += weight * (linear[t] if texels.dtype == np.uint8 else t)
+                colour[row, c] += weight * (linear[int(t)] if coded else t)

@@ -1,0 +1,192 @@
+"""Fixtures: the add-on in bpy, an empty scene, and ways to look at what it renders and exports."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import light_meshes.snapshot
+
+bpy = pytest.importorskip("bpy", reason="bpy is not installed: pip install 'light-meshes[blender]'")
+oiio = pytest.importorskip("OpenImageIO")
+
+ENGINE = 'LIGHT_MESHES'
+
+
+@pytest.fixture(scope="session")
+def addon():
+    """The add-on, registered as long as the tests run."""
+    import light_meshes_addon
+
+    light_meshes_addon.register()
+    yield light_meshes_addon
+    light_meshes_addon.unregister()
+
+
+@pytest.fixture
+def scene(addon):
+    """An empty scene of 64×48 pixels with a camera at z = 10 that looks down; black world, exact colours."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.engine = ENGINE
+    scene.render.resolution_x, scene.render.resolution_y = 64, 48
+    scene.view_settings.view_transform = 'Standard'
+    scene.camera = add(bpy.data.cameras.new("Camera"), location=(0, 0, 10))
+    return scene
+
+
+def add(data, name=None, **properties):
+    """A new object of `data` in the scene."""
+    ob = bpy.data.objects.new(name or (data.name if data else "Empty"), data)
+    bpy.context.scene.collection.objects.link(ob)
+    for key, value in properties.items():
+        setattr(ob, key, value)
+    return ob
+
+
+@pytest.fixture(name="add")
+def add_fixture():
+    return add
+
+
+@pytest.fixture
+def add_mesh():
+    """(name, vertices, faces, **object properties) → object."""
+    def make(name, vertices, faces, **properties):
+        mesh = bpy.data.meshes.new(name)
+        mesh.from_pydata(vertices, [], faces)
+        return add(mesh, **properties)
+    return make
+
+
+@pytest.fixture
+def add_plane(add_mesh):
+    """A square of side 2·half around the origin, facing up."""
+    def make(half=1.0, name="Plane", **properties):
+        corners = [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)]
+        return add_mesh(name, corners, [(0, 1, 2, 3)], **properties)
+    return make
+
+
+@pytest.fixture
+def add_light():
+    """(type, **light properties) → object, 4 above the origin, shining down."""
+    def make(kind='POINT', location=(0, 0, 4), rotation=(0, 0, 0), scale=(1, 1, 1), **properties):
+        light = bpy.data.lights.new(kind.title(), kind)
+        for key, value in properties.items():
+            setattr(light, key, value)
+        return add(light, location=location, rotation_euler=rotation, scale=scale)
+    return make
+
+
+@pytest.fixture
+def diffuse():
+    """(colour) → a Diffuse BSDF material."""
+    def make(color=(0.8, 0.8, 0.8), name="Diffuse"):
+        return node_material(name, 'ShaderNodeBsdfDiffuse', Color=(*color, 1))
+    return make
+
+
+def node_material(name, idname, **inputs):
+    """A material of a single shader node, with these inputs."""
+    material = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0):
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    output = tree.nodes.new('ShaderNodeOutputMaterial')
+    node = tree.nodes.new(idname)
+    for key, value in inputs.items():
+        node.inputs[key.replace("_", " ")].default_value = value
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    return material
+
+
+@pytest.fixture(name="node_material")
+def node_material_fixture():
+    return node_material
+
+
+@pytest.fixture
+def render(tmp_path):
+    """(scene) → pass name → float32 (h, w, c), top row first, as read from the EXR that Blender wrote."""
+    count = 0
+
+    def run(scene):
+        nonlocal count
+        count += 1
+        path = tmp_path / f"picture-{count}.exr"
+        image = scene.render.image_settings
+        if hasattr(image, "media_type"):
+            image.media_type = 'MULTI_LAYER_IMAGE'
+        image.file_format = 'OPEN_EXR_MULTILAYER'
+        image.color_depth = '32'
+        if hasattr(image, "use_exr_interleave"):
+            image.use_exr_interleave = True
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(write_still=True)
+        return read_layers(path)
+    return run
+
+
+def read_layers(path: Path) -> dict[str, np.ndarray]:
+    """The passes of a multilayer EXR, by the last part of their names."""
+    file = oiio.ImageInput.open(str(path))
+    assert file, oiio.geterror()
+    spec = file.spec()
+    pixels = np.asarray(file.read_image(oiio.FLOAT)).reshape(spec.height, spec.width, spec.nchannels)
+    file.close()
+    channels = {}
+    for i, name in enumerate(spec.channelnames):
+        parts = name.split(".")
+        channels.setdefault(parts[-2], {})[parts[-1]] = pixels[:, :, i]
+    return {
+        name: np.stack([found[c] for c in sorted(found, key="RGBXYZAV".index)], axis=-1)
+        for name, found in channels.items()
+    }
+
+
+@pytest.fixture
+def snapshot(tmp_path, addon):
+    """(scene) → the engine's Scene, as exported and read back."""
+    from light_meshes_addon.render_engine import LightMeshesEngine
+
+    count = 0
+
+    def run(scene):
+        nonlocal count
+        count += 1
+        folder = tmp_path / f"snapshot-{count}"
+        LightMeshesEngine.export_to = folder
+        try:
+            bpy.ops.render.render()
+        finally:
+            LightMeshesEngine.export_to = None
+        return light_meshes.snapshot.read(folder)
+    return run
+
+
+@pytest.fixture
+def blender():
+    """A real Blender, or a skip that says how to get one."""
+    import shutil
+
+    found = os.environ.get("LIGHT_MESHES_BLENDER") or shutil.which("blender")
+    if not found:
+        pytest.skip("no Blender: set LIGHT_MESHES_BLENDER or put `blender` on the PATH")
+    return found
+
+
+def look_at(ob, target):
+    """Turn a camera or light towards a point."""
+    from mathutils import Vector
+
+    ob.rotation_euler = (Vector(target) - ob.location).to_track_quat('-Z', 'Y').to_euler()
+
+
+@pytest.fixture(name="look_at")
+def look_at_fixture():
+    return look_at
+
+

@@ -1,0 +1,80 @@
+"""Run by test_cycles.py in a process of its own: each light of a .blend by itself, by this engine and by Cycles.
+
+python cycles_pictures.py FILE.blend FOLDER: writes FOLDER/NAME.ours.exr, NAME.cycles.exr and cases.json.
+"""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import bpy
+import light_meshes_addon
+
+# Name → the light's object, and what is changed about its data (values that this Blender lacks are left out).
+CASES = {
+    "point": ("Point", {}),
+    "point, exposure": ("Point", {"exposure": 1.5}),
+    "point, temperature": ("Point", {"use_temperature": True, "temperature": 3200.0}),
+    "sun": ("Sun", {}),
+    "sun, exposure": ("Sun", {"exposure": -1.0}),
+    "sun, temperature": ("Sun", {"use_temperature": True, "temperature": 8000.0}),
+    "spot": ("Spot", {}),
+    "spot, hard": ("Spot", {"spot_blend": 0.0}),
+    "spot, wide and blended": ("Spot", {"spot_size": 2.4, "spot_blend": 1.0}),
+    "spot, exposure and temperature": ("Spot", {"exposure": 0.5, "use_temperature": True, "temperature": 2000.0}),
+    "area": ("Area", {}),
+    "area, disk": ("Area", {"shape": 'DISK'}),
+    "area, rectangle": ("Area", {"shape": 'RECTANGLE', "size_y": 0.001}),
+    "area, ellipse": ("Area", {"shape": 'ELLIPSE', "size_y": 0.001}),
+    "area, narrow spread": ("Area", {"spread": 1.2}),
+    "area, exposure and temperature": ("Area", {"exposure": 1.0, "use_temperature": True, "temperature": 4500.0}),
+    "area, not normalized": ("Area", {"normalize": False, "energy": 3e7}),
+}
+
+
+def main(file, folder):
+    done = {}
+    for name, (light, changes) in CASES.items():
+        bpy.ops.wm.open_mainfile(filepath=str(file))
+        scene = bpy.context.scene
+        data = bpy.data.objects[light].data
+        if missing := [key for key in changes if not hasattr(data, key)]:
+            done[name] = f"this Blender's lights have no {missing[0]}"
+            continue
+        for ob in scene.objects:
+            ob.hide_render = ob.type == 'LIGHT' and ob.name != light
+        for key, value in changes.items():
+            setattr(data, key, value)
+        prepare(scene)
+        for engine, kind in (('LIGHT_MESHES', "ours"), ('CYCLES', "cycles")):
+            scene.render.engine = engine
+            scene.render.filepath = str(folder / f"{name}.{kind}.exr")
+            bpy.ops.render.render(write_still=True)
+        done[name] = ""
+    (folder / "cases.json").write_text(json.dumps(done))
+
+
+def prepare(scene):
+    """Both engines: one ray through the middle of a pixel, direct light only, linear float EXR."""
+    ours, cycles = scene.light_meshes, scene.cycles
+    ours.shadows, ours.mode, ours.samples = 'SHARP', 'RAY_CASTING', 1
+    cycles.device, cycles.samples, cycles.use_adaptive_sampling = 'CPU', 16, False
+    cycles.use_denoising = False
+    cycles.pixel_filter_type, cycles.filter_width = 'BOX', 0.01
+    cycles.max_bounces = 0
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
+    scene.render.threads_mode, scene.render.threads = 'FIXED', 2
+    image = scene.render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = 'IMAGE'
+    image.file_format, image.color_depth, image.color_mode = 'OPEN_EXR', '32', 'RGB'
+    scene.render.use_file_extension = False
+
+
+if __name__ == "__main__":
+    light_meshes_addon.register()
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    light_meshes_addon.unregister()
+    sys.stdout.flush()
+    os._exit(0)  # some bpy crash or hang at exit

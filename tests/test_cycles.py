@@ -1,0 +1,76 @@
+"""Light's energy is Cycles': the same .blend, sharp shadows, direct light only, in this engine and in Cycles."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from cycles_pictures import CASES
+
+pytestmark = [pytest.mark.slow,
+              pytest.mark.skipif(not importlib.util.find_spec("bpy"), reason="bpy is not installed")]
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory):
+    """case → (ours, Cycles'), or why not."""
+    folder = tmp_path_factory.mktemp("cycles")
+    run = subprocess.run([sys.executable, HERE / "cycles_pictures.py", HERE.parent / "blend_scenes" / "lights.blend",
+                          folder], capture_output=True, text=True, timeout=400)
+    assert (folder / "cases.json").exists(), run.stdout[-3000:] + run.stderr[-3000:]
+    why = json.loads((folder / "cases.json").read_text())
+
+    @cache
+    def case(name):
+        if why[name]:
+            pytest.skip(why[name])
+        return tuple(read(folder / f"{name}.{kind}.exr") for kind in ("ours", "cycles"))
+    return case
+
+
+def read(path):
+    return oiio.ImageInput.open(str(path)).read_image(oiio.FLOAT)[..., :3].astype(float)
+
+
+def smooth(picture):
+    """Pixels two or more away from any edge of a face or a shadow: where the light changes by a fifth at once."""
+    light = picture.max(-1)
+    edge = np.zeros(light.shape, bool)
+    for axis in (0, 1):
+        a, b = (np.take(light, range(k, light.shape[axis] - 1 + k), axis) for k in (0, 1))
+        jump = np.abs(a - b) > 0.2 * np.maximum(np.maximum(a, b), 1e-6)
+        edge |= np.pad(jump, [(0, int(i == axis)) for i in (0, 1)])
+        edge |= np.pad(jump, [(int(i == axis), 0) for i in (0, 1)])
+    for _ in range(2):
+        grown = edge.copy()
+        for axis in (0, 1):
+            grown |= np.roll(edge, 1, axis) | np.roll(edge, -1, axis)
+        edge = grown
+    return ~edge
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_lit_surfaces_have_cycles_radiance(pictures, name):
+    ours, cycles = pictures(name)
+    compared = smooth(cycles) & (cycles.max(-1) > 0)
+    assert compared.mean() > 0.1
+    assert cycles[compared].max() > 0.05
+    difference = np.abs(ours - cycles)[compared] / cycles[compared].clip(1e-12)
+    assert np.median(difference) <= 0.005
+    assert np.quantile(difference, 0.99) <= 0.02
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_shadows_lie_where_cycles_has_them(pictures, name):
+    """Away from edges a pixel is black in both pictures or in neither."""
+    ours, cycles = pictures(name)
+    compared = smooth(cycles)
+    black = (cycles.max(-1) == 0)
+    assert 0.02 < black[compared].mean() < 0.98
+    assert ((ours.max(-1) == 0) == black)[compared].mean() > 0.999
