@@ -53,6 +53,40 @@ class LightMeshesScene(bpy.types.PropertyGroup):
                     "and get sharp shadows",
         min=0.5, max=8.0, soft_min=1.225, soft_max=6.0, default=3.0, update=_changed,
     )
+    refraction: EnumProperty(
+        name="Refraction",
+        description="Which rays bend where they enter or leave a closed mesh of glass",
+        items=(
+            ('NONE', "None", "All rays go straight on, as in OpenGL", 0),
+            ('VIEW', "View", "What is seen through glass is bent; shadows fall straight through it", 1),
+            ('FULL', "Full", "Shadows too: glass gathers and spreads light as a lens does. Slower", 2),
+        ),
+        default='VIEW', update=_changed,
+    )
+    glass: EnumProperty(
+        name="Soft Shadows at Glass",
+        description="What a pane of glass does to the soft shadows beside it",
+        items=(
+            ('BOUNDED', "Bounded", "Glass bounds the neighbourhood that is averaged, as any surface does: "
+             "no dark seam beside a pane", 0),
+            ('PAPER', "Paper", "The neighbourhood reaches through glass, dimmed by it: the method as published", 1),
+        ),
+        default='BOUNDED', update=_changed,
+    )
+    caustics: EnumProperty(
+        name="Caustics",
+        description="How bright light is that glass has bent",
+        items=(
+            ('PAPER', "Paper", "Each way through the glass counts with what the glass lets through", 0),
+            ('FOCUS', "Focus", "Ways also count with how closely the glass gathers light: a lens makes a bright spot", 1),
+        ),
+        default='PAPER', update=_changed,
+    )
+    leak_free: BoolProperty(
+        name="No Leaks",
+        description="Keep light that comes through glass from behind a surface off that surface. Slower, takes memory",
+        default=False, update=_changed,
+    )
     samples: IntProperty(
         name="Samples",
         description="Camera rays per pixel. More make the edges of objects smoother; shadows do not need them",
@@ -122,11 +156,30 @@ PARAMETERS = {
     "emission": FloatVectorProperty(
         name="Emission", description="Light that the surface shows by itself. It does not light other surfaces",
         subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.0, 0.0, 0.0), update=_changed),
+    "kt": FloatVectorProperty(
+        name="Transparency", description="How much light passes at each crossing of the surface, and in which colour",
+        subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.0, 0.0, 0.0), update=_changed),
+    "ior": FloatProperty(
+        name="IOR", description="How strongly a closed mesh bends rays; 1 does not, glass is 1.5. "
+        "An open mesh is a thin sheet and bends nothing",
+        min=0.01, max=100.0, soft_min=1.0, soft_max=3.0, default=1.0, update=_changed),
+    "fresnel": BoolProperty(
+        name="Fresnel", description="Reflect more and let less through the flatter a ray comes in, as real glass does; "
+        "without it Mirror and Transparency are the same from all sides",
+        default=False, update=_changed),
+    "alpha": FloatProperty(
+        name="Alpha", description="How much of the surface is there: 0 is a hole", min=0.0, max=1.0, default=1.0,
+        update=_changed),
 }
 
 
+PRIORITY = IntProperty(
+    name="Priority", description="Where closed meshes of glass overlap, the one with the highest priority is there: "
+    "give the glass more than the water in it", min=0, max=100, default=0, update=_changed)
+
+
 class LightMeshesMaterial(bpy.types.PropertyGroup):
-    __annotations__ = PARAMETERS | {
+    __annotations__ = PARAMETERS | {"priority": PRIORITY} | {
         f"override_{name}": BoolProperty(
             name="Override", description="Use the value here instead of the one translated from the nodes",
             default=False, update=_override_switched(name))

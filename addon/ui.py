@@ -60,6 +60,22 @@ class LIGHT_MESHES_PT_shadows(_Panel, bpy.types.Panel):
             layout.prop(settings, "light_samples")
 
 
+class LIGHT_MESHES_PT_glass(_Panel, bpy.types.Panel):
+    bl_label = "Glass"
+    bl_options: ClassVar = {'DEFAULT_CLOSED'}
+
+    def fill(self, layout, context):
+        settings = context.scene.light_meshes
+        layout.prop(settings, "refraction")
+        soft = settings.mode != 'LOCAL' and settings.shadows == 'LIGHT_MESHES'
+        if soft:
+            layout.prop(settings, "glass")
+        if settings.refraction == 'FULL':
+            layout.prop(settings, "caustics")
+            if soft:
+                layout.prop(settings, "leak_free")
+
+
 class LIGHT_MESHES_PT_film(_Panel, bpy.types.Panel):
     bl_label = "Film"
     bl_options: ClassVar = {'DEFAULT_CLOSED'}
@@ -175,6 +191,8 @@ class LIGHT_MESHES_PT_material(_Panel, bpy.types.Panel):
             else:
                 value = translated[name]
                 row.label(text="  ".join(f"{v:.3g}" for v in (value if isinstance(value, list) else [value])))
+        layout.prop(settings, "priority")
+        layout.prop(material, "use_transparent_shadow")
         for sentence in report.sentences:
             layout.label(text=sentence, icon='ERROR')
 
@@ -182,6 +200,7 @@ class LIGHT_MESHES_PT_material(_Panel, bpy.types.Panel):
 _CLASSES = (
     LIGHT_MESHES_PT_method,
     LIGHT_MESHES_PT_shadows,
+    LIGHT_MESHES_PT_glass,
     LIGHT_MESHES_PT_film,
     LIGHT_MESHES_PT_passes,
     LIGHT_MESHES_PT_light,

@@ -50,7 +50,8 @@ def settings(scene) -> dict:
     """The engine's settings, from the scene's properties."""
     own = scene.light_meshes
     return {name: getattr(own, name) for name in (
-        "mode", "shadows", "h", "kI", "auto_h", "samples", "light_samples", "max_depth", "ambient")} | {
+        "mode", "shadows", "h", "kI", "auto_h", "samples", "light_samples", "max_depth", "ambient",
+        "refraction", "glass", "caustics", "leak_free")} | {
         # The engine's filter is never wider than 10 pixels; Blender's slider goes on.
         "filter_size": min(scene.render.filter_size, 10.0),
         "film_transparent": scene.render.film_transparent,

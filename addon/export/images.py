@@ -75,18 +75,21 @@ class Images:
 
 
 def write_tiff(path: Path, pixels: np.ndarray) -> None:
-    """Write float RGB pixels, top row first, as the plainest TIFF: the one float format that needs no library."""
+    """Write float RGB(A) pixels, top row first, as the plainest TIFF: the one float format that needs no library."""
+    if pixels.shape[2] < 3:
+        pixels = pixels[:, :, :1].repeat(3, axis=2)
     height, width, channels = pixels.shape
-    rgb = np.ascontiguousarray(pixels[:, :, :3] if channels >= 3 else pixels[:, :, :1].repeat(3, axis=2), "<f4")
-    data = rgb.tobytes()
+    data = np.ascontiguousarray(pixels, "<f4").tobytes()
     # tag, type (3: 16 bit, 4: 32 bit), count, value; those of three values follow the directory.
-    entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 3, None), (259, 3, 1, 1), (262, 3, 1, 2),
-               (273, 4, 1, None), (277, 3, 1, 3), (278, 4, 1, height), (279, 4, 1, len(data)), (339, 3, 3, None)]
+    entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, channels, None), (259, 3, 1, 1), (262, 3, 1, 2),
+               (273, 4, 1, None), (277, 3, 1, channels), (278, 4, 1, height), (279, 4, 1, len(data)),
+               *([(338, 3, 1, 2)] if channels == 4 else []),  # the fourth is alpha, not multiplied in
+               (339, 3, channels, None)]
     after = 8 + 2 + 12 * len(entries) + 4
-    values = {258: after, 339: after + 6, 273: after + 12}
+    values = {258: after, 339: after + 2 * channels, 273: after + 4 * channels}
     with path.open("wb") as f:
         f.write(struct.pack("<2sHIH", b"II", 42, 8, len(entries)))
         for tag, kind, count, value in entries:
             f.write(struct.pack("<HHII", tag, kind, count, values[tag] if value is None else value))
-        f.write(struct.pack("<I6H", 0, 32, 32, 32, 3, 3, 3))
+        f.write(struct.pack(f"<I{2 * channels}H", 0, *[32] * channels, *[3] * channels))
         f.write(data)

@@ -10,7 +10,7 @@ from .surface import Surface
 from .surface_nodes import surface
 
 DEFAULT = "default"  # of faces without a material
-_TUPLES = {"Od", "Os", "mirror", "emission"}
+_TUPLES = {"Od", "Os", "mirror", "emission", "kt"}
 
 
 class Materials:
@@ -37,7 +37,7 @@ class Materials:
                 self._append(DEFAULT, Surface())
             else:
                 material = material.evaluated_get(self._depsgraph)
-                self._append(material.name, translate(material, self._report), material.light_meshes)
+                self._append(material.name, translate(material, self._report), material)
         return self._indices[key]
 
     def uv_map(self, indices: Iterable[int]) -> str | None:
@@ -45,16 +45,18 @@ class Materials:
         maps = [m for m in (self._uv_maps[i] for i in indices) if m is not None]
         return maps[0] if maps else None
 
-    def _append(self, name: str, surface: Surface, overrides=None) -> None:
-        description = surface.whitted()
+    def _append(self, name: str, surface: Surface, material=None) -> None:
+        description = {"name": name, "image": -1, "alpha_image": -1} | surface.whitted()
+        overrides = material.light_meshes if material else None
         if overrides:
-            description |= _overrides(overrides)
-        image, uv_map = -1, None
+            description |= _overrides(overrides) | {
+                "priority": overrides.priority, "transparent_shadow": material.use_transparent_shadow}
         if surface.image and not (overrides and overrides.override_Od):
-            image = self._images.index(surface.image)
-            uv_map = surface.uv_map
-        self.descriptions.append({"name": name, "image": image} | description)
-        self._uv_maps.append(uv_map)
+            description["image"] = self._images.index(surface.image)
+        if surface.alpha_image and not (overrides and overrides.override_alpha):
+            description["alpha_image"] = self._images.index(surface.alpha_image)
+        self.descriptions.append(description)
+        self._uv_maps.append(surface.uv_map if max(description["image"], description["alpha_image"]) >= 0 else None)
 
 
 def translate(material, report: Report) -> Surface:

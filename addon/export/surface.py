@@ -28,6 +28,11 @@ class Surface:
     emission: RGB = BLACK  # radiance
     image: Any = None  # an image texture node that replaces `color`
     uv_map: str = ""  # that the image wants; empty: the mesh's own
+    kt: RGB = BLACK  # what passes at each crossing
+    ior: float = 1.0
+    fresnel: bool = False  # reflects and passes by Fresnel's equations
+    alpha: float = 1.0  # share of the surface that is there
+    alpha_image: Any = None  # an image texture node whose alpha multiplies it
 
     @classmethod
     def principled(cls, color: RGB, metallic: float, roughness: float, specular: float) -> Surface:
@@ -48,6 +53,18 @@ class Surface:
         return cls.principled(color, 1.0, roughness, 0.0)
 
     @classmethod
+    def glass(cls, color: RGB, ior: float, fresnel: bool) -> Surface:
+        """Glass and Refraction BSDF: nothing diffuse, `color` passes at each crossing."""
+        f0 = ((ior - 1) / (ior + 1)) ** 2 if fresnel else 0.0
+        return cls(color=BLACK, kd=0.0, ka=0.0, specular=(f0,) * 3, roughness=0.0, kt=color, ior=ior, fresnel=fresnel)
+
+    @classmethod
+    def transparent(cls, color: RGB) -> Surface:
+        """Transparent BSDF: what is behind, in `color`; white is no surface at all."""
+        clear = min(color) >= 1
+        return cls(color=BLACK, kd=0.0, ka=0.0, kt=BLACK if clear else color, alpha=0.0 if clear else 1.0)
+
+    @classmethod
     def emitting(cls, radiance: RGB) -> Surface:
         """Emission: light, and nothing else."""
         return cls(color=BLACK, kd=0.0, ka=0.0, emission=radiance)
@@ -55,6 +72,9 @@ class Surface:
     def plus(self, other: Surface, mine: float = 1.0, others: float = 1.0) -> Surface:
         """The weighted sum of two surfaces: Add Shader, and Mix Shader with weights that add up to 1."""
         a, b = self, other
+        # All but alpha is said of the part that is there.
+        alpha = min(mine * a.alpha + others * b.alpha, 1.0)
+        mine, others = (w * s.alpha / alpha if alpha > 0 else w for w, s in ((mine, a), (others, b)))
         shine_a, shine_b = mine * max(a.specular), others * max(b.specular)
         # Of two colours, each counts as much as it is seen: in diffuse, else in ambient light.
         seen_a, seen_b = mine * a.kd, others * b.kd
@@ -68,7 +88,11 @@ class Surface:
             specular=added(scaled(a.specular, mine), scaled(b.specular, others)),
             roughness=_weighted((a.roughness,), (b.roughness,), shine_a, shine_b)[0],
             emission=added(scaled(a.emission, mine), scaled(b.emission, others)),
-            image=imaged.image, uv_map=imaged.uv_map,
+            image=imaged.image, uv_map=imaged.uv_map or a.uv_map or b.uv_map,
+            kt=added(scaled(a.kt, mine), scaled(b.kt, others)),
+            ior=_weighted((a.ior,), (b.ior,), mine * max(a.kt), others * max(b.kt))[0],
+            fresnel=a.fresnel if mine * max(a.kt) >= others * max(b.kt) else b.fresnel,
+            alpha=alpha, alpha_image=a.alpha_image or b.alpha_image,
         )
 
     def whitted(self) -> dict:
@@ -86,6 +110,7 @@ class Surface:
             "nShiny": n,
             "mirror": list(scaled(self.specular, mirrored(self.roughness))),
             "emission": list(self.emission),
+            "kt": list(self.kt), "ior": self.ior, "fresnel": self.fresnel, "alpha": self.alpha,
         }
 
 

@@ -3,12 +3,11 @@
 from dataclasses import replace
 
 from .nodes import Nodes
-from .surface import BLACK, RGB, Surface, scaled
+from .surface import BLACK, MIRROR_ROUGHNESS, RGB, Surface, scaled
 
 IMAGE = 'ShaderNodeTexImage'
 # Inputs of the Principled BSDF that add what is not translated, and what is done instead.
 _PRINCIPLED_EXTRAS = {
-    "Transmission Weight": "it is rendered opaque",
     "Subsurface Weight": "it is rendered without subsurface scattering",
     "Coat Weight": "it is rendered without a coat",
     "Sheen Weight": "it is rendered without a sheen",
@@ -48,16 +47,19 @@ def _principled(nodes: Nodes, node) -> Surface:
     for name, instead in _PRINCIPLED_EXTRAS.items():
         if nodes.link(node, name) or nodes.input(node, name).default_value > 0:
             nodes.warn(f"'{name}' of node '{node.name}' is not translated; {instead}")
-    if nodes.link(node, "Alpha") or nodes.input(node, "Alpha").default_value < 1:
-        nodes.warn(f"'Alpha' of node '{node.name}' is not translated; it is rendered opaque")
     _without_bumps(nodes, node)
     base = _colored(nodes, node, "Base Color", lambda color: Surface.principled(color, metallic, roughness, specular))
     if base.image and metallic > 0:
         nodes.not_translated(base.image, f"'{node.name}' is metallic, and its image colours only the diffuse part")
+    transmission = min(max(nodes.value(node, "Transmission Weight"), 0.0), 1.0) * (1 - metallic)
+    if transmission > 0:
+        # As Cycles: the base colour is that of two crossings.
+        color = tuple(max(c, 0.0) ** 0.5 for c in base.color)
+        base = base.plus(_glassy(nodes, node, color, True), 1 - transmission, transmission)
     strength = nodes.value(node, "Emission Strength")
-    if strength == 0:
-        return base
-    return base.plus(Surface.emitting(scaled(tuple(nodes.color(node, "Emission Color")), strength)))
+    if strength > 0:
+        base = base.plus(Surface.emitting(scaled(tuple(nodes.color(node, "Emission Color")), strength)))
+    return _cut_out(nodes, node, base)
 
 
 def _diffuse(nodes: Nodes, node) -> Surface:
@@ -72,11 +74,41 @@ def _glossy(nodes: Nodes, node) -> Surface:
     return Surface.glossy(tuple(nodes.color(node, "Color")), nodes.value(node, "Roughness"))
 
 
+def _glass(nodes: Nodes, node) -> Surface:
+    _without_bumps(nodes, node)
+    return _glassy(nodes, node, tuple(nodes.color(node, "Color")), node.bl_idname == 'ShaderNodeBsdfGlass')
+
+
+def _glassy(nodes: Nodes, node, color: RGB, fresnel: bool) -> Surface:
+    if nodes.value(node, "Roughness") > MIRROR_ROUGHNESS[1]:
+        nodes.warn(f"'Roughness' of the glass in node '{node.name}' is not translated; it is rendered clear")
+    return Surface.glass(color, max(nodes.value(node, "IOR"), 0.01), fresnel)
+
+
+def _transparent(nodes: Nodes, node) -> Surface:
+    return Surface.transparent(tuple(nodes.color(node, "Color")))
+
+
+def _cut_out(nodes: Nodes, node, base: Surface) -> Surface:
+    """`base` with the Alpha of a Principled BSDF: a constant, or the alpha of an image."""
+    link = nodes.link(node, "Alpha")
+    if link and link.from_node.bl_idname == IMAGE and link.from_socket.name == "Alpha" and link.from_node.image:
+        image = link.from_node
+        return replace(base, alpha_image=image, uv_map=base.uv_map or _uv_map(nodes, image))
+    return replace(base, alpha=base.alpha * min(max(nodes.value(node, "Alpha"), 0.0), 1.0))
+
+
 def _emission(nodes: Nodes, node) -> Surface:
     return Surface.emitting(scaled(tuple(nodes.color(node, "Color")), nodes.value(node, "Strength")))
 
 
 def _mix(nodes: Nodes, node) -> Surface:
+    link = nodes.link(node, 0)
+    if link and link.from_node.bl_idname == IMAGE and link.from_socket.name == "Alpha" and link.from_node.image:
+        # The usual leaf: transparent where the image is, the surface elsewhere.
+        below, above = _shader(nodes, node, 1), _shader(nodes, node, 2)
+        if below.alpha == 0 and above.alpha > 0:
+            return replace(above, alpha_image=link.from_node, uv_map=above.uv_map or _uv_map(nodes, link.from_node))
     factor = min(max(nodes.value(node, 0), 0.0), 1.0)
     # A side that is not seen must not warn.
     if factor in (0.0, 1.0):
@@ -99,6 +131,9 @@ _SHADERS = {
     'ShaderNodeBsdfDiffuse': _diffuse,
     'ShaderNodeBsdfGlossy': _glossy,
     'ShaderNodeBsdfAnisotropic': _glossy,  # what Glossy is called inside
+    'ShaderNodeBsdfGlass': _glass,
+    'ShaderNodeBsdfRefraction': _glass,
+    'ShaderNodeBsdfTransparent': _transparent,
     'ShaderNodeEmission': _emission,
     'ShaderNodeMixShader': _mix,
     'ShaderNodeAddShader': _add,

@@ -33,7 +33,7 @@ class Glass:
         m = scene.materials
         self._surfaces, self._textures = surfaces, textures
         self._alpha = np.array([x.alpha for x in m], np.float64)
-        self._image = np.array([x.image if x.image_alpha else -1 for x in m], np.int32)
+        self._image = np.array([x.alpha_image for x in m], np.int32)
         self._kt = np.array([x.kt for x in m], np.float64).reshape(-1, 3)
         self._mirror = np.array([x.mirror for x in m], np.float64).reshape(-1, 3)
         self._ior = np.array([x.ior for x in m], np.float64)

@@ -106,7 +106,7 @@ class Material:
     priority: int = 0  # of overlapping media the one with the highest is there
     fresnel: bool = False  # mirror and kt by Fresnel's equations instead of constant
     alpha: float = 1.0  # 1 − share of the surface that is not there: no bending, no shading
-    image_alpha: bool = False  # the image's alpha channel multiplies alpha
+    alpha_image: int = -1  # index of the image whose alpha channel multiplies alpha; -1: none
     transparent_shadow: bool = True  # False: casts the shadow of an opaque surface
     image: int = -1  # index of the image that replaces Od; -1: none
 

@@ -290,10 +290,11 @@ def check(scene: Scene) -> None:
         if len(values) and not (values.min() >= 0 and values.max() < count):
             raise SceneError(f"{name}.npy names a {what} that does not exist")
     for material in scene.materials:
-        if material.image >= len(scene.images) or material.image < -1:
-            raise SceneError(f"material '{material.name}': image {material.image} does not exist")
-        if material.image >= 0 and not len(g.uvs) and nt:
-            raise SceneError(f"material '{material.name}' has an image, but uvs.npy is empty")
+        for image in (material.image, material.alpha_image):
+            if not -1 <= image < len(scene.images):
+                raise SceneError(f"material '{material.name}': image {image} does not exist")
+            if image >= 0 and not len(g.uvs) and nt:
+                raise SceneError(f"material '{material.name}' has an image, but uvs.npy is empty")
     left, right, bottom, top = scene.camera.window
     if left == right or bottom == top:
         raise SceneError("camera: the window has no area")

@@ -51,7 +51,8 @@ class Texture:
         """Its alpha (n,) at uv (n,2); 1 where it has none."""
         alpha = np.ones((len(uv), 1))
         if self._alpha is not None:
-            _lookup(self._alpha, self._straight, self._closest, self._extension, uv, np.arange(len(uv)), alpha)
+            _lookup(self._alpha, self._alpha.dtype == np.uint8, self._straight, self._closest, self._extension, uv,
+                    np.arange(len(uv)), alpha)
         return alpha[:, 0]
 
 
