@@ -80,11 +80,8 @@ class Job:
         try:
             done = self._carry_out(on_event, "render", snapshot=str(self._snapshot), framebuffer=str(frame),
                                    passes=[p.engine_name for p in picture.passes])
-        except Cancelled:
-            picture.end()
-            raise
         except BaseException:
-            picture.discard()
+            picture.give_up()
             raise
         picture.end()
         self._finish(done)
@@ -116,7 +113,8 @@ class Job:
                 if not event or event.get("id") not in {number, None}:
                     continue  # nothing, or of an earlier command that was cancelled
                 if event["event"] == "error":
-                    raise session.EngineError(f"Light Meshes: {event['message']}", self._session.log)
+                    raise session.EngineError(session.lacks_package(self._session.python, event["message"])
+                                              or f"Light Meshes: {event['message']}", self._session.log)
                 if event["event"] in session.LAST_EVENTS:
                     return event
                 on_event(event)

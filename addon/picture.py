@@ -38,8 +38,8 @@ class Picture:
         self._copy()
         self._engine.end_result(self._result)
 
-    def discard(self) -> None:
-        """There is no picture."""
+    def give_up(self) -> None:
+        """Nothing more will come. What was shown stays in sight; handing more over would keep the artist waiting."""
         self._engine.end_result(self._result, cancel=True)
 
     def _copy(self) -> None:

@@ -33,7 +33,9 @@ class LightMeshesEngine(bpy.types.RenderEngine):
                 if not self.export_to:
                     job.render()
         except Cancelled:
-            pass  # what is done stays in sight
+            pass  # Blender knows
+        except KeyboardInterrupt:  # Ctrl-C where Python is the host; Blender would not know that it ended early
+            self._fail("The render was interrupted", "")
         except (ExportError, session.EngineError) as e:
             self._fail(str(e), getattr(e, "log", ""))
         except Exception as e:  # the boundary: Blender itself would finish with an empty picture

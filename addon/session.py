@@ -11,6 +11,7 @@ import contextlib
 import json
 import os
 import queue
+import re
 import shutil
 import subprocess
 import sys
@@ -178,16 +179,22 @@ class Session:
         self._process.wait()
         self._readers[1].join(1.0)  # the log's last lines say why
         log = self.log
-        missing = [line for line in self._log if line.endswith(("No module named 'light_meshes'",
-                                                                "No module named light_meshes.service"))]
-        if missing or "ModuleNotFoundError" in log:
-            return EngineError(f"The Light Meshes engine cannot start: {self.python} lacks a package of the engine "
-                               f"({log.splitlines()[-1]}). Install it with '{self.python} -m pip install "
-                               "light-meshes', or choose another Python in the add-on's preferences", log)
+        lacking = lacks_package(self.python, log)
+        if lacking:
+            return EngineError(lacking, log)
         code = self._process.returncode
         how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         when = "has ended unexpectedly" if self.folder else "cannot start"
         return EngineError(f"The Light Meshes engine {when} ({how})", log)
+
+
+def lacks_package(python: str, text: str) -> str:
+    """The sentence for an import that failed, if `text` tells of one, or an empty string."""
+    found = re.search(r"No module named '?([\w.]+)'?", text)
+    if not found:
+        return ""
+    return (f"The Light Meshes engine cannot start: {python} has no package '{found[1].split('.')[0]}'. Install the "
+            f"engine with '{python} -m pip install light-meshes', or choose another Python in the add-on's preferences")
 
 
 _python = ""

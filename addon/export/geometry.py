@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,9 +34,9 @@ class _Mesh:
 class Geometry:
     """Collects instances; every mesh once, however many instances it has."""
 
-    def __init__(self, materials: Materials, report: Report) -> None:
+    def __init__(self, materials: Materials, report: Report, check: Callable[[], None]) -> None:
         self.objects: list[dict] = []
-        self._materials, self._report = materials, report
+        self._materials, self._report, self._check = materials, report, check
         self._meshes: list[_Mesh] = []
         self._mesh_of: dict[tuple, int | None] = {}  # None: nothing to see
         self._mesh_of_object: dict[tuple, int | None] = {}
@@ -125,16 +127,16 @@ class Geometry:
 
     def _extract(self, ob, mesh, materials: tuple[int, ...]) -> _Mesh:
         nt = len(mesh.loop_triangles)
-        vertices = _got(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32)
-        triangles = _got(mesh.loop_triangles, "vertices", (nt, 3), np.int32)
-        loops = _got(mesh.loop_triangles, "loops", (nt, 3), np.int32)
-        normals = _got(mesh.corner_normals, "vector", (len(mesh.loops), 3), np.float32)
+        vertices = self._got(mesh.vertices, "co", (len(mesh.vertices), 3), np.float32)
+        triangles = self._got(mesh.loop_triangles, "vertices", (nt, 3), np.int32)
+        loops = self._got(mesh.loop_triangles, "loops", (nt, 3), np.int32)
+        normals = self._got(mesh.corner_normals, "vector", (len(mesh.loops), 3), np.float32)
         materials = materials or (self._materials.index(None),)
         if len(materials) == 1:
             triangle_materials = np.full(nt, materials[0], np.int32)
         else:
-            slots = _got(mesh.polygons, "material_index", (len(mesh.polygons),), np.int32)
-            polygons = _got(mesh.loop_triangle_polygons, "value", (nt,), np.int32)
+            slots = self._got(mesh.polygons, "material_index", (len(mesh.polygons),), np.int32)
+            polygons = self._got(mesh.loop_triangle_polygons, "value", (nt,), np.int32)
             # A slot that does not exist means the last one, as in Blender.
             triangle_materials = np.array(materials, np.int32)[np.clip(slots, 0, len(materials) - 1)][polygons]
         return _Mesh(vertices, triangles, normals[loops], triangle_materials, self._uvs(ob, mesh, materials, loops))
@@ -150,13 +152,13 @@ class Geometry:
             wanted = f"no UV map '{name}'" if name else "no UV map"
             self._report.warn(f"Object '{ob.name}' has {wanted}; its image texture shows a single point of the image")
             return np.zeros((len(loops), 3, 2), np.float32)
-        return _got(layer.uv, "vector", (len(mesh.loops), 2), np.float32)[loops]
+        return self._got(layer.uv, "vector", (len(mesh.loops), 2), np.float32)[loops]
 
-
-def _got(collection, name: str, shape: tuple[int, ...], dtype) -> np.ndarray:
-    flat = np.empty(int(np.prod(shape)), dtype)
-    collection.foreach_get(name, flat)
-    return flat.reshape(shape)
+    def _got(self, collection, name: str, shape: tuple[int, ...], dtype) -> np.ndarray:
+        self._check()  # a large mesh takes longer than an artist who pressed ESC wants to wait
+        flat = np.empty(math.prod(shape), dtype)
+        collection.foreach_get(name, flat)
+        return flat.reshape(shape)
 
 
 def _joined(parts: list[np.ndarray], tail: tuple[int, ...], dtype) -> np.ndarray:

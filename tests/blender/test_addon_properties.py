@@ -1,0 +1,126 @@
+"""What the artist sets reaches the render, and says what it does."""
+
+import bpy
+import pytest
+
+GROUPS = ("Scene", "Light", "Material")
+
+
+def own_properties(addon):
+    from light_meshes_addon import properties
+
+    for group in (properties.LightMeshesScene, properties.LightMeshesLight, properties.LightMeshesMaterial):
+        yield from (p for p in group.bl_rna.properties if p.identifier not in {"rna_type", "name"})
+
+
+def test_defaults(scene):
+    own = scene.light_meshes
+    assert (own.mode, own.shadows, own.auto_h) == ('WHITTED', 'LIGHT_MESHES', True)
+    assert own.h == pytest.approx(0.05) and own.kI == 3 and own.samples == 4 and own.ambient == 1
+    prop = own.bl_rna.properties["kI"]
+    assert (prop.hard_min, prop.hard_max) == (0.5, 8) and prop.soft_min == pytest.approx(1.225)
+    assert own.bl_rna.properties["h"].subtype == 'DISTANCE' and own.bl_rna.properties["h"].hard_min > 0
+
+
+def test_every_property_has_a_tooltip_and_enums_are_numbered(addon):
+    for prop in own_properties(addon):
+        assert len(prop.description) > 15, prop.identifier
+        if prop.type == 'ENUM':
+            assert [i.value for i in prop.enum_items] == list(range(len(prop.enum_items)))
+
+
+def test_scene_properties_reach_the_engine(scene, add_plane, snapshot):
+    add_plane()
+    values = dict(mode='RAY_CASTING', shadows='AREA_SAMPLING', h=0.25, kI=2.5, auto_h=False, samples=7,
+                  light_samples=33, max_depth=2, ambient=0.5)
+    snapshot(scene)  # what comes after an evaluation must reach the next one
+    for key, value in values.items():
+        setattr(scene.light_meshes, key, value)
+    scene.render.filter_size = 2.25
+    scene.render.film_transparent = True
+    settings = snapshot(scene).settings
+    for key, value in values.items():
+        assert getattr(settings, key) == value, key
+    assert settings.filter_size == 2.25 and settings.film_transparent
+
+
+def test_an_over_wide_filter_is_not_an_error(scene, add_plane, snapshot):
+    add_plane()
+    scene.render.filter_size = 40
+    assert snapshot(scene).settings.filter_size == 10
+
+
+def test_animated_properties_reach_the_engine(scene, add_plane, snapshot):
+    add_plane()
+    scene.light_meshes.auto_h = False
+    for frame, h in ((1, 0.1), (11, 0.3)):
+        scene.light_meshes.h = h
+        scene.light_meshes.keyframe_insert("h", frame=frame)
+    scene.frame_set(11)
+    assert snapshot(scene).settings.h == pytest.approx(0.3)
+    scene.frame_set(1)
+    assert snapshot(scene).settings.h == pytest.approx(0.1)
+
+
+def test_light_and_material_properties_reach_the_engine(scene, add_plane, add_light, diffuse, snapshot):
+    plane, light = add_plane(), add_light()
+    material = diffuse()
+    plane.data.materials.append(material)
+    assert snapshot(scene).lights[0].soft_shadows
+    light.data.light_meshes.soft_shadows = False
+    material.light_meshes.kd = 0.25
+    material.light_meshes.override_kd = True
+    material.light_meshes.override_mirror = True
+    material.light_meshes.mirror = (0.1, 0.2, 0.3)
+    found = snapshot(scene)
+    assert not found.lights[0].soft_shadows
+    assert found.materials[0].kd == 0.25 and found.materials[0].ka == 1
+    assert found.materials[0].mirror == pytest.approx((0.1, 0.2, 0.3))
+
+
+def test_an_override_starts_from_the_translated_value(scene, node_material):
+    material = node_material("Red", 'ShaderNodeBsdfDiffuse', Color=(0.7, 0.1, 0.2, 1))
+    material.light_meshes.override_Od = True
+    assert tuple(material.light_meshes.Od) == pytest.approx((0.7, 0.1, 0.2))
+
+
+def test_properties_change_the_picture(scene, add_plane, add_mesh, add_light, render):
+    add_plane(3)
+    add_mesh("Blocker", [(0, -5, 1), (5, -5, 1), (5, 5, 1), (0, 5, 1)], [(0, 1, 2, 3)], visible_camera=False)
+    light = add_light(energy=500)
+    own = scene.light_meshes
+    own.auto_h, own.h = False, 0.2
+
+    def level(picture):  # on either side of the shadow's edge, and on it
+        return [picture["Combined"][24, x, 0] for x in (20, 32, 44)]
+
+    lit, edge, dark = level(render(scene))
+    assert lit > 0 and dark == 0 and 0.2 * lit < edge < 0.8 * lit
+    light.data.light_meshes.soft_shadows = False
+    sharp = render(scene)["Combined"][24, :, 0]
+    assert ((sharp > 0.01) & (sharp < 0.5 * lit)).sum() <= 4
+    light.data.light_meshes.soft_shadows = True
+    own.h = 0.05
+    narrow = render(scene)["Combined"][24, :, 0]
+    own.shadows = 'SHARP'
+    assert level(render(scene))[2] == 0
+    assert ((narrow > 0.02 * lit) & (narrow < 0.9 * lit)).sum() < 16
+    own.mode = 'LOCAL'
+    assert level(render(scene))[2] == pytest.approx(lit, rel=0.2)
+
+
+def test_panels(addon, scene, add_light, node_material):
+    """They draw without an error, which Blender would only print."""
+    from light_meshes_addon import ui
+
+    compatible = [p for p in bpy.types.Panel.__subclasses__() if ui.ENGINE in getattr(p, "COMPAT_ENGINES", ())]
+    names = {p.__name__ for p in compatible}
+    assert {"RENDER_PT_output", "DATA_PT_lens", "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface"} <= names
+    assert "DATA_PT_light" not in names and not any("freestyle" in n.lower() for n in names)
+    addon.unregister()
+    try:
+        left = [p.__name__ for p in bpy.types.Panel.__subclasses__()
+                if ui.ENGINE in getattr(p, "COMPAT_ENGINES", ()) and not p.__name__.startswith("LIGHT_MESHES")]
+        assert left == []
+    finally:
+        addon.register()
