@@ -78,7 +78,7 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         description="How bright light is that glass has bent",
         items=(
             ('PAPER', "Paper", "Each way through the glass counts with what the glass lets through", 0),
-            ('FOCUS', "Focus", "Ways also count with how closely the glass gathers light: a lens makes a bright spot", 1),
+            ('FOCUS', "Focus", "Ways also count with how closely glass gathers light: a lens makes a bright spot", 1),
         ),
         default='PAPER', update=_changed,
     )

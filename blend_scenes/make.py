@@ -6,11 +6,12 @@ Needs bpy and the add-on of this project. Made with bpy 4.2, so that every suppo
 import sys
 
 import desk
+import glass
 import lights
 import tabletop
 
 if __name__ == "__main__":
     chosen = sys.argv[1:]
-    for scene in (tabletop, lights, desk):
+    for scene in (tabletop, glass, lights, desk):
         if not chosen or scene.__name__ in chosen:
             scene.make()
