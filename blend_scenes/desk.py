@@ -140,5 +140,5 @@ def make():
     light("Evening Sun", 'SUN', 1.1, (-2, -2, 3), (0.4, 0.7, 0.4), color=(1.0, 0.62, 0.36), angle=radians(0.53))
     light("Window", 'AREA', 26, (-1.6, -1.2, 1.9), (-0.1, 0.1, 0.75), color=(0.7, 0.82, 1.0), shape='RECTANGLE',
           size=0.8, size_y=1.1)
-    camera((0.55, -1.55, 1.42), (0.02, 0.12, 0.86), radians(42))
+    camera((0.55, -1.55, 1.42), (0.08, 0.12, 0.87), radians(46))
     save("desk")

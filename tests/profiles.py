@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+QUANTISATION = 0.145  # mean error of a penumbra on a generic lattice, times kI²: about .14 (method.md §7)
+
 
 def smoothstep(u: np.ndarray) -> np.ndarray:
     """S over an upright shadow plane, u = s/r: the lit share of a half-ball."""

@@ -8,7 +8,8 @@ import scenes
 from light_meshes.render import render_image
 from meshes import box, cylinder
 from oracle import camera_ray
-from scenes import S3_LIGHT, tabletop
+from profiles import QUANTISATION
+from scenes import S3_LIGHT, bar_shadow, tabletop
 from shadow_volumes import first_hit, shadow_volume, uniform
 
 SOLIDS = [box(*scenes.TABLETOP), cylinder(*scenes.CYLINDER), box(*scenes.BAR)]
@@ -97,6 +98,33 @@ def test_c_the_image_converges_as_h_falls_at_a_constant_ratio():
     rmse = np.log([np.sqrt((e**2).mean()) for e in errors])
     assert np.polyfit(np.log(steps), mae, 1)[0] == pytest.approx(1.0, abs=0.15)
     assert np.polyfit(np.log(steps), rmse, 1)[0] == pytest.approx(0.5, abs=0.15)
+
+
+def gradient(h, r):
+    """S over the tabletop in the crop of Fig. 6."""
+    return render_image(bar_shadow(h, r, 120), passes=("Shadow",)).passes["Shadow"][..., 0]
+
+
+def test_r_sets_the_width_of_the_penumbra():
+    """Fig. 6, right: at one h a larger r blurs more of the picture, and leaves less of it dark."""
+    pictures = [gradient(0.05, r) for r in (0.075, 0.1, 0.15, 0.2)]
+    mixed = [((S > 0) & (S < 1)).mean() for S in pictures]
+    dark = [(S == 0).mean() for S in pictures]
+    assert mixed == sorted(mixed) and mixed[-1] > 2 * mixed[0]
+    assert dark == sorted(dark, reverse=True)
+
+
+def test_h_sets_its_gradation():
+    """Fig. 6, left: at one r a smaller h blurs the same place more finely."""
+    fine = gradient(0.15 / 8, 0.15)
+    pictures = [gradient(h, 0.15) for h in (0.1, 0.075, 0.05, 0.0375)]
+    errors = [np.sqrt(((S - fine) ** 2).mean()) for S in pictures]
+    assert errors == sorted(errors, reverse=True) and errors[0] > 3 * errors[-1]
+    steps = [np.abs(np.diff(S, axis=1)).max() for S in pictures]
+    assert steps[0] > 2 * steps[-1]
+    penumbra = ((fine > 0) & (fine < 1)).mean()
+    for S, h in zip(pictures, (0.1, 0.075, 0.05, 0.0375), strict=True):  # no lighter, no darker
+        assert abs(S.mean() - fine.mean()) <= QUANTISATION * (h / 0.15) ** 2 * penumbra
 
 
 @pytest.mark.slow

@@ -5,11 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from light_meshes.render import render_image
-from profiles import disc_share, half_ball, smoothstep, strip_minimum
+from profiles import QUANTISATION, disc_share, half_ball, smoothstep, strip_minimum
 from scenes import edge, strip
-
-# The mean error of a penumbra on a generic lattice is about .14/kI² (method.md §7).
-QUANTISATION = 0.145
 
 
 def profile(scene):

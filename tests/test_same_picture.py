@@ -94,6 +94,24 @@ def test_the_order_of_the_lights_does_not_matter(shadows):
     np.testing.assert_allclose(forth, back, rtol=2e-6, atol=1e-7)
 
 
+def test_the_seed_changes_what_is_sampled_and_only_that():
+    scene = four_lights(48, shadows="AREA_SAMPLING", light_samples=4)
+    first, second = (render_image(with_settings(scene, seed=n), PASSES).passes for n in (0, 1))
+    differs = (first["Combined"] != second["Combined"]).any(-1)
+    assert 0 < differs.mean() < 0.3  # penumbrae
+    np.testing.assert_array_equal(first["Depth"], second["Depth"])
+
+
+@pytest.mark.parametrize("by", [1e-7, -1e-7])
+def test_a_floor_on_a_plane_of_the_lattice_may_move_a_little(by):
+    """H2: nodes lie exactly on the floor, or 1e-7 beside it; no pixel cares."""
+    scene = tabletop(100, h=0.1, lattice_rotation=False)
+    moved = replace(scene, geometry=replace(
+        scene.geometry, instance_matrix=move(0, 0, by) @ scene.geometry.instance_matrix))
+    np.testing.assert_allclose(render_image(moved).passes["Combined"], render_image(scene).passes["Combined"],
+                               rtol=0, atol=1e-6)
+
+
 def placed(scene, size, offset):
     """The scene grown by `size` and then moved by `offset`; h, the lattice and the light's energy with it."""
     T = move(*offset) @ scale(size, size, size)
