@@ -1,0 +1,336 @@
+"""Refracted shadow paths: all ways on which a light reaches a point through glass, eq. (6) of the paper.
+
+Beams of the light (`beams`) say where to look, Newton's method (`paths`) finds the path that ends in the point, and a
+ray from the light that must meet the same interfaces and end there says whether it exists. Then the opaque
+surfaces get their say.
+
+What counts, so that nothing counts twice: v(i,x) = straight(i,x)·[nothing opaque between] + Σ_j α_j.
+`RefractedPaths.paths` returns only paths with an interface that bends (two media of different index), even where
+the ray happens to go straight on; `RefractedPaths.straight` is Π t where the straight way meets no such interface,
+and 0 where it does. So n = 1 everywhere leaves M1.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .beams import PAD, Beams, trace_beams
+from .boxes import STACK
+from .compiled import kernel
+from .geometry import Surfaces
+from .media import Media, glass
+from .paths import (
+    DEPTH,
+    ENDS,
+    NEWTON,
+    RAYS,
+    REJECTED,
+    SEEDS,
+    UNCONVERGED,
+    Scratch,
+    chain,
+    cross_section,
+    miss,
+    newton,
+    next_bend,
+    scratch,
+    start_ray,
+)
+from .tracing import Targets, Tracer, points
+
+MOST = 64  # paths from a light to a point that are told apart
+SAME = 1e-6  # of the first patch's radius: paths whose first points are nearer are one
+MISS = 1e-8  # of the same: how far from the point a path may end
+ULPS = 16 * 2.0**-23  # how far a receiver's paths end before its surface, as shadow rays do
+
+
+class Paths(NamedTuple):
+    """Paths of point p are rows start[p]:start[p+1]."""
+
+    start: NDArray[np.int64]  # (n+1,)
+    alpha: NDArray[np.float64]  # (c,3) α_j = Π t
+    P: NDArray[np.float64]  # (c,3) P_j, world: the far end of the path's first segment seen from the point
+    arrival: NDArray[np.float64]  # (c,3) unit, the way the light travels when it reaches the point
+    J: NDArray[np.float64]  # (c,) |x−L|²·dω/dA⊥, for a sun dA at the sun/dA⊥ here; infinite on a caustic
+    spread: NDArray[np.float64]  # (c,2) σ₁ ≥ σ₂ with J = 1/(σ₁σ₂): by how much light stretches in two directions
+    reach: NDArray[np.float64]  # (c,) world length, see `clamped`
+
+    def clamped(self, footprint: float) -> NDArray[np.float64]:
+        """J (c,) of finite light: no more goes through a disc of radius `footprint` (world) than the glass lets in.
+
+        The first patch of glass would spread over `reach` at the point if it bent nothing; a stretch below
+        footprint/reach would bring all of it into the disc.
+        """
+        least = footprint / self.reach
+        return 1.0 / (np.maximum(self.spread[:, 0], least) * np.maximum(self.spread[:, 1], least))
+
+
+class Work(NamedTuple):
+    """What a call has done."""
+
+    seeds: int  # searches started
+    unconverged: int  # of them, that found nothing
+    steps: int  # of Newton's method
+    rays: int  # through glass and, for occlusion, through the scene
+    rejected: int  # paths found that do not exist: other interfaces than the signature's, or missing the point
+
+
+class RefractedPaths:
+    """The solver for one scene. Beams are made once a light, when first asked for; results do not depend on batches."""
+
+    def __init__(self, surfaces: Surfaces, media: Media, lights: Targets, opaque: Tracer, h: float) -> None:
+        """`lights`: all lights of the scene. `opaque`: a tracer of the triangles that are not `media.transparent`.
+
+        h (world): detail that the answers need; beams are refined to h/4, Newton's method does the rest.
+        """
+        self.glass = glass(surfaces, media)
+        self._centre, self._scale, self._h = surfaces.centre, surfaces.scale, h / surfaces.scale
+        self._lights, self._opaque = lights, opaque
+        self._any_opaque = not media.transparent.all()
+        self._beams: dict[int, Beams] = {}
+        self._lock = threading.Lock()
+
+    def _scratch(self, light: int) -> Scratch:
+        position = self._lights.position[light]
+        sun = bool(self._lights.directional[light])
+        return scratch(self.glass, position if sun else (position - self._centre) / self._scale, sun)
+
+    def beams(self, light: int) -> Beams:
+        """The light's beams."""
+        with self._lock:
+            if light not in self._beams:
+                self._beams[light] = trace_beams(self.glass, self._scratch(light), self._h)
+            return self._beams[light]
+
+    def paths(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None = None,
+              ) -> tuple[Paths, Work]:
+        """All refracted paths from a light to points x (n,3), world.
+
+        normal (n,3): unit, of the surface that the points are on, on the side that is looked at; None: free points.
+        """
+        beams, s = self.beams(light), self._scratch(light)
+        local = np.ascontiguousarray((x - self._centre) / self._scale)
+        if normal is not None:
+            local += ULPS * normal
+        count = np.zeros(len(x), np.int64)
+        parts = [_room(0)]
+        p = 0
+        while p < len(x) and len(beams.slot):
+            room = _room(len(x) - p + MOST)
+            p, rows = _solve(self.glass, beams, s, local, p, count, *room)
+            parts.append(tuple(a[:rows] for a in room))
+        alpha, bends, k, arrival, spread, reach = (np.concatenate(a) for a in zip(*parts, strict=True))
+        bends = self._centre + self._scale * bends
+        row = np.repeat(np.arange(len(x), dtype=np.int32), count)
+        work = s.work
+        clear = np.ones(len(row), np.bool_)
+        if self._any_opaque and len(row):
+            clear, rays = self._clear(light, x, normal, row, bends, k)
+            work[RAYS] += rays
+        count = np.bincount(row[clear], minlength=len(x))
+        with np.errstate(divide="ignore"):
+            J = 1.0 / (spread[:, 0] * spread[:, 1])
+        last = bends[np.arange(len(row)), k - 1]
+        return Paths(
+            np.concatenate([[0], np.cumsum(count)]), alpha[clear], last[clear], arrival[clear], J[clear],
+            spread[clear], reach[clear] * self._scale,
+        ), Work(int(work[SEEDS]), int(work[UNCONVERGED]), int(work[NEWTON]), int(work[RAYS]), int(work[REJECTED]))
+
+    def _clear(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None, row: NDArray[np.int32],
+               bends: NDArray[np.float64], k: NDArray[np.int64]) -> tuple[NDArray[np.bool_], int]:
+        """Which paths meet nothing opaque, and the number of rays: each path's segments from x back to the light."""
+        index = np.arange(len(row), dtype=np.int32)
+        last = points(np.ascontiguousarray(bends[index, k - 1]))
+        clear = ~self._opaque.occluded(x, row, last, index, normal, closed=False)
+        rays = len(row)
+        for j in range(int(k.max()) - 1, -1, -1):
+            going = index[clear & (k > j)]
+            target, to = self._lights, np.full(len(going), light, np.int32)
+            if j:
+                target, to = points(np.ascontiguousarray(bends[:, j - 1])), going
+            origin = np.ascontiguousarray(bends[:, j])
+            clear[going] = ~self._opaque.occluded(origin, going, target, to, None, closed=False)
+            rays += len(going)
+        return clear, rays
+
+    def straight(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None = None,
+                 ) -> NDArray[np.float64]:
+        """Π t (n,3) of all that the straight way from a light to points x (n,3) crosses, 0 where it would bend.
+
+        Opaque surfaces are not looked at.
+        """
+        s = self._scratch(light)
+        local = np.ascontiguousarray((x - self._centre) / self._scale)
+        if normal is not None:
+            local += ULPS * normal
+        out = np.zeros((len(x), 3))
+        _straight(self.glass, s, local, out)
+        return out
+
+
+def _room(n: int) -> tuple[NDArray, ...]:
+    return (np.empty((n, 3)), np.empty((n, DEPTH, 3)), np.empty(n, np.int64), np.empty((n, 3)), np.empty((n, 2)),
+            np.empty(n))
+
+
+@kernel
+def _straight(g, s, x, out):
+    for p in range(len(x)):
+        start_ray(s.light, s.sun, x[p], s.ray)
+        s.medium[:] = s.medium0
+        s.alpha[:] = 1.0
+        s.touched[0] = 0
+        _, end = miss(s.ray, x[p])
+        if next_bend(g, s.ray, end, s.medium, s.alpha, s.touched, s.work, s.stack, s.out) == ENDS:
+            out[p] = s.alpha
+
+
+@kernel
+def _solve(g, beams, s, x, p, count, alpha, bends, k_out, arrival, spread, reach):
+    """Paths to points from p on, until all are done or the room is; returns the next p and the rows filled."""
+    rows = 0
+    stack = np.empty(STACK, np.int64)
+    known, known_k, known_of = np.empty((MOST, 3)), np.empty(MOST, np.int64), np.empty(MOST, np.int64)
+    y = np.empty(3)
+    while p < len(x) and rows + MOST <= len(alpha):
+        first, tried = rows, 0
+        for group in range(6):
+            if beams.root[group] < 0:
+                continue
+            axis = group >> 1
+            z = -x[p, axis] if group & 1 else x[p, axis]
+            a, b = x[p, (axis + 1) % 3], x[p, (axis + 2) % 3]
+            stack[0] = beams.root[group]
+            top = 1
+            while top:
+                top -= 1
+                node = stack[top]
+                o = beams.bounds[node]
+                if not (z >= o[1] and z <= o[2]):
+                    continue
+                w = z - o[0]
+                if not (a >= o[3] + w * o[7] and a <= o[4] + w * o[8] and b >= o[5] + w * o[9]
+                        and b <= o[6] + w * o[10]):
+                    continue
+                if not beams.count[node]:
+                    stack[top], stack[top + 1] = beams.child[node] + 1, beams.child[node]
+                    top += 2
+                    continue
+                for beam in range(beams.child[node], beams.child[node] + beams.count[node]):
+                    if not (z >= beams.z[beam, 1] and z <= beams.z[beam, 2]) or tried == MOST:
+                        continue
+                    found, u, v = _inside(beams, beam, z, a, b)
+                    if not found:
+                        continue
+                    s.work[SEEDS] += 1
+                    k = beams.k[beam]
+                    along = _search(g, s, x[p], beams.slot[beam], u, v, beams.code[beam], beams.eta[beam], k, y, beam,
+                                    beams, known, known_k, known_of, tried)
+                    if along == _NOWHERE:
+                        s.work[UNCONVERGED] += 1
+                        continue
+                    if along == _KNOWN:
+                        continue
+                    # What was found is told from what comes later, whether it exists or not.
+                    known[tried], known_k[tried], known_of[tried] = y, k, beam
+                    tried += 1
+                    if along < 0.0:
+                        s.work[REJECTED] += 1
+                        continue
+                    _record(g, s, x[p], k, along, alpha[rows], bends[rows], arrival[rows], spread[rows])
+                    body = g.body[s.slot[0]]
+                    square, length = 0.0, 0.0
+                    for j in range(3):
+                        square += (x[p, j] - s.light[j]) ** 2
+                        length += (g.centre[body, j] - s.light[j]) ** 2
+                    k_out[rows] = k
+                    if s.sun:
+                        reach[rows] = g.radius[body]
+                    else:
+                        reach[rows] = np.sqrt(square) * min(1.0, g.radius[body] / max(np.sqrt(length), 1e-300))
+                        spread[rows] /= np.sqrt(square)
+                    rows += 1
+        count[p] = rows - first
+        p += 1
+    return p, rows
+
+
+_NOWHERE, _KNOWN, _UNREAL = -3.0, -2.0, -1.0
+
+
+@kernel
+def _inside(beams, beam, z, a, b):
+    """Whether (a, b) at height z is in the beam, and (u, v) on its first triangle of the ray that is there."""
+    w = z - beams.z[beam, 0]
+    p, d = beams.p[beam], beams.d[beam]
+    x0, y0 = p[0, 0] + w * d[0, 0], p[0, 1] + w * d[0, 1]
+    x1, y1 = p[1, 0] + w * d[1, 0] - x0, p[1, 1] + w * d[1, 1] - y0
+    x2, y2 = p[2, 0] + w * d[2, 0] - x0, p[2, 1] + w * d[2, 1] - y0
+    det = x1 * y2 - x2 * y1
+    l1, l2 = ((a - x0) * y2 - x2 * (b - y0)) / det, (x1 * (b - y0) - (a - x0) * y1) / det
+    if not (l1 >= -PAD and l2 >= -PAD and l1 + l2 <= 1.0 + PAD):
+        return False, 0.0, 0.0
+    uv = beams.uv[beam]
+    u = uv[0, 0] + l1 * (uv[1, 0] - uv[0, 0]) + l2 * (uv[2, 0] - uv[0, 0])
+    v = uv[0, 1] + l1 * (uv[1, 1] - uv[0, 1]) + l2 * (uv[2, 1] - uv[0, 1])
+    u, v = max(u, 0.0), max(v, 0.0)
+    if u + v > 1.0:
+        u, v = u / (u + v), v / (u + v)
+    return True, u, v
+
+
+@kernel
+def _search(g, s, x, slot, u, v, code, eta, k, y, beam, beams, known, known_k, known_of, tried):
+    """The path that a seed leads to: its length behind the last bend, or _NOWHERE, _KNOWN, _UNREAL; y: its start."""
+    size = g.patch_size[code[0] >> 1]
+    for _ in range(2):
+        slot = newton(g, s, x, slot, u, v, code, eta, k)
+        if slot < 0:
+            return _NOWHERE
+        u, v = s.found[0], s.found[1]
+        for j in range(3):
+            y[j] = g.A[slot, j] + u * g.E1[slot, j] + v * g.E2[slot, j]
+        for i in range(tried):
+            square = (y[0] - known[i, 0]) ** 2 + (y[1] - known[i, 1]) ** 2 + (y[2] - known[i, 2]) ** 2
+            if k == known_k[i] and square < (SAME * size) ** 2:
+                same = True
+                for j in range(k):
+                    same = same and code[j] == beams.code[known_of[i], j]
+                if same:
+                    return _KNOWN
+        if chain(g, s, y, k, 0.0) < k:
+            return _UNREAL
+        for j in range(k):
+            if s.code[j] != code[j] or s.eta[j] != eta[j]:
+                return _UNREAL
+        distance, along = miss(s.ray, x)
+        if not along > 0.0:
+            return _UNREAL
+        if distance <= MISS * size:
+            if next_bend(g, s.ray, along, s.medium, s.alpha, s.touched, s.work, s.stack, s.out) != ENDS:
+                return _UNREAL
+            return along
+        # Planes of one patch that differ by rounding: once more from the triangles that are really met.
+        slot, u, v = s.slot[0], s.uv[0, 0], s.uv[0, 1]
+    return _UNREAL
+
+
+@kernel
+def _record(g, s, x, k, along, alpha, bends, arrival, spread):
+    """Fill the outputs of the path in s; spread in the frame's lengths per parameter of the light's ray."""
+    alpha[:] = s.alpha
+    for j in range(k):
+        bends[j] = s.rays[j, 0]
+    bends[k:] = 0.0
+    arrival[:] = s.ray[1]
+    cross_section(s.ray, x, along, s.section)
+    m = s.section
+    total = m[0, 0] ** 2 + m[0, 1] ** 2 + m[1, 0] ** 2 + m[1, 1] ** 2
+    skew = np.sqrt((m[0, 0] ** 2 + m[1, 0] ** 2 - m[0, 1] ** 2 - m[1, 1] ** 2) ** 2
+                   + 4.0 * (m[0, 0] * m[0, 1] + m[1, 0] * m[1, 1]) ** 2)
+    spread[0] = np.sqrt(0.5 * (total + skew))
+    spread[1] = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) / spread[0] if spread[0] > 0.0 else 0.0
