@@ -151,24 +151,6 @@ def _lost(scene: Scene, vertices: NDArray[np.float32], triangles: NDArray[np.int
     ]
 
 
-def closed_meshes(scene: Scene, surfaces: Surfaces, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Triangles (T,) of closed meshes: each edge is met as often one way as the other, vertices merged by position.
-
-    Only meshes with a triangle in wanted (T,) are looked at; of the others none counts as closed.
-    """
-    g = scene.geometry
-    closed = np.zeros(len(g.meshes), np.bool_)
-    mesh_of = g.instance_mesh[surfaces.instance] if len(surfaces.instance) else np.zeros(0, np.int32)
-    for m in np.unique(mesh_of[wanted]).tolist():
-        v0, nv, t0, nt = g.meshes[m].tolist()
-        _, merged = np.unique(g.vertices[v0:v0 + nv] + np.float32(0), axis=0, return_inverse=True)
-        t = merged.reshape(-1)[g.triangles[t0:t0 + nt]].astype(np.int64)
-        t = t[(t[:, 0] != t[:, 1]) & (t[:, 1] != t[:, 2]) & (t[:, 2] != t[:, 0])]
-        start, end = t.reshape(-1), t[:, [1, 2, 0]].reshape(-1)
-        closed[m] = len(t) > 0 and np.array_equal(np.sort(start * nv + end), np.sort(end * nv + start))
-    return closed[mesh_of]
-
-
 @kernel
 def surface(s, triangle, u, v, origin, direction, P, Ng, Ns, uv, material, hit, front):
     """Fill P … material for the triangles that rays hit; u, v are Embree's, in float32.

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
-from .geometry import Hits, Surfaces, closed_meshes
+from .geometry import Hits, Surfaces
+from .media import Media, closed
 from .scene import Scene
 from .textures import Texture
 
@@ -26,7 +27,7 @@ class Face(NamedTuple):
     media: NDArray[np.int32]  # (n, MEDIA) what the ray is in behind it
 
 
-class Glass:
+class Interfaces:
     """The transparent side of a scene's materials."""
 
     def __init__(self, scene: Scene, surfaces: Surfaces, textures: list[Texture | None]) -> None:
@@ -45,10 +46,18 @@ class Glass:
         shadow = np.array([x.transparent_shadow for x in m], np.bool_)
         self.lets_through = (passes & shadow)[material]  # (T,) shadow rays
         bends = ((self._ior != 1) & (self._kt > 0).any(1))[material] & (scene.settings.refraction != "NONE")
-        self.bending = bends & closed_meshes(scene, surfaces, bends)  # (T,)
+        self.bending = bends & closed(surfaces, bends)  # (T,)
         self.transparent = bool(passes[material].any())
         self.cutouts = bool(cut[material].any())
         self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())
+
+    def media(self) -> Media:
+        """What the solver of refracted paths needs of each triangle."""
+        s = self._surfaces
+        material = s.materials[s.source]
+        alpha = self._alpha[material][:, None]
+        return Media(self.lets_through, self.bending, self._ior[material], 1 - alpha + alpha * self._kt[material],
+                     self._priority[material])
 
     def _alpha_of(self, material: NDArray[np.int32], uv: NDArray[np.float32]) -> NDArray[np.float64]:
         alpha = self._alpha[material]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .interfaces import Glass
+from .interfaces import Interfaces
 from .scene import Scene
 
 
@@ -17,12 +17,13 @@ class Plan:
     shadows: str = "NONE"  # NONE, SHARP, LIGHT_MESHES, AREA_SAMPLING
     reflections: bool = False
     transparent: bool = False  # rays pass through surfaces
+    paths: bool = False  # shadow paths bend (eq. 6)
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
     reasons: dict[str, str] = field(default_factory=dict)
 
 
-def plan(scene: Scene, glass: Glass, passes: tuple[str, ...] = ("Combined",)) -> Plan:
+def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",)) -> Plan:
     """Decide what `scene`, with what is transparent in it, needs for `passes`."""
     s, p = scene.settings, Plan()
     used = scene.geometry.triangle_materials
@@ -49,6 +50,9 @@ def plan(scene: Scene, glass: Glass, passes: tuple[str, ...] = ("Combined",)) ->
     if p.transparent:
         bent = int(glass.bending.sum())
         decide("transparency", "yes", f"{'with' if bent else 'without'} refraction, {bent} triangles bend rays")
+        p.paths = s.refraction == "FULL" and p.channels > 0 and bool((glass.bending & glass.lets_through).any())
+        decide("refracted shadow paths", "yes" if p.paths else "no", "refraction is full" if p.paths else
+               "no closed mesh of glass bends" if s.refraction == "FULL" else f"refraction is {s.refraction.lower()}")
     else:
         decide("transparency", "no", "all surfaces are opaque")
     if p.shadows == "LIGHT_MESHES":

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from . import shading, textures
 from .camera import camera_rays, depth, filter_offsets
 from .geometry import Hits, flatten, surface
-from .interfaces import Glass
+from .interfaces import Interfaces
 from .lattice import lattice
 from .plan import plan
+from .refraction import RefractedPaths
 from .scene import Scene
-from .semitransparent import SemitransparentMeshes, SharpThrough
+from .semitransparent import Refraction, SemitransparentMeshes, SharpThrough
 from .statistics import Statistics
 from .tracing import Tracer
 from .visibility import AreaSampling, LightMeshes, Sharp, Unshadowed
@@ -33,7 +34,7 @@ class Prepared:
             self.surfaces, self.warnings = flatten(scene)
         self.textures, sentences = textures.load(scene.images)  # none where no material has an image
         self.warnings += sentences
-        self.glass = Glass(scene, self.surfaces, self.textures)
+        self.glass = Interfaces(scene, self.surfaces, self.textures)
         with self.stats.stage("accelerator"):
             bent = self.glass.bending & (scene.settings.refraction == "FULL")
             self.tracer = Tracer(scene, self.surfaces, self.glass.lets_through, bent)
@@ -52,7 +53,7 @@ class Prepared:
         if self.plan.shadows == "NONE":
             return Unshadowed(scene.lights)
         needed = scene.lights, self.lights.targets(), self.tracer, self.stats
-        through = self.glass.factor, self.plan.channels, None
+        through = self.glass.factor, self.plan.channels, self._refraction()
         sharp = SharpThrough(*needed, *through) if self.plan.channels else Sharp(*needed)
         if self.plan.shadows == "SHARP":
             return sharp
@@ -63,6 +64,13 @@ class Prepared:
             return SemitransparentMeshes(*needed, nodes, s.uniform_skip, *through, s.glass == "BOUNDED",
                                          self.glass.cutouts)
         return LightMeshes(*needed, nodes, s.uniform_skip)
+
+    def _refraction(self) -> Refraction | None:
+        if not self.plan.paths:
+            return None
+        s = self.scene.settings
+        solver = RefractedPaths(self.surfaces, self.glass.media(), self.lights.targets(), self.tracer, s.h)
+        return Refraction(solver, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free)
 
     @property
     def soft(self) -> LightMeshes | SemitransparentMeshes:

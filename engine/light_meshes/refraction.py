@@ -145,7 +145,7 @@ class RefractedPaths:
         """Which paths meet nothing opaque, and the number of rays: each path's segments from x back to the light."""
         index = np.arange(len(row), dtype=np.int32)
         last = points(np.ascontiguousarray(bends[index, k - 1]))
-        clear = ~self._opaque.occluded(x, row, last, index, normal, closed=False)
+        clear = ~self._opaque.occluded(x, row, last, index, normal, closed=False, kind="opaque")
         rays = len(row)
         for j in range(int(k.max()) - 1, -1, -1):
             going = index[clear & (k > j)]
@@ -153,7 +153,7 @@ class RefractedPaths:
             if j:
                 target, to = points(np.ascontiguousarray(bends[:, j - 1])), going
             origin = np.ascontiguousarray(bends[:, j])
-            clear[going] = ~self._opaque.occluded(origin, going, target, to, None, closed=False)
+            clear[going] = ~self._opaque.occluded(origin, going, target, to, None, closed=False, kind="opaque")
             rays += len(going)
         return clear, rays
 

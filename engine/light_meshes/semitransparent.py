@@ -5,14 +5,15 @@ The same interface as `visibility`, but S is (n, L, C): one number a light, or R
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
 from .lattice import Lattice, NodeStore, candidates
+from .refraction import RefractedPaths
 from .scene import Light
 from .statistics import Statistics
 from .tracing import Targets, Tracer, points
@@ -21,21 +22,22 @@ from .visibility import CANDIDATES, PAIRS, Check, blocks, listed, mask_of, need_
 Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
 
 
-class Paths(Protocol):
-    """The refracted paths of eq. (6) that reach points x from one light."""
+class Refraction(NamedTuple):
+    """How refracted shadow paths are followed."""
 
-    def __call__(self, x: NDArray[np.float64], light: int) -> tuple[NDArray, NDArray, NDArray]:
-        """start (n+1,), α (c,3) and P_j (c,3), the far end of the first segment seen from x."""
+    solver: RefractedPaths
+    footprint: float | None  # FOCUS: radius within which no more light gathers than came in; None: Σ Π t
+    leak_free: bool
 
 
 class Straight:
     """V(i,P) by Π t of the surfaces crossed, and in FULL the refracted paths beside it: v(i,x) of eq. (6)."""
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 factor: Factor, channels: int, paths: Paths | None) -> None:
+                 factor: Factor, channels: int, refraction: Refraction | None) -> None:
         self.count, self.channels = len(lights), channels
         self._targets, self._tracer, self._stats = targets, tracer, stats
-        self._factor, self._paths = factor, paths
+        self._factor, self._refraction = factor, refraction
         self._casting = mask_of([light.cast_shadow for light in lights])
 
     def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
@@ -46,21 +48,35 @@ class Straight:
             check()
             S[row, light] = self.segments(P, row, self._targets, light, N)
             self._stats.add(**{"shadow_rays" if N is not None else "long_rays": len(row)})
-        if self._paths is not None:
-            for i in range(self.count):
-                wanted = np.flatnonzero((active & self._casting)[:, i >> 6] >> np.uint64(i & 63) & np.uint64(1))
-                if len(wanted):
-                    check()
-                    start, alpha, _ = self._paths(P[wanted], i)
-                    _add_paths(wanted, start, alpha, i, S)
-                    self._stats.add(refracted_paths=len(alpha))
+        for wanted, light, start, alpha, _ in self.paths(P, N, active, check):
+            _add_paths(wanted, start, alpha, light, S)
         return S
+
+    def paths(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> Iterator[
+            tuple[NDArray, int, NDArray, NDArray, NDArray]]:
+        """The refracted paths of eq. (6), light by light.
+
+        Each is (rows of P, light, start, α, P_j): row k has paths start[k]:start[k+1] with α (c,3), in FOCUS times J,
+        and the far end P_j (c,3) of the segment that reaches it.
+        """
+        if self._refraction is None:
+            return
+        solver, footprint, _ = self._refraction
+        for i in range(self.count):
+            wanted = np.flatnonzero((active & self._casting)[:, i >> 6] >> np.uint64(i & 63) & np.uint64(1))
+            if len(wanted):
+                check()
+                found, work = solver.paths(i, P[wanted], None if N is None else N[wanted])
+                alpha = found.alpha if footprint is None else found.alpha * found.clamped(footprint)[:, None]
+                self._stats.add(refracted_paths=len(alpha), path_seeds=work.seeds, path_rays=work.rays,
+                                path_seeds_not_converged=work.unconverged, paths_rejected=work.rejected)
+                yield wanted, i, found.start, alpha, found.P
 
     def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray,
                  N: NDArray | None) -> NDArray[np.float32]:
         """Π t (n,C) of straight segments from P[row] to targets[target]."""
         return self._tracer.transmittance(P, row, targets, target, N, False, self._factor,
-                                          unbent=self._paths is not None)[:, :self.channels]
+                                          unbent=self._refraction is not None)[:, :self.channels]
 
 
 class SharpThrough(Straight):
@@ -76,14 +92,14 @@ class SemitransparentMeshes:
     """Eq. (7). BOUNDED: glass bounds the neighbourhood like any surface, v(x_l,P) = 1. PAPER: as printed."""
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 lattice: Lattice, uniform_skip: bool, factor: Factor, channels: int, paths: Paths | None,
+                 lattice: Lattice, uniform_skip: bool, factor: Factor, channels: int, refraction: Refraction | None,
                  bounded: bool, cutouts: bool) -> None:
         self.lattice, self._tracer, self._stats, self._factor = lattice, tracer, stats, factor
         self._bounded, self._cutouts = bounded, cutouts
         self._uniform_skip = uniform_skip and bounded
         self.count, self.channels = len(lights), channels
-        self._nodes = Straight(lights, targets, tracer, stats, factor, channels, paths)
-        self._sharp = SharpThrough(lights, targets, tracer, stats, factor, channels, paths)
+        self._nodes = Straight(lights, targets, tracer, stats, factor, channels, refraction)
+        self._sharp = SharpThrough(lights, targets, tracer, stats, factor, channels, refraction)
         self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
         self.store = NodeStore(max(1, self.count), channels)
         self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.kI**3 + 4), 64, 16384))
