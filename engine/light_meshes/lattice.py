@@ -210,9 +210,9 @@ class NodeStore:
     waits for it.
     """
 
-    def __init__(self, lights: int, channels: int = 0) -> None:
+    def __init__(self, lights: int, channels: int = 0, kind: type = np.float32) -> None:
         self._width = lights * channels if channels else (lights + 63) // 64
-        self._kind: type = np.float32 if channels else np.uint64
+        self._kind: type = kind if channels else np.uint64
         self.words = (lights + 63) // 64
         self.count = 0
         self._ready = threading.Condition()

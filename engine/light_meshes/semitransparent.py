@@ -5,6 +5,7 @@ The same interface as `visibility`, but S is (n, L, C): one number a light, or R
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -26,7 +27,7 @@ class Refraction(NamedTuple):
     """How refracted shadow paths are followed."""
 
     solver: RefractedPaths
-    footprint: float | None  # FOCUS: radius within which no more light gathers than came in; None: Σ Π t
+    footprint: float | None  # FOCUS: radius within which no more light gathers than came in; None: PAPER, Σ Π t
     leak_free: bool
 
 
@@ -42,14 +43,21 @@ class Straight:
 
     def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
         """S (n,L,C) at receivers P with normals N, or at free points (N None)."""
+        S = self.straight(P, N, active, check)
+        focus = self._refraction is not None and self._refraction.footprint is not None
+        for wanted, light, start, alpha, ends in self.paths(P, N, active, check):
+            _add_paths(wanted, start, alpha, ends, light, focus and N is not None, P, P if N is None else N,
+                       self._targets, S)
+        return S
+
+    def straight(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+        """V (n,L,C): Π t of the straight segments, in FULL only where nothing bends them."""
         S = np.zeros((len(P), self.count, self.channels), np.float32)
         _set_one(active & ~self._casting, self.count, S)
         for row, light in blocks(active & self._casting, self.count):
             check()
             S[row, light] = self.segments(P, row, self._targets, light, N)
             self._stats.add(**{"shadow_rays" if N is not None else "long_rays": len(row)})
-        for wanted, light, start, alpha, _ in self.paths(P, N, active, check):
-            _add_paths(wanted, start, alpha, light, S)
         return S
 
     def paths(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> Iterator[
@@ -101,7 +109,13 @@ class SemitransparentMeshes:
         self._nodes = Straight(lights, targets, tracer, stats, factor, channels, refraction)
         self._sharp = SharpThrough(lights, targets, tracer, stats, factor, channels, refraction)
         self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
-        self.store = NodeStore(max(1, self.count), channels)
+        # Kept apart: what a path is worth at P depends on P. FOCUS: its cosine there; leak-free: ξ(P_j,P).
+        self._focus = refraction is not None and refraction.footprint is not None
+        self._apart = PathTable(channels) if refraction and (refraction.leak_free or self._focus) else None
+        self._targets = targets
+        # With the paths apart a node also has, for each light, the first row of its paths and their number.
+        self._stride = channels + (2 if self._apart else 0)
+        self.store = NodeStore(max(1, self.count), self._stride, np.float64 if self._apart else np.float32)
         self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.kI**3 + 4), 64, 16384))
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
@@ -132,7 +146,7 @@ class SemitransparentMeshes:
         target = points(position)
         weight = np.zeros((len(candidate), self.channels), np.float32)  # v(x_l, P)
         uniform = np.zeros(len(P), np.bool_)
-        if self._uniform_skip:
+        if self._uniform_skip and self._apart is None:
             with stats.stage("uniform skip"):
                 _uniform_values(start, candidate, values, soft, self.channels, uniform)
                 witness = np.flatnonzero(uniform).astype(np.int32)
@@ -148,7 +162,9 @@ class SemitransparentMeshes:
             stats.add(short_rays=len(row))
         m = np.zeros(len(P), np.int32)
         with stats.stage("average"):
-            _mean(start, candidate, weight, uniform, values, soft, self.channels, m, S)
+            alpha, ends = self._apart.rows if self._apart else PathTable.NONE
+            _mean(start, candidate, weight, uniform, values, soft, self.channels, P, N, self._targets, position,
+                  alpha, ends, self._focus, m, S)
         stats.add(candidates=len(candidate), empty_sets=int((soft.any(1) & (m == 0)).sum()))
         return m
 
@@ -162,12 +178,42 @@ class SemitransparentMeshes:
             through = np.repeat((through == 1).all(1)[:, None], 3, axis=1).astype(np.float32)
         return through[:, :self.channels]
 
-    def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
-        return np.concatenate([
-            self._nodes(self.lattice.position(nodes[i:i + 4096]), None, todo[i:i + 4096], check).reshape(
-                -1, self.count * self.channels)
-            for i in range(0, len(nodes), 4096)
-        ])
+    def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray:
+        """v(i,x) of nodes (n,3) for the lights in todo (n,W), as the store keeps it."""
+        found = np.zeros((len(nodes), self.count, self._stride))
+        for i in range(0, len(nodes), 4096):
+            x, wanted, part = self.lattice.position(nodes[i:i + 4096]), todo[i:i + 4096], found[i:i + 4096]
+            if self._apart is None:
+                part[:] = self._nodes(x, None, wanted, check)
+                continue
+            part[..., :self.channels] = self._nodes.straight(x, None, wanted, check)
+            for rows, light, start, alpha, ends in self._nodes.paths(x, None, wanted, check):
+                first = self._apart.append(alpha, ends)
+                part[rows, light, self.channels] = first + start[:-1]
+                part[rows, light, self.channels + 1] = np.diff(start)
+        return found.reshape(len(nodes), -1)
+
+
+class PathTable:
+    """The refracted paths of all nodes, kept apart (end of paper §5): α_j and P_j. It only grows; threads share it."""
+
+    NONE = np.zeros((0, 3)), np.zeros((0, 3))
+
+    def __init__(self, channels: int) -> None:
+        self.rows = self.NONE  # α (c,3), P_j (c,3); replaced, never changed where rows are in use
+        self._count = 0
+        self._lock = threading.Lock()
+
+    def append(self, alpha: NDArray[np.float64], ends: NDArray[np.float64]) -> int:
+        """Add paths; the row of the first."""
+        with self._lock:
+            first, self._count = self._count, self._count + len(alpha)
+            if self._count > len(self.rows[0]):
+                room = np.zeros((2 * self._count, 3))
+                self.rows = tuple(np.concatenate([old[:first], room[first:]]) for old in self.rows)
+            for array, new in zip(self.rows, (alpha, ends), strict=True):
+                array[first:self._count] = new
+            return first
 
 
 @kernel
@@ -179,13 +225,32 @@ def _set_one(mask, lights, S):
 
 
 @kernel
-def _add_paths(rows, start, alpha, i, S):
+def _cosine(targets, i, P, N):
+    """N·L_i at P."""
+    x, y, z = targets.position[i, 0], targets.position[i, 1], targets.position[i, 2]
+    if targets.directional[i]:
+        return x * N[0] + y * N[1] + z * N[2]
+    return _toward(targets.position[i], P, N)
+
+
+@kernel
+def _toward(end, x, N):
+    """N·ω of the unit vector ω from x towards `end`."""
+    a, b, c = end[0] - x[0], end[1] - x[1], end[2] - x[2]
+    return (a * N[0] + b * N[1] + c * N[2]) / np.sqrt(a * a + b * b + c * c)
+
+
+@kernel
+def _add_paths(rows, start, alpha, ends, i, focus, P, N, targets, S):
+    """S += Σ_j α_j; with focus times (N·ω_j)/(N·L_i), as Ω has the cosine of the straight way."""
     for n in range(len(rows)):
-        for c in range(S.shape[2]):
-            total = 0.0
-            for j in range(start[n], start[n + 1]):
-                total += alpha[j, c]
-            S[rows[n], i, c] += total
+        p = rows[n]
+        for j in range(start[n], start[n + 1]):
+            share = 1.0
+            if focus:
+                share = max(_toward(ends[j], P[p], N[p]), 0.0) / _cosine(targets, i, P[p], N[p])
+            for c in range(S.shape[2]):
+                S[p, i, c] += share * alpha[j, c]
 
 
 @kernel
@@ -206,8 +271,13 @@ def _uniform_values(start, candidate, values, soft, channels, uniform):
 
 
 @kernel
-def _mean(start, candidate, weight, uniform, values, soft, channels, m, S):
-    """Eq. (7) without Ω: S = (1/m) Σ_l v(x_l,P)·v(i,x_l) over the m nodes with v(x_l,P) > 0."""
+def _mean(start, candidate, weight, uniform, values, soft, channels, P, N, targets, position, alpha, ends, focus, m, S):
+    """Eq. (7) without Ω: S = (1/m) Σ_l v(x_l,P)·v(i,x_l) over the m nodes with v(x_l,P) > 0.
+
+    With the paths apart v(i,x_l) = V + Σ_j α_j·ξ(P_j,P), the end of paper §5. With focus each counts with its own
+    cosine at P: α_j·(N·ω_j)/(N·L_i), as Ω has that of the straight way.
+    """
+    stride = values.shape[1] // S.shape[1]
     for p in range(len(soft)):
         first, last = start[p], start[p + 1]
         if uniform[p]:
@@ -223,9 +293,19 @@ def _mean(start, candidate, weight, uniform, values, soft, channels, m, S):
         for i in range(S.shape[1]):
             if not soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
                 continue
+            cosine = _cosine(targets, i, P[p], N[p])
             for k in range(channels):
                 total = 0.0
                 for c in range(first, last):
                     w = 1.0 if uniform[p] else np.float64(weight[c, k])
-                    total += w * values[candidate[c], i * channels + k]
+                    value = np.float64(values[candidate[c], i * stride + k])
+                    if stride > channels:
+                        row = int(values[candidate[c], i * stride + channels])
+                        for j in range(row, row + int(values[candidate[c], i * stride + channels + 1])):
+                            if focus:
+                                share = max(_toward(ends[j], position[candidate[c]], N[p]), 0.0) / cosine
+                            else:
+                                share = 1.0 if _toward(ends[j], P[p], N[p]) > 0.0 else 0.0
+                            value += share * alpha[j, k]
+                    total += w * value
                 S[p, i, k] = np.float32(total / m[p])
