@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from .boxes import STACK
 from .compiled import kernel
-from .media import Glass
+from .media import BODY, E1, E2, NG, PATCH, A, Glass, U, V
 from .paths import DEPTH, Scratch, chain
 
 CUTOFF = 1e-4  # beams of light fainter than this are not followed
 SHRINK = 1e-3  # corners are sampled so far inside: which triangle the ray meets is then beyond doubt
 COARSE = 1 / 8  # of a curved patch's radius: the longest edge of an element
-FINE = 1 / 64  # the edge below which elements that differ are not split
+FINE = 1 / 64  # of a body's radius: elements with shorter edges are not split because they differ
 FLAT_LEVELS = 2  # but so often in any case: small facets, each with its own signature
 BENT = 0.1  # of its width: by how much a beam may miss its own middle ray
 PAD = 0.25  # barycentric: how far outside a beam a point may be and still start a search
@@ -90,8 +90,8 @@ def _axis(D):
 
 
 @kernel
-def _flatten(P, D, group, z0, p, d):
-    """A ray as place and slope in the plane z = z0; False: it runs along the plane or back."""
+def _flatten(P, D, group, z0, i, p, d):
+    """A ray as place p[i] and slope d[i] in the plane z = z0; False: it runs along the plane or back."""
     a = group >> 1
     sign = -1.0 if group & 1 else 1.0
     slope = sign * D[a]
@@ -99,8 +99,8 @@ def _flatten(P, D, group, z0, p, d):
         return False
     b, c = (a + 1) % 3, (a + 2) % 3
     t = (z0 - sign * P[a]) / slope
-    p[0], p[1] = P[b] + t * D[b], P[c] + t * D[c]
-    d[0], d[1] = D[b] / slope, D[c] / slope
+    p[i, 0], p[i, 1] = P[b] + t * D[b], P[c] + t * D[c]
+    d[i, 0], d[i, 1] = D[b] / slope, D[c] / slope
     return True
 
 
@@ -119,18 +119,18 @@ def _width(p, d, z):
 @kernel
 def _split_for_bodies(g, P, D, end, width, own):
     """Whether some body on the way is so small that the beam's few rays may all miss it."""
-    for b in range(len(g.radius)):
-        if b == own or 2.0 * width < g.radius[b]:
+    for b in range(len(g.ball)):
+        if b == own or 2.0 * width < g.ball[b, 3]:
             continue
         along = 0.0
         for j in range(3):
-            along += (g.centre[b, j] - P[j]) * D[j]
+            along += (g.ball[b, j] - P[j]) * D[j]
         along = min(max(along, 0.0), end)
         square = 0.0
         for j in range(3):
-            away = g.centre[b, j] - P[j] - along * D[j]
+            away = g.ball[b, j] - P[j] - along * D[j]
             square += away * away
-        if square < (g.radius[b] + width) ** 2:
+        if square < (g.ball[b, 3] + width) ** 2:
             return True
     return False
 
@@ -142,13 +142,13 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
     code, eta = np.zeros((4, DEPTH), np.int64), np.zeros((4, DEPTH))
     rays, end = np.zeros((4, DEPTH, 6, 3)), np.zeros((4, DEPTH + 1))
     uv = np.zeros((4, 2))
-    p, d = np.zeros((4, 2)), np.zeros((4, 2))
+    p, d, z = np.zeros((4, 2)), np.zeros((4, 2)), np.zeros(3)
     element = np.zeros((4 * 40, 8))  # u, v of three corners, level, first bend that is not done
-    P, D, y = np.zeros(3), np.zeros(3), np.zeros(3)
+    P, D, y, e = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(8)
     while slot < len(g.triangle):
         before = used
         full = False
-        body = g.body[slot]
+        body = g.link[slot, BODY]
         top = 0
         if body >= 0:
             inside = False
@@ -156,13 +156,15 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                 inside = inside or s.medium0[i, 0] == body
             slope = 0.0
             for j in range(3):
-                slope += g.Ng[slot, j] * (-s.light[j] if s.sun else g.A[slot, j] - s.light[j])
+                slope += g.place[slot, NG + j] * (-s.light[j] if s.sun else g.place[slot, A + j] - s.light[j])
             if (slope > 0.0) == inside and slope != 0.0:
                 top = 1
-                element[0] = 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0
+                for j in range(8):
+                    element[0, j] = 1.0 if j == 2 or j == 5 or j == 7 else 0.0
         while top and not full:
             top -= 1
-            e = element[top].copy()
+            for j in range(8):
+                e[j] = element[top, j]
             level, first = int(e[6]), int(e[7])
             mu, mv = (e[0] + e[2] + e[4]) / 3.0, (e[1] + e[3] + e[5]) / 3.0
             most = 0
@@ -170,23 +172,23 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                 uv[i, 0] = mu if i == 3 else (1.0 - SHRINK) * e[2 * i] + SHRINK * mu
                 uv[i, 1] = mv if i == 3 else (1.0 - SHRINK) * e[2 * i + 1] + SHRINK * mv
                 for j in range(3):
-                    y[j] = g.A[slot, j] + uv[i, 0] * g.E1[slot, j] + uv[i, 1] * g.E2[slot, j]
+                    y[j] = g.place[slot, A + j] + uv[i, 0] * g.place[slot, E1 + j] + uv[i, 1] * g.place[slot, E2 + j]
                 n[i] = chain(g, s, y, DEPTH, CUTOFF)
-                if n[i] and s.slot[0] != slot:
+                if n[i] and s.code[0, 1] != slot:
                     n[i] = 0  # something stands before it: no first interface
-                code[i], eta[i], rays[i], end[i] = s.code, s.eta, s.rays, s.end
+                _keep(s, n[i], i, code, eta, rays, end)
                 most = max(most, n[i])
             edge = 0.0
             for i in range(3):
                 k = (i + 1) % 3
                 square = 0.0
                 for j in range(3):
-                    square += ((uv[i, 0] - uv[k, 0]) * g.E1[slot, j] + (uv[i, 1] - uv[k, 1]) * g.E2[slot, j]) ** 2
+                    square += ((uv[i, 0] - uv[k, 0]) * g.place[slot, E1 + j] + (uv[i, 1] - uv[k, 1]) * g.place[slot, E2 + j]) ** 2
                 edge = max(edge, np.sqrt(square))
-            size = g.patch_size[g.patch[slot]]
-            splittable = top + 4 < len(element) and level < 40
-            differ = splittable and (edge > FINE * size or level < FLAT_LEVELS)
-            coarse = splittable and edge > COARSE * size and g.planar[g.patch[slot]] < 0
+            patch = g.link[slot, PATCH]
+            splittable = top + 4 < len(element)
+            differ = splittable and (edge > FINE * g.ball[body, 3] or level < FLAT_LEVELS)
+            coarse = splittable and edge > COARSE * g.patch_size[patch] and g.planar[patch] < 0
             for k in range(first, most + 1):
                 agree = True
                 for i in range(4):
@@ -194,29 +196,30 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                 split = coarse or (not agree and differ)
                 group, z0 = 0, 0.0
                 if agree:
-                    P[:], D[:] = rays[3, k - 1, 0], rays[3, k - 1, 1]
+                    _ray_of(rays, 3, k, P, D)
                     group = _axis(D)
                     a, sign = group >> 1, (-1.0 if group & 1 else 1.0)
                     z0 = sign * P[a]
                     straight = True
                     for i in range(4):
-                        straight = straight and _flatten(rays[i, k - 1, 0], rays[i, k - 1, 1], group, z0, p[i], d[i])
+                        _ray_of(rays, i, k, P, D)
+                        straight = straight and _flatten(P, D, group, z0, i, p, d)
                     if not straight:
                         agree = False
                         split = split or differ
                     elif not split:
                         length = min(max(min(sign * P[a] + end[3, k] * sign * D[a], 1.0 + 4.0 * h) - z0, 0.0), 4.0)
-                        for z in (0.0, length):
-                            x = p[3, 0] + z * d[3, 0]
-                            x -= (p[0, 0] + p[1, 0] + p[2, 0] + z * (d[0, 0] + d[1, 0] + d[2, 0])) / 3.0
-                            w = p[3, 1] + z * d[3, 1]
-                            w -= (p[0, 1] + p[1, 1] + p[2, 1] + z * (d[0, 1] + d[1, 1] + d[2, 1])) / 3.0
-                            width = _width(p, d, z)
+                        for far in range(2):
+                            at = far * length
+                            x = p[3, 0] + at * d[3, 0]
+                            x -= (p[0, 0] + p[1, 0] + p[2, 0] + at * (d[0, 0] + d[1, 0] + d[2, 0])) / 3.0
+                            w = p[3, 1] + at * d[3, 1]
+                            w -= (p[0, 1] + p[1, 1] + p[2, 1] + at * (d[0, 1] + d[1, 1] + d[2, 1])) / 3.0
+                            width = _width(p, d, at)
                             if np.sqrt(x * x + w * w) > max(BENT * width, 0.25 * h):
                                 split = split or differ
-                            if len(g.radius) > 1 and not split and differ:
-                                own = body if k == 1 else -1
-                                split = _split_for_bodies(g, P, D, end[3, k], width, own)
+                            if len(g.ball) > 1 and not split and differ:
+                                split = _split_for_bodies(g, P, D, end[3, k], width, body if k == 1 else -1)
                 if split:
                     for i in range(4):  # three at the corners, one between the middles of the edges
                         for c in range(3):
@@ -230,16 +233,15 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                     if used == len(o_slot):
                         full = True
                         break
-                    o_slot[used], o_group[used], o_k[used] = slot, group, k
-                    o_uv[used], o_p[used], o_d[used] = uv[:3], p[:3], d[:3]
                     low, high = np.inf, -np.inf
                     for i in range(4):
-                        z = sign * rays[i, k - 1, 0, a]
-                        low = min(low, z)
-                        high = max(high, z + end[i, k] * sign * rays[i, k - 1, 1, a])
+                        at = sign * rays[i, k - 1, 0, a]
+                        low = min(low, at)
+                        high = max(high, at + end[i, k] * sign * rays[i, k - 1, 1, a])
                     extent = _width(p, d, 0.0)
-                    o_z[used, 0], o_z[used, 1], o_z[used, 2] = z0, low - 0.5 * extent, high + 0.5 * extent
-                    o_code[used], o_eta[used] = code[3], eta[3]
+                    z[0], z[1], z[2] = z0, low - 0.5 * extent, high + 0.5 * extent
+                    _emit(used, slot, uv, p, d, z, group, k, code, eta, 3, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k,
+                          o_code, o_eta)
                     used += 1
                     continue
                 # Too small to split: each sample stands for its own signature, with its derivatives for a beam.
@@ -252,10 +254,10 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                     if used == len(o_slot):
                         full = True
                         break
-                    if _beam_of_ray(g, slot, uv, i, rays, k, end[i, k], p, d, o_z[used], P, D):
-                        o_slot[used], o_group[used], o_k[used] = slot, _axis(rays[i, k - 1, 1]), k
-                        o_uv[used], o_p[used], o_d[used] = uv[:3], p[:3], d[:3]
-                        o_code[used], o_eta[used] = code[i], eta[i]
+                    group = _beam_of_ray(g, slot, uv, i, rays, k, end[i, k], p, d, z, P, D)
+                    if group >= 0:
+                        _emit(used, slot, uv, p, d, z, group, k, code, eta, i, o_slot, o_uv, o_p, o_d, o_z, o_group,
+                              o_k, o_code, o_eta)
                         used += 1
                 if full:
                     break
@@ -267,72 +269,135 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
 
 @kernel
 def _beam_of_ray(g, slot, uv, i, rays, k, end, p, d, z, P, D):
-    """A beam over the whole element from sample i alone: rays of the corners by its derivatives."""
-    one, last = rays[i, 0], rays[i, k - 1]
+    """A beam over the whole element from sample i alone: rays of the corners by its derivatives; its group, −1: none."""
     m00, m01, m10, m11 = 0.0, 0.0, 0.0, 0.0
     for j in range(3):
-        m00 += one[2, j] * g.U[slot, j]
-        m01 += one[3, j] * g.U[slot, j]
-        m10 += one[2, j] * g.V[slot, j]
-        m11 += one[3, j] * g.V[slot, j]
+        m00 += rays[i, 0, 2, j] * g.place[slot, U + j]
+        m01 += rays[i, 0, 3, j] * g.place[slot, U + j]
+        m10 += rays[i, 0, 2, j] * g.place[slot, V + j]
+        m11 += rays[i, 0, 3, j] * g.place[slot, V + j]
     det = m00 * m11 - m01 * m10
     if det == 0.0:
-        return False
-    group = _axis(last[1])
+        return -1
+    _ray_of(rays, i, k, P, D)
+    group = _axis(D)
     axis, sign = group >> 1, (-1.0 if group & 1 else 1.0)
-    z[0] = sign * last[0, axis]
+    z[0] = sign * P[axis]
+    last = z[0] + end * sign * D[axis]
     for c in range(3):
         du, dv = uv[c, 0] - uv[i, 0], uv[c, 1] - uv[i, 1]
         a, b = (m11 * du - m01 * dv) / det, (m00 * dv - m10 * du) / det
+        _ray_of(rays, i, k, P, D)
         for j in range(3):
-            P[j] = last[0, j] + a * last[2, j] + b * last[3, j]
-            D[j] = last[1, j] + a * last[4, j] + b * last[5, j]
-        if not _flatten(P, D, group, z[0], p[c], d[c]):
-            return False
+            P[j] += a * rays[i, k - 1, 2, j] + b * rays[i, k - 1, 3, j]
+            D[j] += a * rays[i, k - 1, 4, j] + b * rays[i, k - 1, 5, j]
+        if not _flatten(P, D, group, z[0], c, p, d):
+            return -1
     extent = _width(p, d, 0.0)
-    z[1] = z[0] - extent
-    z[2] = z[0] + end * sign * last[1, axis] + extent if end < np.inf else np.inf
-    return True
+    z[1], z[2] = z[0] - extent, last + extent
+    return group
 
 
 @kernel
-def _bound(order, first, end, p, d, z, out):
+def _ray_of(rays, i, k, P, D):
+    """Origin and direction of sample i behind its bend k."""
+    for j in range(3):
+        P[j], D[j] = rays[i, k - 1, 0, j], rays[i, k - 1, 1, j]
+
+
+@kernel
+def _keep(s, n, i, code, eta, rays, end):
+    """Store the chain in s as sample i."""
+    for k in range(n + 1):
+        end[i, k] = s.bend[k, 3]
+    for k in range(n):
+        code[i, k], eta[i, k] = s.code[k, 0], s.bend[k, 0]
+        for r in range(6):
+            for j in range(3):
+                rays[i, k, r, j] = s.rays[k, r, j]
+
+
+@kernel
+def _emit(b, slot, uv, p, d, z, group, k, code, eta, i, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_code, o_eta):
+    """Write beam b, with the signature of sample i."""
+    o_slot[b], o_group[b], o_k[b] = slot, group, k
+    for c in range(3):
+        o_z[b, c] = z[c]
+        for j in range(2):
+            o_uv[b, c, j], o_p[b, c, j], o_d[b, c, j] = uv[c, j], p[c, j], d[c, j]
+    for j in range(k):
+        o_code[b, j], o_eta[b, j] = code[i, j], eta[i, j]
+
+
+@kernel
+def _bound(order, first, end, p, d, z, node, out):
     """Bounds of beams order[first:end], padded by PAD."""
-    out[0] = np.inf
+    low = np.inf
     for i in range(first, end):
-        out[0] = min(out[0], z[order[i], 1])
+        low = min(low, z[order[i], 1])
+    out[node, 0] = low
     for j in range(1, 11, 2):
-        out[j], out[j + 1] = np.inf, -np.inf
+        out[node, j], out[node, j + 1] = np.inf, -np.inf
     for i in range(first, end):
         b = order[i]
-        out[1], out[2] = min(out[1], z[b, 1]), max(out[2], z[b, 2])
+        _widen(out, node, 1, z[b, 1], z[b, 2])
         for j in range(2):
             for c in range(3):
                 e, f = (c + 1) % 3, (c + 2) % 3
                 slope = d[b, c, j] + PAD * (2.0 * d[b, c, j] - d[b, e, j] - d[b, f, j])
-                place = p[b, c, j] + PAD * (2.0 * p[b, c, j] - p[b, e, j] - p[b, f, j])
-                place += (out[0] - z[b, 0]) * slope
-                out[3 + 2 * j], out[4 + 2 * j] = min(out[3 + 2 * j], place), max(out[4 + 2 * j], place)
-                out[7 + 2 * j], out[8 + 2 * j] = min(out[7 + 2 * j], slope), max(out[8 + 2 * j], slope)
+                place = p[b, c, j] + PAD * (2.0 * p[b, c, j] - p[b, e, j] - p[b, f, j]) + (low - z[b, 0]) * slope
+                _widen(out, node, 3 + 2 * j, place, place)
+                _widen(out, node, 7 + 2 * j, slope, slope)
+
+
+@kernel
+def _widen(out, node, j, low, high):
+    out[node, j] = min(out[node, j], low)
+    out[node, j + 1] = max(out[node, j + 1], high)
+
+
+@kernel
+def _halve(order, key, first, end, middle):
+    """Put those of order[first:end] with the least keys before `middle` (quickselect; equal keys go by number)."""
+    low, high = first, end - 1
+    while low < high:
+        pivot = order[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while key[order[i]] < key[pivot] or (key[order[i]] == key[pivot] and order[i] < pivot):
+                i += 1
+            while key[order[j]] > key[pivot] or (key[order[j]] == key[pivot] and order[j] > pivot):
+                j -= 1
+            if i <= j:
+                order[i], order[j] = order[j], order[i]
+                i += 1
+                j -= 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            return
 
 
 @kernel
 def _tree(order, p, d, z, group, root, bounds, child, count):
     stack = np.empty((STACK, 3), np.int64)
+    key = np.empty(len(order))
     nodes, top = 0, 0
     i = 0
     while i < len(order):
-        j = i
-        while j < len(order) and group[order[j]] == group[order[i]]:
-            j += 1
+        last = i
+        while last < len(order) and group[order[last]] == group[order[i]]:
+            last += 1
         root[group[order[i]]] = nodes
-        stack[0] = nodes, i, j
+        stack[0, 0], stack[0, 1], stack[0, 2] = nodes, i, last
         top = 1
         nodes += 1
         while top:
             top -= 1
             node, first, end = stack[top]
-            _bound(order, first, end, p, d, z, bounds[node])
+            _bound(order, first, end, p, d, z, node, bounds)
             if end - first <= LEAF:
                 child[node], count[node] = first, end - first
                 continue
@@ -341,20 +406,21 @@ def _tree(order, p, d, z, group, root, bounds, child, count):
             for k in range(5, 11, 2):
                 if bounds[node, k + 1] - bounds[node, k] > bounds[node, widest + 1] - bounds[node, widest]:
                     widest = k
-            key = np.empty(end - first)
+            j = (widest - 3) // 2
             for k in range(first, end):
                 b = order[k]
-                j2 = (widest - 3) // 2
-                if j2 < 2:
-                    key[k - first] = p[b, 0, j2] + (bounds[node, 0] - z[b, 0]) * d[b, 0, j2]
+                if j < 2:
+                    key[b] = p[b, 0, j] + (bounds[node, 0] - z[b, 0]) * d[b, 0, j]
                 else:
-                    key[k - first] = d[b, 0, j2 - 2]
-            order[first:end] = order[first:end][np.argsort(key, kind="mergesort")]
-            child[node], count[node] = nodes, 0
+                    key[b] = d[b, 0, j - 2]
             middle = (first + end) // 2
-            stack[top] = nodes, first, middle
-            stack[top + 1] = nodes + 1, middle, end
+            _halve(order, key, first, end, middle)
+            child[node], count[node] = nodes, 0
+            for half in range(2):
+                stack[top + half, 0] = nodes + half
+                stack[top + half, 1] = middle if half else first
+                stack[top + half, 2] = end if half else middle
             top += 2
             nodes += 2
-        i = j
+        i = last
     return nodes

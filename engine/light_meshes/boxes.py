@@ -13,102 +13,108 @@ STACK = 128  # entries that a walk down any tree may need
 PAD = 1e-9  # boxes are so much larger than what they hold: rounding loses nothing
 
 
-def box_tree(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64],
-                                                                            NDArray[np.float64], NDArray[np.int32],
-                                                                            NDArray[np.int32]]:
-    """A tree over boxes low, high (n,3), cut where the surface area heuristic says.
+def box_tree(item: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+    """A tree over boxes item (n,6: low, high), cut where the surface area heuristic says.
 
-    Returns order (n,), and per node: low, high (·,3), child: the first of its two children, or where its boxes
-    order[child : child + count] begin; count: 0 for an inner node. Node 0 is the root.
+    Returns order (n,); box (nodes,6); child (nodes,2): the first of a node's two children and 0, or of a leaf, where
+    its boxes begin in `order` and how many they are. Node 0 is the root.
     """
-    n = len(low)
-    order = np.arange(n)
-    size = max(1, 2 * n)
-    box_low, box_high = np.empty((size, 3)), np.empty((size, 3))
-    child, count = np.zeros(size, np.int32), np.zeros(size, np.int32)
-    nodes = _build(low, high, order, box_low, box_high, child, count) if n else 0
-    return order, box_low[:nodes], box_high[:nodes], child[:nodes], count[:nodes]
+    order = np.arange(len(item))
+    box, child = np.empty((2 * len(item) + 1, 6)), np.zeros((2 * len(item) + 1, 2), np.int64)
+    nodes = _build(np.ascontiguousarray(item, np.float64), order, box, child) if len(item) else 0
+    return order, box[:nodes], child[:nodes]
 
 
 @kernel
-def _area(low, high):
-    x, y, z = high[0] - low[0], high[1] - low[1], high[2] - low[2]
+def _area(box, i):
+    x, y, z = box[i, 3] - box[i, 0], box[i, 4] - box[i, 1], box[i, 5] - box[i, 2]
     return x * y + y * z + z * x
 
 
 @kernel
-def _build(low, high, order, box_low, box_high, child, count):
+def _empty(box, i):
+    for j in range(3):
+        box[i, j], box[i, j + 3] = np.inf, -np.inf
+
+
+@kernel
+def _include(box, i, other, o):
+    for j in range(3):
+        box[i, j] = min(box[i, j], other[o, j])
+        box[i, j + 3] = max(box[i, j + 3], other[o, j + 3])
+
+
+@kernel
+def _bin(item, o, axis, low, factor):
+    return min(int((item[o, axis] + item[o, axis + 3] - low) * factor), BINS - 1)
+
+
+@kernel
+def _build(item, order, box, child):
     stack = np.empty((STACK, 4), np.int64)  # node, first, end, depth
-    stack[0] = 0, 0, len(order), 0
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, len(order), 0
     top, nodes = 1, 1
     bins = np.empty(BINS, np.int64)
-    bin_low, bin_high = np.empty((BINS, 3)), np.empty((BINS, 3))
+    bin_box, side = np.empty((BINS, 6)), np.empty((1, 6))
     left_cost = np.empty(BINS)
-    a, b = np.empty(3), np.empty(3)
     while top:
         top -= 1
-        node, first, end, depth = stack[top]
-        box_low[node], box_high[node] = np.inf, -np.inf
-        a[:], b[:] = np.inf, -np.inf  # of the boxes' centres
+        node, first, end, depth = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
+        _empty(box, node)
+        axis, low, width = 0, 0.0, -1.0
         for i in range(first, end):
-            o = order[i]
-            for j in range(3):
-                box_low[node, j] = min(box_low[node, j], low[o, j] - PAD)
-                box_high[node, j] = max(box_high[node, j], high[o, j] + PAD)
-                a[j] = min(a[j], low[o, j] + high[o, j])
-                b[j] = max(b[j], low[o, j] + high[o, j])
+            _include(box, node, item, order[i])
+        for j in range(3):
+            a, b = np.inf, -np.inf  # of the boxes' centres
+            for i in range(first, end):
+                middle = item[order[i], j] + item[order[i], j + 3]
+                a, b = min(a, middle), max(b, middle)
+            if b - a > width:
+                axis, low, width = j, a, b - a
+            box[node, j] -= PAD
+            box[node, j + 3] += PAD
         n = end - first
         if n <= LEAF:
-            child[node], count[node] = first, n
+            child[node, 0], child[node, 1] = first, n
             continue
-        axis = 0
-        for j in range(1, 3):
-            if b[j] - a[j] > b[axis] - a[axis]:
-                axis = j
         cut = first
-        width = b[axis] - a[axis]
         if width > 0.0 and depth < STACK // 2:
             factor = BINS * (1 - 1e-12) / width
-            bins[:] = 0
-            bin_low[:], bin_high[:] = np.inf, -np.inf
+            for k in range(BINS):
+                bins[k] = 0
+                _empty(bin_box, k)
             for i in range(first, end):
-                o = order[i]
-                k = min(int((low[o, axis] + high[o, axis] - a[axis]) * factor), BINS - 1)
+                k = _bin(item, order[i], axis, low, factor)
                 bins[k] += 1
-                for j in range(3):
-                    bin_low[k, j] = min(bin_low[k, j], low[o, j])
-                    bin_high[k, j] = max(bin_high[k, j], high[o, j])
+                _include(bin_box, k, item, order[i])
             total = 0
-            lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
+            _empty(side, 0)
             for k in range(BINS - 1):
                 total += bins[k]
-                if bins[k]:
-                    lo, hi = np.minimum(lo, bin_low[k]), np.maximum(hi, bin_high[k])
-                left_cost[k] = total * _area(lo, hi) if total else 0.0
-            total = 0
-            lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
-            best, split = np.inf, 0
+                _include(side, 0, bin_box, k)
+                left_cost[k] = total * _area(side, 0) if total else 0.0
+            total, best, split = 0, np.inf, 0
+            _empty(side, 0)
             for k in range(BINS - 1, 0, -1):
                 total += bins[k]
-                if bins[k]:
-                    lo, hi = np.minimum(lo, bin_low[k]), np.maximum(hi, bin_high[k])
-                cost = left_cost[k - 1] + (total * _area(lo, hi) if total else 0.0)
+                _include(side, 0, bin_box, k)
+                cost = left_cost[k - 1] + (total * _area(side, 0) if total else 0.0)
                 if total and total < n and cost < best:
                     best, split = cost, k
-            i, e = first, end
-            while i < e:
-                o = order[i]
-                if min(int((low[o, axis] + high[o, axis] - a[axis]) * factor), BINS - 1) < split:
-                    i += 1
+            e = end
+            while cut < e:
+                if _bin(item, order[cut], axis, low, factor) < split:
+                    cut += 1
                 else:
                     e -= 1
-                    order[i], order[e] = order[e], order[i]
-            cut = i
+                    order[cut], order[e] = order[e], order[cut]
         if cut == first or cut == end:
             cut = (first + end) // 2  # all in one place, or too deep: halves keep the stack short
-        child[node], count[node] = nodes, 0
-        stack[top] = nodes, first, cut, depth + 1
-        stack[top + 1] = nodes + 1, cut, end, depth + 1
+        child[node, 0], child[node, 1] = nodes, 0
+        for half in range(2):
+            stack[top + half, 0], stack[top + half, 3] = nodes + half, depth + 1
+            stack[top + half, 1] = cut if half else first
+            stack[top + half, 2] = end if half else cut
         top += 2
         nodes += 2
     return nodes

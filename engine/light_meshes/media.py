@@ -32,33 +32,32 @@ class Media(NamedTuple):
     priority: NDArray[np.int32]  # where bodies overlap the highest is the medium; of equals the smaller body
 
 
+# Columns of Glass.place: the hot kernels read single numbers of few arrays. A view of a shared array would cost an
+# atomic count of references, and threads would wait for each other.
+A = 0  # first vertex
+E1, E2 = 3, 6  # edges from it
+U, V = 9, 12  # dual to the edges: u = (P − A)·U
+NG = 15  # unit normal out of the body
+NS = 18  # three corner normals out of the body; interpolated, then normalised
+KT = 27  # t, RGB
+# Columns of Glass.link.
+BODY, OWNER, PATCH, FLAT_SHADED, NEIGHBOUR = 0, 1, 2, 3, 4
+
+
 class Glass(NamedTuple):
     """The semitransparent triangles in the order of their tree ("slots"), and the bodies that they bound."""
 
     triangle: NDArray[np.int32]  # (M,) of Surfaces
-    A: NDArray[np.float64]  # (M,3) first vertex
-    E1: NDArray[np.float64]  # (M,3) edges from it
-    E2: NDArray[np.float64]
-    U: NDArray[np.float64]  # (M,3) dual to the edges: u = (P − A)·U
-    V: NDArray[np.float64]
-    Ng: NDArray[np.float64]  # (M,3) unit, out of the body
-    Ns: NDArray[np.float64]  # (M,3,3) corner normals out of the body; interpolated, then normalised
-    flat: NDArray[np.bool_]  # (M,) the shading normal is Ng
-    t: NDArray[np.float64]  # (M,3)
-    body: NDArray[np.int32]  # (M,) −1: a sheet
-    owner: NDArray[np.int32]  # (M,) instance
-    patch: NDArray[np.int32]  # (M,) triangles joined by edges without a crease; −1: a sheet
-    neighbour: NDArray[np.int32]  # (M,3) slot across edge AB, BC, CA in the same patch, −1: none
-    planar: NDArray[np.int32]  # (patches,) a slot whose plane the patch lies in, −1: curved
+    place: NDArray[np.float64]  # (M,30) columns A .. KT
+    link: NDArray[np.int64]  # (M,7) body (−1: a sheet), instance, patch (triangles joined by edges without a crease;
+    #                          −1: a sheet), whether the normal is NG, slots across AB, BC, CA in the patch (−1: none)
+    planar: NDArray[np.int64]  # (patches,) a slot whose plane the patch lies in, −1: curved
     patch_size: NDArray[np.float64]  # (patches,) radius
     ior: NDArray[np.float64]  # (bodies,)
     rank: NDArray[np.int64]  # (bodies,) of those around a point the highest is the medium
-    centre: NDArray[np.float64]  # (bodies,3)
-    radius: NDArray[np.float64]  # (bodies,)
-    low: NDArray[np.float64]  # (nodes,3)
-    high: NDArray[np.float64]  # (nodes,3)
-    child: NDArray[np.int32]  # (nodes,) first of two children, or first slot of a leaf
-    count: NDArray[np.int32]  # (nodes,) slots of a leaf, 0: inner
+    ball: NDArray[np.float64]  # (bodies,4) centre and radius
+    box: NDArray[np.float64]  # (nodes,6) low, high
+    child: NDArray[np.int64]  # (nodes,2) first of two children, or first slot of a leaf; and slots of a leaf, 0: inner
 
 
 def closed(surfaces: Surfaces, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -172,9 +171,9 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     index = np.flatnonzero(media.transparent)
     solid = media.solid[index] & (media.ior[index] != 1.0)
     corners = surfaces.vertices[surfaces.triangles[index]].astype(np.float64)
-    A, E1, E2 = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     owner = surfaces.instance[index]
-    normal = np.cross(E1, E2) * np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
+    normal = np.cross(ab, ac) * np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
     Ng = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     Ns = np.einsum("nij,nkj->nki", surfaces.normal_matrix[owner],
                    surfaces.corner_normals[surfaces.source[index]].astype(np.float64))
@@ -197,7 +196,7 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     size = len(bodies)
     middle = np.zeros((size, 3))
     for j in range(3):
-        middle[:, j] = np.bincount(body[solid], A[solid, j], size) / np.maximum(np.bincount(body[solid], None, size), 1)
+        middle[:, j] = np.bincount(body[solid], corners[solid, 0, j], size) / np.maximum(np.bincount(body[solid], None, size), 1)
     volume = np.zeros(size)
     radius = np.zeros(size)
     if size:
@@ -225,10 +224,10 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     label[solid] = patch
     neighbour[~joined] = -1
 
-    order, low, high, child, count = box_tree(corners.min(1), corners.max(1))
+    order, box, child = box_tree(np.concatenate([corners.min(1), corners.max(1)], 1))
     back = np.empty(len(order), np.int32)
     back[order] = np.arange(len(order))
-    planar = np.full(len(names), -1, np.int32)
+    planar = np.full(len(names), -1, np.int64)
     planar[label[solid]] = back[solid]
     planar[label[solid & ~flat]] = -1
     patch_size = np.zeros(len(names))
@@ -239,29 +238,30 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
         patch_size = np.linalg.norm(upper - lower, axis=1) / 2
     square = (normal**2).sum(1, keepdims=True)
     sign = np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
-    U, V = np.cross(E2, sign * normal) / square, np.cross(sign * normal, E1) / square
-    moved = np.where(neighbour >= 0, back[neighbour], -1).astype(np.int32)
+    u, v = np.cross(ac, sign * normal) / square, np.cross(sign * normal, ab) / square
+    link = np.concatenate([np.stack([body, owner, label, flat], 1), np.where(neighbour >= 0, back[neighbour], -1)], 1)
+    place = np.concatenate([corners[:, 0], ab, ac, u, v, Ng, Ns.reshape(-1, 9), media.t[index]], 1)
     return Glass(
-        index[order].astype(np.int32), *(np.ascontiguousarray(a[order]) for a in (A, E1, E2, U, V, Ng, Ns)),
-        flat[order], np.ascontiguousarray(media.t[index][order], np.float64), body[order], owner[order], label[order],
-        np.ascontiguousarray(moved[order]), planar, patch_size, bodies[:, 1].copy().view(np.float64), rank, middle,
-        radius, low, high, child, count,
+        index[order].astype(np.int32), np.ascontiguousarray(place[order], np.float64),
+        np.ascontiguousarray(link[order], np.int64), planar, patch_size, bodies[:, 1].copy().view(np.float64), rank,
+        np.concatenate([middle, radius[:, None]], 1), box, child,
     )
 
 
 @kernel
-def closest(g, P, D, t0, t1, skip, skips, patch, facing, stack, out):
-    """First slot that the ray P + t·D meets with t0 < t < t1, −1: none; out = t, u, v.
+def closest(g, ray, t0, t1, skip, skips, patch, facing, stack, out):
+    """First slot that the ray (origin ray[0], direction ray[1]) meets with t0 < t < t1, −1: none; out = t, u, v.
 
-    skip[:skips] are slots that do not count. patch ≥ 0: only that patch counts, and only faces whose outer normal
-    agrees with D in the sign `facing`. Of faces in one place those that let the ray in come first, so that bodies
-    that touch leave no gap between them.
+    skip[4 : 4+skips] are slots that do not count. patch ≥ 0: only that patch counts, and only faces whose outer
+    normal agrees with the direction in the sign `facing`. Of faces in one place those that let the ray in come first,
+    so that bodies that touch leave no gap between them.
     """
-    found, best = -1, np.inf
+    found, best = np.int64(-1), np.inf
     if not len(g.triangle):
         return found
-    px, py, pz = P[0], P[1], P[2]
-    dx, dy, dz = D[0], D[1], D[2]
+    place, link, box = g.place, g.link, g.box
+    px, py, pz = ray[0, 0], ray[0, 1], ray[0, 2]
+    dx, dy, dz = ray[1, 0], ray[1, 1], ray[1, 2]
     ix = 1.0 / dx if dx != 0.0 else 1e300
     iy = 1.0 / dy if dy != 0.0 else 1e300
     iz = 1.0 / dz if dz != 0.0 else 1e300
@@ -270,32 +270,32 @@ def closest(g, P, D, t0, t1, skip, skips, patch, facing, stack, out):
     while top:
         top -= 1
         n = stack[top]
-        if g.count[n]:
-            for s in range(g.child[n], g.child[n] + g.count[n]):
-                slope = dx * g.Ng[s, 0] + dy * g.Ng[s, 1] + dz * g.Ng[s, 2]
-                if slope == 0.0 or (patch >= 0 and (g.patch[s] != patch or slope * facing < 0.0)):
+        a = g.child[n, 0]
+        if g.child[n, 1]:
+            for s in range(a, a + g.child[n, 1]):
+                slope = dx * place[s, NG] + dy * place[s, NG + 1] + dz * place[s, NG + 2]
+                if slope == 0.0 or (patch >= 0 and (link[s, PATCH] != patch or slope * facing < 0.0)):
                     continue
-                ax, ay, az = px - g.A[s, 0], py - g.A[s, 1], pz - g.A[s, 2]
-                t = -(ax * g.Ng[s, 0] + ay * g.Ng[s, 1] + az * g.Ng[s, 2]) / slope
-                rank = t if slope > 0.0 else t - TOUCHING
-                if not (t > t0 and t < t1 and rank < best):
+                ax, ay, az = px - place[s, A], py - place[s, A + 1], pz - place[s, A + 2]
+                t = -(ax * place[s, NG] + ay * place[s, NG + 1] + az * place[s, NG + 2]) / slope
+                order = t if slope > 0.0 else t - TOUCHING
+                if not (t > t0 and t < t1 and order < best):
                     continue
                 ax, ay, az = ax + t * dx, ay + t * dy, az + t * dz
-                u = ax * g.U[s, 0] + ay * g.U[s, 1] + az * g.U[s, 2]
-                v = ax * g.V[s, 0] + ay * g.V[s, 1] + az * g.V[s, 2]
+                u = ax * place[s, U] + ay * place[s, U + 1] + az * place[s, U + 2]
+                v = ax * place[s, V] + ay * place[s, V + 1] + az * place[s, V + 2]
                 if u < -INSIDE or v < -INSIDE or u + v > 1.0 + INSIDE:
                     continue
                 known = False
-                for k in range(skips):
+                for k in range(4, 4 + skips):
                     known = known or skip[k] == s
                 if not known:
-                    found, best = s, rank
+                    found, best = np.int64(s), order
                     out[0], out[1], out[2] = t, u, v
             continue
-        a = g.child[n]
         limit = min(best + TOUCHING, t1)
-        near_a = _enter(g, a, px, py, pz, ix, iy, iz, t0, limit)
-        near_b = _enter(g, a + 1, px, py, pz, ix, iy, iz, t0, limit)
+        near_a = _enter(box, a, px, py, pz, ix, iy, iz, t0, limit)
+        near_b = _enter(box, a + 1, px, py, pz, ix, iy, iz, t0, limit)
         if near_a <= near_b:
             if near_b < np.inf:
                 stack[top] = a + 1
@@ -304,22 +304,21 @@ def closest(g, P, D, t0, t1, skip, skips, patch, facing, stack, out):
                 stack[top] = a
                 top += 1
         else:
-            stack[top] = a + 1
             if near_a < np.inf:
                 stack[top] = a
-                stack[top + 1] = a + 1
                 top += 1
+            stack[top] = a + 1
             top += 1
     return found
 
 
 @kernel
-def _enter(g, n, px, py, pz, ix, iy, iz, t0, t1):
+def _enter(box, n, px, py, pz, ix, iy, iz, t0, t1):
     """Where the ray enters the box of node n, infinity: it does not."""
-    a, b = (g.low[n, 0] - px) * ix, (g.high[n, 0] - px) * ix
+    a, b = (box[n, 0] - px) * ix, (box[n, 3] - px) * ix
     t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-    a, b = (g.low[n, 1] - py) * iy, (g.high[n, 1] - py) * iy
+    a, b = (box[n, 1] - py) * iy, (box[n, 4] - py) * iy
     t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-    a, b = (g.low[n, 2] - pz) * iz, (g.high[n, 2] - pz) * iz
+    a, b = (box[n, 2] - pz) * iz, (box[n, 5] - pz) * iz
     t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
     return t0 if t0 <= t1 else np.inf

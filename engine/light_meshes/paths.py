@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .boxes import STACK
 from .compiled import kernel
-from .media import TOUCHING, Glass, closest
+from .media import BODY, E1, E2, FLAT_SHADED, KT, NEIGHBOUR, NG, NS, OWNER, PATCH, TOUCHING, A, Glass, U, V, closest
 
 DEPTH = 8  # interfaces at which a path may bend
 BODIES = 16  # bodies around one point
@@ -32,22 +32,19 @@ class Scratch(NamedTuple):
     light: NDArray[np.float64]  # (3,) frame; of a sun the unit vector towards it
     sun: bool
     medium0: NDArray[np.int64]  # (BODIES+1,2) bodies around the light, see `_cross`
-    medium: NDArray[np.int64]
-    alpha: NDArray[np.float64]  # (3,)
+    medium: NDArray[np.int64]  # and around the ray
     ray: NDArray[np.float64]  # (6,3)
-    code: NDArray[np.int64]  # (DEPTH,)
-    eta: NDArray[np.float64]
-    slot: NDArray[np.int64]
-    uv: NDArray[np.float64]  # (DEPTH,2)
-    rays: NDArray[np.float64]  # (DEPTH,6,3)
-    alphas: NDArray[np.float64]  # (DEPTH,3)
-    end: NDArray[np.float64]  # (DEPTH+1,)
+    alpha: NDArray[np.float64]  # (3,)
     touched: NDArray[np.int64]  # (10,) see `next_bend`
+    code: NDArray[np.int64]  # (DEPTH,2) of each bend: code, slot
+    bend: NDArray[np.float64]  # (DEPTH+1,4) η, u, v, length before it
+    rays: NDArray[np.float64]  # (DEPTH,6,3) behind it
+    want: NDArray[np.int64]  # (DEPTH,) the signature that Newton's method keeps to: codes
+    want_eta: NDArray[np.float64]  # (DEPTH,)
+    trial: NDArray[np.float64]  # (6,3) its ray
     normal: NDArray[np.float64]  # (3,3)
-    trial: NDArray[np.float64]  # (6,3) Newton's ray
     section: NDArray[np.float64]  # (3,2)
-    found: NDArray[np.float64]  # (2,)
-    out: NDArray[np.float64]  # (5,)
+    out: NDArray[np.float64]  # (7,) t, u, v, slot, η of a hit; u, v that Newton's method is at
     stack: NDArray[np.int64]
     work: NDArray[np.int64]  # (5,) SEEDS .. REJECTED
 
@@ -56,13 +53,13 @@ def scratch(g: Glass, light: NDArray[np.float64], sun: bool) -> Scratch:
     """Room for the paths of one light; `light` in the frame."""
     s = Scratch(
         np.ascontiguousarray(light, np.float64), bool(sun), *(np.zeros((BODIES + 1, 2), np.int64) for _ in range(2)),
-        np.ones(3), np.zeros((6, 3)), np.zeros(DEPTH, np.int64), np.zeros(DEPTH), np.zeros(DEPTH, np.int64),
-        np.zeros((DEPTH, 2)), np.zeros((DEPTH, 6, 3)), np.zeros((DEPTH, 3)), np.zeros(DEPTH + 1),
-        np.zeros(10, np.int64), np.zeros((3, 3)), np.zeros((6, 3)), np.zeros((3, 2)), np.zeros(2), np.zeros(5),
-        np.zeros(STACK, np.int64), np.zeros(5, np.int64),
+        np.zeros((6, 3)), np.ones(3), np.zeros(10, np.int64), np.zeros((DEPTH, 2), np.int64),
+        np.zeros((DEPTH + 1, 4)), np.zeros((DEPTH, 6, 3)), np.zeros(DEPTH, np.int64), np.zeros(DEPTH),
+        np.zeros((6, 3)), np.zeros((3, 3)), np.zeros((3, 2)), np.zeros(7), np.zeros(STACK, np.int64),
+        np.zeros(5, np.int64),
     )
     if not sun:
-        medium_at(g, s.light, s.medium0, s.work, s.stack, s.out)
+        _medium_at(g, s)
     return s
 
 
@@ -100,36 +97,43 @@ def start_ray(light, sun, y, ray):
 
 
 @kernel
-def _start_at(g, light, sun, slot, u, v, ray):
-    """The light's ray at the point (u, v) of a triangle; parameters: u and v."""
-    length = 1.0
-    for j in range(3):
-        ray[0, j] = g.A[slot, j] + u * g.E1[slot, j] + v * g.E2[slot, j]
-        ray[1, j] = -light[j] if sun else ray[0, j] - light[j]
-        ray[2, j], ray[3, j] = g.E1[slot, j], g.E2[slot, j]
-    if sun:
-        ray[4:] = 0.0
-        return
-    length = np.sqrt(ray[1, 0] ** 2 + ray[1, 1] ** 2 + ray[1, 2] ** 2)
-    a, b = 0.0, 0.0
-    for j in range(3):
-        ray[1, j] /= length
-        a += ray[1, j] * ray[2, j]
-        b += ray[1, j] * ray[3, j]
-    for j in range(3):
-        ray[4, j] = (ray[2, j] - a * ray[1, j]) / length
-        ray[5, j] = (ray[3, j] - b * ray[1, j]) / length
+def _slope(g, slot, ray):
+    """Direction·NG: negative where the ray enters."""
+    p = g.place
+    return ray[1, 0] * p[slot, NG] + ray[1, 1] * p[slot, NG + 1] + ray[1, 2] * p[slot, NG + 2]
 
 
 @kernel
-def _travel(ray, t, N):
-    """Move the ray by t to a plane with normal N; its derivatives then are those of its point in that plane."""
-    slope = ray[1, 0] * N[0] + ray[1, 1] * N[1] + ray[1, 2] * N[2]
+def _start_at(g, light, sun, slot, u, v, ray):
+    """The light's ray at the point (u, v) of a triangle; parameters: u and v."""
+    p = g.place
+    square = 0.0
+    for j in range(3):
+        ray[0, j] = p[slot, A + j] + u * p[slot, E1 + j] + v * p[slot, E2 + j]
+        ray[1, j] = -light[j] if sun else ray[0, j] - light[j]
+        square += ray[1, j] * ray[1, j]
+    length = np.sqrt(square)
+    a, b = 0.0, 0.0
+    for j in range(3):
+        ray[1, j] /= length
+        ray[2, j], ray[3, j] = p[slot, E1 + j], p[slot, E2 + j]
+        a += ray[1, j] * ray[2, j]
+        b += ray[1, j] * ray[3, j]
+    for j in range(3):
+        ray[4, j] = 0.0 if sun else (ray[2, j] - a * ray[1, j]) / length
+        ray[5, j] = 0.0 if sun else (ray[3, j] - b * ray[1, j]) / length
+
+
+@kernel
+def _travel(g, slot, t, ray):
+    """Move the ray by t to a triangle's plane; its derivatives then are those of its point in that plane."""
+    p = g.place
+    slope = _slope(g, slot, ray)
     for k in range(2, 4):
         away = 0.0
         for j in range(3):
             ray[k, j] += t * ray[k + 2, j]
-            away += ray[k, j] * N[j]
+            away += ray[k, j] * p[slot, NG + j]
         for j in range(3):
             ray[k, j] -= away / slope * ray[1, j]
     for j in range(3):
@@ -137,40 +141,40 @@ def _travel(ray, t, N):
 
 
 @kernel
-def _bend(g, slot, u, v, eta, ray, normal):
+def _bend(g, slot, u, v, eta, ray, n):
     """Snell's law at the ray's point (u, v) of a triangle, by the shading normal; False: no light passes.
 
     That is total reflection, or a shading normal by which the ray would not reach or not leave the surface.
+    n (3,3) is room for the normal against the ray and its derivatives.
     """
-    D, Ng = ray[1], g.Ng[slot]
-    facing = 1.0 if D[0] * Ng[0] + D[1] * Ng[1] + D[2] * Ng[2] > 0.0 else -1.0
-    N, Nu, Nv = normal[0], normal[1], normal[2]  # against the ray, and its derivatives
-    if g.flat[slot]:
+    p = g.place
+    facing = 1.0 if _slope(g, slot, ray) > 0.0 else -1.0
+    if g.link[slot, FLAT_SHADED]:
         for j in range(3):
-            N[j], Nu[j], Nv[j] = -facing * Ng[j], 0.0, 0.0
+            n[0, j], n[1, j], n[2, j] = -facing * p[slot, NG + j], 0.0, 0.0
     else:
-        n = g.Ns[slot]
+        square = 0.0
+        for j in range(3):
+            n0 = p[slot, NS + j]
+            n1, n2 = p[slot, NS + 3 + j] - n0, p[slot, NS + 6 + j] - n0
+            n[0, j] = -facing * (n0 + u * n1 + v * n2)
+            square += n[0, j] * n[0, j]
+        length = np.sqrt(square)
+        for j in range(3):
+            n[0, j] /= length
         for k in range(2):
             du, dv = 0.0, 0.0
             for j in range(3):
-                du += ray[2 + k, j] * g.U[slot, j]
-                dv += ray[2 + k, j] * g.V[slot, j]
+                du += ray[2 + k, j] * p[slot, U + j]
+                dv += ray[2 + k, j] * p[slot, V + j]
+            along = 0.0
             for j in range(3):
-                normal[1 + k, j] = -facing * (du * (n[1, j] - n[0, j]) + dv * (n[2, j] - n[0, j]))
-        length = 0.0
-        for j in range(3):
-            N[j] = -facing * (n[0, j] + u * (n[1, j] - n[0, j]) + v * (n[2, j] - n[0, j]))
-            length += N[j] * N[j]
-        length = np.sqrt(length)
-        a, b = 0.0, 0.0
-        for j in range(3):
-            N[j] /= length
-            a += Nu[j] * N[j]
-            b += Nv[j] * N[j]
-        for j in range(3):
-            Nu[j] = (Nu[j] - a * N[j]) / length
-            Nv[j] = (Nv[j] - b * N[j]) / length
-    c = -(D[0] * N[0] + D[1] * N[1] + D[2] * N[2])
+                n0 = p[slot, NS + j]
+                n[1 + k, j] = -facing / length * (du * (p[slot, NS + 3 + j] - n0) + dv * (p[slot, NS + 6 + j] - n0))
+                along += n[1 + k, j] * n[0, j]
+            for j in range(3):
+                n[1 + k, j] -= along * n[0, j]
+    c = -(ray[1, 0] * n[0, 0] + ray[1, 1] * n[0, 1] + ray[1, 2] * n[0, 2])
     square = 1.0 - eta * eta * (1.0 - c * c)
     if not (c > 0.0 and square > 0.0):
         return False
@@ -179,15 +183,13 @@ def _bend(g, slot, u, v, eta, ray, normal):
     for k in range(2):
         dc = 0.0
         for j in range(3):
-            dc -= ray[4 + k, j] * N[j] + D[j] * normal[1 + k, j]
+            dc -= ray[4 + k, j] * n[0, j] + ray[1, j] * n[1 + k, j]
         dmu = (eta - eta * eta * c / root) * dc
         for j in range(3):
-            ray[4 + k, j] = eta * ray[4 + k, j] + dmu * N[j] + mu * normal[1 + k, j]
-    through = 0.0
+            ray[4 + k, j] = eta * ray[4 + k, j] + dmu * n[0, j] + mu * n[1 + k, j]
     for j in range(3):
-        D[j] = eta * D[j] + mu * N[j]
-        through += D[j] * Ng[j]
-    return through * facing > 0.0
+        ray[1, j] = eta * ray[1, j] + mu * n[0, j]
+    return _slope(g, slot, ray) * facing > 0.0
 
 
 @kernel
@@ -202,7 +204,7 @@ def _medium_index(g, medium):
 
 
 @kernel
-def _cross(g, medium, body, entering):
+def _cross(medium, body, entering):
     """Enter or leave a body; False where that is impossible. medium: rows 1..medium[0,0] hold (body, how often)."""
     for i in range(1, medium[0, 0] + 1):
         if medium[i, 0] == body:
@@ -224,28 +226,27 @@ BENDS, ENDS, BROKEN = range(3)
 
 
 @kernel
-def next_bend(g, ray, end, medium, alpha, touched, work, stack, out):
-    """Follow the ray to the first surface that bends it, or to `end`: BENDS, ENDS or BROKEN (surfaces not closed).
+def next_bend(g, s, end):
+    """Follow s.ray to the first surface that bends it, or to `end`: BENDS, ENDS or BROKEN (surfaces not closed).
 
-    out = t, u, v, slot, η. alpha (3,) takes t of each surface on the way, the last one included; a surface inside a
-    medium of higher priority is not there. touched = number of slots met at the ray's origin, the last one's body,
+    s.out = t, u, v, slot, η. s.alpha takes t of each surface on the way, the last one included; a surface inside a
+    medium of higher priority is not there. s.touched = number of slots met at the ray's origin, the last one's body,
     owner and facing, those slots; a second triangle of one surface at one place is an edge and counts once.
     """
+    touched, out = s.touched, s.out
     t0, last = 0.0, -1.0
     if touched[0]:
         t0, last = -2.0 * TOUCHING, 0.0
-    last_body, last_owner, last_facing = touched[1], touched[2], touched[3]
     while True:
-        work[RAYS] += 1
-        slot = closest(g, ray[0], ray[1], t0, end, touched[4:], touched[0], -1, 0.0, stack, out)
+        s.work[RAYS] += 1
+        slot = closest(g, s.ray, t0, end, touched, touched[0], -1, 0.0, s.stack, out)
         if slot < 0:
             return ENDS
         t = out[0]
-        D, Ng = ray[1], g.Ng[slot]
-        facing = 1 if D[0] * Ng[0] + D[1] * Ng[1] + D[2] * Ng[2] > 0.0 else -1
-        body, owner = np.int64(g.body[slot]), np.int64(g.owner[slot])
-        edge = abs(t - last) < TOUCHING and body == last_body and owner == last_owner and (
-            facing == last_facing or body < 0)
+        facing = 1 if _slope(g, slot, s.ray) > 0.0 else -1
+        body, owner = g.link[slot, BODY], g.link[slot, OWNER]
+        edge = abs(t - last) < TOUCHING and body == touched[1] and owner == touched[2] and (
+            facing == touched[3] or body < 0)
         if t - last > 2.0 * TOUCHING:
             touched[0] = 0
         if touched[0] < len(touched) - 4:
@@ -254,133 +255,136 @@ def next_bend(g, ray, end, medium, alpha, touched, work, stack, out):
             t0 = max(t0, t - 2.0 * TOUCHING)
         else:
             t0 = max(t0, t)
-        last, last_body, last_owner, last_facing = t, body, owner, facing
+        last = t
         touched[1], touched[2], touched[3] = body, owner, facing
         if edge:
             continue
+        before, behind = 1.0, 1.0
         if body >= 0:
-            before, rank = _medium_index(g, medium)
-            if not _cross(g, medium, body, facing < 0):
+            before, rank = _medium_index(g, s.medium)
+            if not _cross(s.medium, body, facing < 0):
                 return BROKEN
-            behind, rank_behind = _medium_index(g, medium)
+            behind, rank_behind = _medium_index(g, s.medium)
             if rank == rank_behind:
                 continue  # hidden in a medium of higher priority
-        else:
-            before, behind = 1.0, 1.0
         for j in range(3):
-            alpha[j] *= g.t[slot, j]
+            s.alpha[j] *= g.place[slot, KT + j]
         if before != behind:
             out[3], out[4] = slot, before / behind
             return BENDS
 
 
 @kernel
-def medium_at(g, P, medium, work, stack, out):
-    """The bodies around P: those that a ray from there leaves more often than it enters."""
-    medium[:] = 0
+def _medium_at(g, s):
+    """The bodies around the light, into s.medium0: those that a ray from there leaves more often than it enters."""
     balance = np.zeros(len(g.ior), np.int64)
-    D = np.sqrt(np.array([2.0, 3.0, 5.0]) / 10.0)  # along no plane that an artist builds
-    skip = np.empty(1, np.int64)
-    skips, t0, last, last_body, last_facing = 0, 0.0, -1.0, -1, 0.0
+    for j in range(3):
+        s.ray[0, j] = s.light[j]
+        s.ray[1, j] = np.sqrt((2.0, 3.0, 5.0)[j] / 10.0)  # along no plane that an artist builds
+    t0, last, last_body, last_facing, skips = 0.0, -1.0, np.int64(-1), 0, 0
     while True:
-        work[RAYS] += 1
-        slot = closest(g, P, D, t0, np.inf, skip, skips, -1, 0.0, stack, out)
+        s.work[RAYS] += 1
+        slot = closest(g, s.ray, t0, np.inf, s.touched, skips, -1, 0.0, s.stack, s.out)
         if slot < 0:
             break
-        t0, skip[0], skips = out[0], slot, 1
-        body = g.body[slot]
-        facing = 1.0 if (D * g.Ng[slot]).sum() > 0.0 else -1.0
+        t0, s.touched[4], skips = s.out[0], slot, 1
+        body = g.link[slot, BODY]
+        facing = 1 if _slope(g, slot, s.ray) > 0.0 else -1
         if body >= 0 and not (body == last_body and facing == last_facing and t0 - last < TOUCHING):
-            balance[body] += 1 if facing > 0.0 else -1
+            balance[body] += facing
         last, last_body, last_facing = t0, body, facing
     for b in range(len(balance)):
-        if balance[b] > 0 and medium[0, 0] < BODIES:
-            medium[0, 0] += 1
-            medium[medium[0, 0], 0], medium[medium[0, 0], 1] = b, balance[b]
+        if balance[b] > 0 and s.medium0[0, 0] < BODIES:
+            s.medium0[0, 0] += 1
+            s.medium0[s.medium0[0, 0], 0], s.medium0[s.medium0[0, 0], 1] = b, balance[b]
+
+
+@kernel
+def set_out(s, y):
+    """A new path: the light's ray through y."""
+    start_ray(s.light, s.sun, y, s.ray)
+    s.touched[0] = 0
+    for i in range(len(s.medium)):
+        s.medium[i, 0], s.medium[i, 1] = s.medium0[i, 0], s.medium0[i, 1]
+    for j in range(3):
+        s.alpha[j] = 1.0
 
 
 @kernel
 def chain(g, s, y, most, cutoff):
     """The light's ray through y, up to `most` bends; returns how many there are.
 
-    s (Scratch) takes for each bend its code and η, slot and (u, v), and the ray and α behind it; s.end[j]: how long
-    the ray before bend j is, infinity: no further bend, or not looked for.
+    s takes for each bend its code, slot, η, (u, v), the length of the ray before it (infinity behind the last one: no
+    further bend, or not looked for) and the ray behind it; s.ray, s.alpha and s.medium are those at the end.
     """
-    ray, medium, alpha = s.ray, s.medium, s.alpha
-    start_ray(s.light, s.sun, y, ray)
-    medium[:] = s.medium0
-    alpha[:] = 1.0
-    s.touched[0] = 0
+    set_out(s, y)
     n = 0
     while n < most:
-        s.end[n] = np.inf
-        if next_bend(g, ray, np.inf, medium, alpha, s.touched, s.work, s.stack, s.out) != BENDS:
-            break
-        t, u, v, slot, eta = s.out[0], s.out[1], s.out[2], int(s.out[3]), s.out[4]
-        s.end[n] = t
-        _travel(ray, t, g.Ng[slot])
-        if not _bend(g, slot, u, v, eta, ray, s.normal) or max(alpha[0], alpha[1], alpha[2]) <= cutoff:
-            break
-        s.code[n], s.eta[n], s.slot[n] = 2 * g.patch[slot] + (s.touched[3] > 0), eta, slot
-        s.uv[n, 0], s.uv[n, 1] = u, v
-        s.rays[n] = ray
-        s.alphas[n] = alpha
+        s.bend[n, 3] = np.inf
+        if next_bend(g, s, np.inf) != BENDS:
+            return n
+        t, slot = s.out[0], int(s.out[3])
+        s.bend[n, 0], s.bend[n, 1], s.bend[n, 2], s.bend[n, 3] = s.out[4], s.out[1], s.out[2], t
+        _travel(g, slot, t, s.ray)
+        if not _bend(g, slot, s.out[1], s.out[2], s.out[4], s.ray, s.normal):
+            return n
+        if max(s.alpha[0], s.alpha[1], s.alpha[2]) <= cutoff:
+            return n
+        s.code[n, 0], s.code[n, 1] = 2 * g.link[slot, PATCH] + (1 if s.touched[3] > 0 else 0), slot
+        for i in range(6):
+            for j in range(3):
+                s.rays[n, i, j] = s.ray[i, j]
         n += 1
-    if n == most:
-        s.end[n] = np.inf
+    s.bend[n, 3] = np.inf
     return n
 
 
 @kernel
-def _towards(g, s, x, slot, u, v, code, eta, k):
+def _towards(g, s, x, slot, u, v, k):
     """Lengths (distance of x from the path's end ray, from its last bend along it) of a path given by its first point.
 
-    Each further interface is looked for on its own patch only. Leaves the ray in s.trial; a negative second length
-    says that there is no such path.
+    The path keeps to the signature s.want: each further interface is looked for on its own patch only. Leaves the ray
+    in s.trial; a negative second length says that there is no such path.
     """
-    ray = s.trial
+    ray, p = s.trial, g.place
     _start_at(g, s.light, s.sun, slot, u, v, ray)
-    D, Ng = ray[1], g.Ng[slot]
-    slope = D[0] * Ng[0] + D[1] * Ng[1] + D[2] * Ng[2]
-    if (slope > 0.0) != (code[0] & 1) or not _bend(g, slot, u, v, eta[0], ray, s.normal):
+    if (_slope(g, slot, ray) > 0.0) != (s.want[0] & 1 == 1):
         return np.inf, -1.0
-    for j in range(1, k):
+    j = 0
+    while _bend(g, slot, u, v, s.want_eta[j], ray, s.normal):
+        j += 1
+        if j == k:
+            return miss(ray, x)
         s.work[RAYS] += 1
-        patch, facing = code[j] >> 1, 1.0 if code[j] & 1 else -1.0
+        patch, facing = s.want[j] >> 1, 1.0 if s.want[j] & 1 else -1.0
         s.touched[4] = slot
-        slot = closest(g, ray[0], ray[1], 0.0, np.inf, s.touched[4:], 1, patch, facing, s.stack, s.out)
-        if slot >= 0:
-            t, u, v = s.out[0], s.out[1], s.out[2]
-        elif g.planar[patch] >= 0:
-            # A plane goes on where its patch ends: Newton's method may come back from there.
+        slot = closest(g, ray, 0.0, np.inf, s.touched, 1, patch, facing, s.stack, s.out)
+        t, u, v = s.out[0], s.out[1], s.out[2]
+        if slot < 0:
             slot = g.planar[patch]
-            Ng = g.Ng[slot]
-            slope, away = 0.0, 0.0
+            if slot < 0:
+                break
+            # A plane goes on where its patch ends: Newton's method may come back from there.
+            away = 0.0
             for i in range(3):
-                slope += ray[1, i] * Ng[i]
-                away += (g.A[slot, i] - ray[0, i]) * Ng[i]
-            t = away / slope if slope * facing > 0.0 else -1.0
-            if not t > 0.0:
-                return np.inf, -1.0
-            u, v = 0.0, 0.0
-        else:
-            return np.inf, -1.0
-        _travel(ray, t, g.Ng[slot])
-        if not _bend(g, slot, u, v, eta[j], ray, s.normal):
-            return np.inf, -1.0
-    return miss(ray, x)
+                away += (p[slot, A + i] - ray[0, i]) * p[slot, NG + i]
+            slope = _slope(g, slot, ray)
+            t, u, v = away / slope, 0.0, 0.0
+            if not (t > 0.0 and slope * facing > 0.0):
+                break
+        _travel(g, slot, t, ray)
+    return np.inf, -1.0
 
 
 @kernel
 def miss(ray, x):
     """Distance of x from the ray, and how far along the ray that is."""
-    D = ray[1]
     along = 0.0
     for j in range(3):
-        along += (x[j] - ray[0, j]) * D[j]
+        along += (x[j] - ray[0, j]) * ray[1, j]
     square = 0.0
     for j in range(3):
-        away = x[j] - ray[0, j] - along * D[j]
+        away = x[j] - ray[0, j] - along * ray[1, j]
         square += away * away
     return np.sqrt(square), along
 
@@ -388,12 +392,12 @@ def miss(ray, x):
 @kernel
 def cross_section(ray, x, along, out):
     """Derivatives of the ray's point at length `along`, across the ray: out[:2,:2]; and x across it: out[2,:2]."""
-    D = ray[1]
-    sign = 1.0 if D[2] >= 0.0 else -1.0
-    f = -1.0 / (sign + D[2])
-    h = D[0] * D[1] * f
-    a0, a1, a2 = 1.0 + sign * D[0] * D[0] * f, sign * h, -sign * D[0]
-    b0, b1, b2 = h, sign + D[1] * D[1] * f, -D[1]
+    d0, d1, d2 = ray[1, 0], ray[1, 1], ray[1, 2]
+    sign = 1.0 if d2 >= 0.0 else -1.0
+    f = -1.0 / (sign + d2)
+    h = d0 * d1 * f
+    a0, a1, a2 = 1.0 + sign * d0 * d0 * f, sign * h, -sign * d0
+    b0, b1, b2 = h, sign + d1 * d1 * f, -d1
     for k in range(3):
         if k < 2:
             q0, q1, q2 = (ray[2 + k, 0] + along * ray[4 + k, 0], ray[2 + k, 1] + along * ray[4 + k, 1],
@@ -405,19 +409,18 @@ def cross_section(ray, x, along, out):
 
 
 @kernel
-def _walk(g, slot, u, v, du, dv, out):
-    """From (u, v) of a triangle by (du, dv) over its patch, straight on across edges; out = u, v; returns the slot.
+def _walk(g, slot, u, v, du, dv):
+    """From (u, v) of a triangle by (du, dv) over its patch, straight on across edges; returns slot, u, v.
 
     On a plane there is nothing to walk over, and at the end of a curved patch the way ends.
     """
-    if g.planar[g.patch[slot]] >= 0:
-        out[0], out[1] = u + du, v + dv
-        return slot
+    p = g.place
+    if g.planar[g.link[slot, PATCH]] >= 0:
+        return slot, u + du, v + dv
     for _ in range(WALK):
         a, b = u + du, v + dv
         if a >= 0.0 and b >= 0.0 and a + b <= 1.0:
-            u, v = a, b
-            break
+            return slot, a, b
         step, edge = 1.0, -1
         if b < 0.0 and dv < 0.0 and -v / dv < step:
             step, edge = -v / dv, 0
@@ -430,78 +433,76 @@ def _walk(g, slot, u, v, du, dv, out):
         step = max(step, 0.0)
         u, v = u + step * du, v + step * dv
         du, dv = (1.0 - step) * du, (1.0 - step) * dv
-        other = g.neighbour[slot, edge]
+        other = g.link[slot, NEIGHBOUR + edge]
         if other < 0:
             break
-        # Turn the rest of the way about the edge into the other plane.
-        w0 = du * g.E1[slot, 0] + dv * g.E2[slot, 0]
-        w1 = du * g.E1[slot, 1] + dv * g.E2[slot, 1]
-        w2 = du * g.E1[slot, 2] + dv * g.E2[slot, 2]
-        N, M = g.Ng[slot], g.Ng[other]
-        cosine = N[0] * M[0] + N[1] * M[1] + N[2] * M[2]
+        cosine, along = 0.0, 0.0
+        for j in range(3):
+            cosine += p[slot, NG + j] * p[other, NG + j]
+            along += (du * p[slot, E1 + j] + dv * p[slot, E2 + j]) * p[other, NG + j]
         if cosine < -0.99:
             break
-        f = (w0 * M[0] + w1 * M[1] + w2 * M[2]) / (1.0 + cosine)
-        w0, w1, w2 = w0 - f * (N[0] + M[0]), w1 - f * (N[1] + M[1]), w2 - f * (N[2] + M[2])
-        p0 = g.A[slot, 0] + u * g.E1[slot, 0] + v * g.E2[slot, 0] - g.A[other, 0]
-        p1 = g.A[slot, 1] + u * g.E1[slot, 1] + v * g.E2[slot, 1] - g.A[other, 1]
-        p2 = g.A[slot, 2] + u * g.E1[slot, 2] + v * g.E2[slot, 2] - g.A[other, 2]
-        U, V = g.U[other], g.V[other]
-        u = max(p0 * U[0] + p1 * U[1] + p2 * U[2], 0.0)
-        v = max(p0 * V[0] + p1 * V[1] + p2 * V[2], 0.0)
+        # Turn the rest of the way about the edge into the other plane.
+        f = along / (1.0 + cosine)
+        new_u, new_v, new_du, new_dv = 0.0, 0.0, 0.0, 0.0
+        for j in range(3):
+            way = du * p[slot, E1 + j] + dv * p[slot, E2 + j] - f * (p[slot, NG + j] + p[other, NG + j])
+            here = p[slot, A + j] + u * p[slot, E1 + j] + v * p[slot, E2 + j] - p[other, A + j]
+            new_u += here * p[other, U + j]
+            new_v += here * p[other, V + j]
+            new_du += way * p[other, U + j]
+            new_dv += way * p[other, V + j]
+        slot, u, v, du, dv = other, max(new_u, 0.0), max(new_v, 0.0), new_du, new_dv
         if u + v > 1.0:
             u, v = u / (u + v), v / (u + v)
-        du, dv = w0 * U[0] + w1 * U[1] + w2 * U[2], w0 * V[0] + w1 * V[1] + w2 * V[2]
-        slot = other
-    out[0], out[1] = u, v
-    return slot
+    return slot, u, v
 
 
 @kernel
-def newton(g, s, x, slot, u, v, code, eta, k):
-    """Newton's method on the first point of a path with this signature, until its end ray passes through x.
+def newton(g, s, x, slot, u, v, k):
+    """Newton's method on the first point of a path of signature s.want[:k], until its end ray passes through x.
 
-    Damped: a step is halved until it brings the ray nearer. Returns the slot (−1: not found); s.found = u, v.
+    Damped: a step is halved until it brings the ray nearer. Returns the slot (−1: not found); s.out[5:7] = u, v.
     The position on the first surface is the unknown, not the direction at the light: at grazing angles a direction
     says too little (method §3).
     """
-    size = g.patch_size[code[0] >> 1]
-    distance, along = _towards(g, s, x, slot, u, v, code, eta, k)
-    if not along > 0.0:
-        return -1
+    m, p = s.section, g.place
+    size = g.patch_size[s.want[0] >> 1]
+    distance, along = np.inf, 0.0
+    du, dv, damp, left = 0.0, 0.0, 0.0, -1  # the first look is at the seed itself
     for _ in range(STEPS):
+        nearer = False
+        while left >= -1:
+            there, a, b = _walk(g, slot, u, v, damp * du, damp * dv)
+            trial, along_trial = _towards(g, s, x, there, a, b, k)
+            nearer = along_trial > 0.0 and trial < distance
+            if nearer or left <= 0:
+                break
+            left -= 1
+            damp *= 0.5
+        if not nearer:
+            if distance > 1e-11 * size:
+                return -1
+            s.out[5], s.out[6] = u, v  # nothing left but rounding
+            return slot
+        slot, u, v, distance, along = there, a, b, trial, along_trial
         s.work[NEWTON] += 1
-        cross_section(s.trial, x, along, s.section)
-        m = s.section
+        cross_section(s.trial, x, along, m)
         det = m[0, 0] * m[1, 1] - m[1, 0] * m[0, 1]
         if not abs(det) > 1e-300:
             return -1
         du = (m[2, 0] * m[1, 1] - m[1, 0] * m[2, 1]) / det
         dv = (m[0, 0] * m[2, 1] - m[2, 0] * m[0, 1]) / det
-        length = 0.0
+        square = 0.0
         for j in range(3):
-            length += (du * g.E1[slot, j] + dv * g.E2[slot, j]) ** 2
-        length = np.sqrt(length)
+            square += (du * p[slot, E1 + j] + dv * p[slot, E2 + j]) ** 2
+        length = np.sqrt(square)
         if not length < np.inf:
             return -1
         if length <= 1e-9 * size:  # the next step would be its square
-            if distance <= 1e-8 * size:
-                s.found[0], s.found[1] = u + du, v + dv
-                return slot
-            return -1
-        damp = min(1.0, 0.5 * size / length)
-        nearer = False
-        for _ in range(HALVINGS + 1):
-            there = _walk(g, slot, u, v, damp * du, damp * dv, s.found)
-            trial, along_trial = _towards(g, s, x, there, s.found[0], s.found[1], code, eta, k)
-            if along_trial > 0.0 and trial < distance:
-                nearer = True
-                break
-            damp *= 0.5
-        if not nearer:
-            if distance <= 1e-11 * size:  # nothing left but rounding
-                s.found[0], s.found[1] = u, v
-                return slot
-            return -1
-        slot, u, v, distance, along = there, s.found[0], s.found[1], trial, along_trial
+            if distance > 1e-8 * size:
+                return -1
+            s.out[5], s.out[6] = u + du, v + dv
+            return slot
+        damp, left = min(1.0, 0.5 * size / length), HALVINGS
     return -1

@@ -22,7 +22,7 @@ from .beams import PAD, Beams, trace_beams
 from .boxes import STACK
 from .compiled import kernel
 from .geometry import Surfaces
-from .media import Media, glass
+from .media import BODY, E1, E2, A, Media, glass
 from .paths import (
     DEPTH,
     ENDS,
@@ -38,7 +38,7 @@ from .paths import (
     newton,
     next_bend,
     scratch,
-    start_ray,
+    set_out,
 )
 from .tracing import Targets, Tracer, points
 
@@ -179,81 +179,70 @@ def _room(n: int) -> tuple[NDArray, ...]:
 
 @kernel
 def _straight(g, s, x, out):
+    y = np.empty(3)
     for p in range(len(x)):
-        start_ray(s.light, s.sun, x[p], s.ray)
-        s.medium[:] = s.medium0
-        s.alpha[:] = 1.0
-        s.touched[0] = 0
-        _, end = miss(s.ray, x[p])
-        if next_bend(g, s.ray, end, s.medium, s.alpha, s.touched, s.work, s.stack, s.out) == ENDS:
-            out[p] = s.alpha
+        for j in range(3):
+            y[j] = x[p, j]
+        set_out(s, y)
+        _, end = miss(s.ray, y)
+        if next_bend(g, s, end) == ENDS:
+            for j in range(3):
+                out[p, j] = s.alpha[j]
 
 
 @kernel
-def _solve(g, beams, s, x, p, count, alpha, bends, k_out, arrival, spread, reach):
+def _solve(g, beams, s, points, p, count, alpha, bends, k_out, arrival, spread, reach):
     """Paths to points from p on, until all are done or the room is; returns the next p and the rows filled."""
     rows = 0
     stack = np.empty(STACK, np.int64)
-    known, known_k, known_of = np.empty((MOST, 3)), np.empty(MOST, np.int64), np.empty(MOST, np.int64)
-    y = np.empty(3)
-    while p < len(x) and rows + MOST <= len(alpha):
+    known, known_beam = np.empty((MOST, 3)), np.empty(MOST, np.int64)
+    x, y = np.empty(3), np.empty(3)
+    o = beams.bounds
+    while p < len(points) and rows + MOST <= len(alpha):
         first, tried = rows, 0
+        for j in range(3):
+            x[j] = points[p, j]
         for group in range(6):
-            if beams.root[group] < 0:
-                continue
+            top = 0
+            if beams.root[group] >= 0:
+                stack[0] = beams.root[group]
+                top = 1
             axis = group >> 1
-            z = -x[p, axis] if group & 1 else x[p, axis]
-            a, b = x[p, (axis + 1) % 3], x[p, (axis + 2) % 3]
-            stack[0] = beams.root[group]
-            top = 1
+            z = -x[axis] if group & 1 else x[axis]
+            a, b = x[(axis + 1) % 3], x[(axis + 2) % 3]
             while top:
                 top -= 1
-                node = stack[top]
-                o = beams.bounds[node]
-                if not (z >= o[1] and z <= o[2]):
+                n = stack[top]
+                w = z - o[n, 0]
+                if not (z >= o[n, 1] and z <= o[n, 2] and a >= o[n, 3] + w * o[n, 7] and a <= o[n, 4] + w * o[n, 8]
+                        and b >= o[n, 5] + w * o[n, 9] and b <= o[n, 6] + w * o[n, 10]):
                     continue
-                w = z - o[0]
-                if not (a >= o[3] + w * o[7] and a <= o[4] + w * o[8] and b >= o[5] + w * o[9]
-                        and b <= o[6] + w * o[10]):
-                    continue
-                if not beams.count[node]:
-                    stack[top], stack[top + 1] = beams.child[node] + 1, beams.child[node]
+                child = beams.child[n]
+                if not beams.count[n]:
+                    stack[top], stack[top + 1] = child + 1, child
                     top += 2
                     continue
-                for beam in range(beams.child[node], beams.child[node] + beams.count[node]):
-                    if not (z >= beams.z[beam, 1] and z <= beams.z[beam, 2]) or tried == MOST:
-                        continue
+                for beam in range(child, child + beams.count[n]):
                     found, u, v = _inside(beams, beam, z, a, b)
-                    if not found:
+                    if not found or tried == MOST:
                         continue
                     s.work[SEEDS] += 1
-                    k = beams.k[beam]
-                    along = _search(g, s, x[p], beams.slot[beam], u, v, beams.code[beam], beams.eta[beam], k, y, beam,
-                                    beams, known, known_k, known_of, tried)
+                    k = int(beams.k[beam])
+                    for j in range(k):
+                        s.want[j], s.want_eta[j] = beams.code[beam, j], beams.eta[beam, j]
+                    along = _search(g, s, x, int(beams.slot[beam]), u, v, k, y, beams, known, known_beam, tried)
                     if along == _NOWHERE:
                         s.work[UNCONVERGED] += 1
-                        continue
-                    if along == _KNOWN:
-                        continue
-                    # What was found is told from what comes later, whether it exists or not.
-                    known[tried], known_k[tried], known_of[tried] = y, k, beam
-                    tried += 1
-                    if along < 0.0:
+                    elif along == _UNREAL:
                         s.work[REJECTED] += 1
+                    if along < 0.0:
                         continue
-                    _record(g, s, x[p], k, along, alpha[rows], bends[rows], arrival[rows], spread[rows])
-                    body = g.body[s.slot[0]]
-                    square, length = 0.0, 0.0
-                    for j in range(3):
-                        square += (x[p, j] - s.light[j]) ** 2
-                        length += (g.centre[body, j] - s.light[j]) ** 2
-                    k_out[rows] = k
-                    if s.sun:
-                        reach[rows] = g.radius[body]
-                    else:
-                        reach[rows] = np.sqrt(square) * min(1.0, g.radius[body] / max(np.sqrt(length), 1e-300))
-                        spread[rows] /= np.sqrt(square)
+                    _record(g, s, x, k, along, rows, alpha, bends, k_out, arrival, spread, reach)
                     rows += 1
+                    for j in range(3):
+                        known[tried, j] = y[j]
+                    known_beam[tried] = beam
+                    tried += 1
         count[p] = rows - first
         p += 1
     return p, rows
@@ -263,20 +252,21 @@ _NOWHERE, _KNOWN, _UNREAL = -3.0, -2.0, -1.0
 
 
 @kernel
-def _inside(beams, beam, z, a, b):
-    """Whether (a, b) at height z is in the beam, and (u, v) on its first triangle of the ray that is there."""
-    w = z - beams.z[beam, 0]
-    p, d = beams.p[beam], beams.d[beam]
-    x0, y0 = p[0, 0] + w * d[0, 0], p[0, 1] + w * d[0, 1]
-    x1, y1 = p[1, 0] + w * d[1, 0] - x0, p[1, 1] + w * d[1, 1] - y0
-    x2, y2 = p[2, 0] + w * d[2, 0] - x0, p[2, 1] + w * d[2, 1] - y0
+def _inside(beams, i, z, a, b):
+    """Whether (a, b) at height z is in beam i, and (u, v) on its first triangle of the ray that is there."""
+    if not (z >= beams.z[i, 1] and z <= beams.z[i, 2]):
+        return False, 0.0, 0.0
+    w = z - beams.z[i, 0]
+    p, d, uv = beams.p, beams.d, beams.uv
+    x0, y0 = p[i, 0, 0] + w * d[i, 0, 0], p[i, 0, 1] + w * d[i, 0, 1]
+    x1, y1 = p[i, 1, 0] + w * d[i, 1, 0] - x0, p[i, 1, 1] + w * d[i, 1, 1] - y0
+    x2, y2 = p[i, 2, 0] + w * d[i, 2, 0] - x0, p[i, 2, 1] + w * d[i, 2, 1] - y0
     det = x1 * y2 - x2 * y1
     l1, l2 = ((a - x0) * y2 - x2 * (b - y0)) / det, (x1 * (b - y0) - (a - x0) * y1) / det
     if not (l1 >= -PAD and l2 >= -PAD and l1 + l2 <= 1.0 + PAD):
         return False, 0.0, 0.0
-    uv = beams.uv[beam]
-    u = uv[0, 0] + l1 * (uv[1, 0] - uv[0, 0]) + l2 * (uv[2, 0] - uv[0, 0])
-    v = uv[0, 1] + l1 * (uv[1, 1] - uv[0, 1]) + l2 * (uv[2, 1] - uv[0, 1])
+    u = uv[i, 0, 0] + l1 * (uv[i, 1, 0] - uv[i, 0, 0]) + l2 * (uv[i, 2, 0] - uv[i, 0, 0])
+    v = uv[i, 0, 1] + l1 * (uv[i, 1, 1] - uv[i, 0, 1]) + l2 * (uv[i, 2, 1] - uv[i, 0, 1])
     u, v = max(u, 0.0), max(v, 0.0)
     if u + v > 1.0:
         u, v = u / (u + v), v / (u + v)
@@ -284,53 +274,61 @@ def _inside(beams, beam, z, a, b):
 
 
 @kernel
-def _search(g, s, x, slot, u, v, code, eta, k, y, beam, beams, known, known_k, known_of, tried):
+def _search(g, s, x, slot, u, v, k, y, beams, known, known_beam, tried):
     """The path that a seed leads to: its length behind the last bend, or _NOWHERE, _KNOWN, _UNREAL; y: its start."""
-    size = g.patch_size[code[0] >> 1]
+    size = g.patch_size[s.want[0] >> 1]
     for _ in range(2):
-        slot = newton(g, s, x, slot, u, v, code, eta, k)
+        slot = newton(g, s, x, slot, u, v, k)
         if slot < 0:
             return _NOWHERE
-        u, v = s.found[0], s.found[1]
+        u, v = s.out[5], s.out[6]
         for j in range(3):
-            y[j] = g.A[slot, j] + u * g.E1[slot, j] + v * g.E2[slot, j]
+            y[j] = g.place[slot, A + j] + u * g.place[slot, E1 + j] + v * g.place[slot, E2 + j]
         for i in range(tried):
             square = (y[0] - known[i, 0]) ** 2 + (y[1] - known[i, 1]) ** 2 + (y[2] - known[i, 2]) ** 2
-            if k == known_k[i] and square < (SAME * size) ** 2:
-                same = True
-                for j in range(k):
-                    same = same and code[j] == beams.code[known_of[i], j]
-                if same:
-                    return _KNOWN
+            same = square < (SAME * size) ** 2 and k == beams.k[known_beam[i]]
+            for j in range(k):
+                same = same and s.want[j] == beams.code[known_beam[i], j]
+            if same:
+                return _KNOWN
         if chain(g, s, y, k, 0.0) < k:
             return _UNREAL
         for j in range(k):
-            if s.code[j] != code[j] or s.eta[j] != eta[j]:
+            if s.code[j, 0] != s.want[j] or s.bend[j, 0] != s.want_eta[j]:
                 return _UNREAL
         distance, along = miss(s.ray, x)
         if not along > 0.0:
             return _UNREAL
         if distance <= MISS * size:
-            if next_bend(g, s.ray, along, s.medium, s.alpha, s.touched, s.work, s.stack, s.out) != ENDS:
+            if next_bend(g, s, along) != ENDS:
                 return _UNREAL
             return along
         # Planes of one patch that differ by rounding: once more from the triangles that are really met.
-        slot, u, v = s.slot[0], s.uv[0, 0], s.uv[0, 1]
+        slot, u, v = s.code[0, 1], s.bend[0, 1], s.bend[0, 2]
     return _UNREAL
 
 
 @kernel
-def _record(g, s, x, k, along, alpha, bends, arrival, spread):
-    """Fill the outputs of the path in s; spread in the frame's lengths per parameter of the light's ray."""
-    alpha[:] = s.alpha
-    for j in range(k):
-        bends[j] = s.rays[j, 0]
-    bends[k:] = 0.0
-    arrival[:] = s.ray[1]
+def _record(g, s, x, k, along, row, alpha, bends, k_out, arrival, spread, reach):
+    """Fill a row of the outputs with the path in s; reach in the frame."""
+    k_out[row] = k
+    for j in range(3):
+        alpha[row, j], arrival[row, j] = s.alpha[j], s.ray[1, j]
+        for i in range(DEPTH):
+            bends[row, i, j] = s.rays[i, 0, j] if i < k else 0.0
     cross_section(s.ray, x, along, s.section)
     m = s.section
     total = m[0, 0] ** 2 + m[0, 1] ** 2 + m[1, 0] ** 2 + m[1, 1] ** 2
     skew = np.sqrt((m[0, 0] ** 2 + m[1, 0] ** 2 - m[0, 1] ** 2 - m[1, 1] ** 2) ** 2
                    + 4.0 * (m[0, 0] * m[0, 1] + m[1, 0] * m[1, 1]) ** 2)
-    spread[0] = np.sqrt(0.5 * (total + skew))
-    spread[1] = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) / spread[0] if spread[0] > 0.0 else 0.0
+    large = np.sqrt(0.5 * (total + skew))
+    small = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) / large if large > 0.0 else 0.0
+    body = g.link[s.code[0, 1], BODY]
+    distance, off = 1.0, 1.0
+    if not s.sun:
+        distance = np.sqrt((x[0] - s.light[0]) ** 2 + (x[1] - s.light[1]) ** 2 + (x[2] - s.light[2]) ** 2)
+        off = np.sqrt((g.ball[body, 0] - s.light[0]) ** 2 + (g.ball[body, 1] - s.light[1]) ** 2
+                      + (g.ball[body, 2] - s.light[2]) ** 2)
+        off = max(off, g.ball[body, 3])
+    spread[row, 0], spread[row, 1] = large / distance, small / distance
+    reach[row] = distance * g.ball[body, 3] / off
