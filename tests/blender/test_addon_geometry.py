@@ -63,12 +63,12 @@ def test_normals(scene, snapshot, add):
     sphere.data.polygons.foreach_set("use_smooth", [True] * len(sphere.data.polygons))
     sphere.data.update()
     corners, normals, _ = triangles_of(snapshot(scene), "Sphere")
-    assert np.allclose(normals, corners / np.linalg.norm(corners, axis=2, keepdims=True), atol=0.02)
+    assert np.allclose(normals, corners / np.linalg.norm(corners, axis=2, keepdims=True), atol=0.01)
     assert np.allclose(np.linalg.norm(normals, axis=2), 1, atol=1e-5)
 
     sphere.data.normals_split_custom_set([(0.6, 0, 0.8)] * len(sphere.data.loops))
     _, normals, _ = triangles_of(snapshot(scene), "Sphere")
-    assert np.allclose(normals, (0.6, 0, 0.8), atol=1e-3)
+    assert np.abs(normals - (0.6, 0, 0.8)).max() < 0.02  # Blender stores them coarsely
 
 
 def test_sharp_edges_split_normals(scene, snapshot):

@@ -59,7 +59,8 @@ def test_metal(translated, node_material):
     found, _ = translated(material)
     assert found.kd == 0 and found.ka == 1 and found.mirror == (0, 0, 0)
     assert found.Os == pytest.approx((1, 0.8, 0.3)) and found.ks > 1
-    material = node_material("Chrome", 'ShaderNodeBsdfPrincipled', Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1, Roughness=0)
+    material = node_material("Chrome", 'ShaderNodeBsdfPrincipled', Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1,
+                             Roughness=0)
     found, _ = translated(material)
     assert found.mirror == pytest.approx((0.9,) * 3) and found.ka == found.kd == 0
     assert found.nShiny < 1000 and np.isfinite(found.ks)
@@ -127,7 +128,8 @@ def test_untranslated_shaders_are_named(translated, node_material, idname, label
 
 
 def test_untranslated_inputs_are_named(translated, node_material):
-    material = node_material("Wood", 'ShaderNodeBsdfPrincipled', Base_Color=(0.3, 0.2, 0.1, 1), Coat_Weight=0.5, Alpha=0.5)
+    material = node_material("Wood", 'ShaderNodeBsdfPrincipled', Base_Color=(0.3, 0.2, 0.1, 1), Coat_Weight=0.5,
+                             Alpha=0.5)
     tree = material.node_tree
     principled = tree.nodes["Principled BSDF"]
     noise, bump = tree.nodes.new('ShaderNodeTexNoise'), tree.nodes.new('ShaderNodeBump')
