@@ -254,7 +254,7 @@ def _this_package() -> str:
     return name
 
 
-def _leave(code: int) -> NoReturn:
+def leave(code: int) -> NoReturn:
     """End the process with `code`."""
     sys.stdout.flush()
     sys.stderr.flush()
@@ -270,6 +270,6 @@ def _leave(code: int) -> NoReturn:
 
 if __name__ == "__main__":
     if __package__:
-        _leave(main(sys.argv[1:]))
+        leave(main(sys.argv[1:]))
     driver = importlib.import_module(f"{_this_package()}.headless")
-    _leave(driver.main(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []))
+    leave(driver.main(sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []))

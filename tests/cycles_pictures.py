@@ -47,12 +47,45 @@ def main(file, folder):
         for key, value in changes.items():
             setattr(data, key, value)
         prepare(scene)
-        for engine, kind in (('LIGHT_MESHES', "ours"), ('CYCLES', "cycles")):
-            scene.render.engine = engine
-            scene.render.filepath = str(folder / f"{name}.{kind}.exr")
-            bpy.ops.render.render(write_still=True)
+        render(scene, folder, name)
         done[name] = ""
+    glowing_edge()
+    scene = bpy.context.scene
+    prepare(scene)
+    scene.light_meshes.samples = scene.cycles.samples = 256
+    scene.render.filter_size = scene.cycles.filter_width = 1.5
+    scene.cycles.pixel_filter_type = 'BLACKMAN_HARRIS'
+    render(scene, folder, "edge")
     (folder / "cases.json").write_text(json.dumps(done))
+
+
+def render(scene, folder, name):
+    for engine, kind in (('LIGHT_MESHES', "ours"), ('CYCLES', "cycles")):
+        scene.render.engine = engine
+        scene.render.filepath = str(folder / f"{name}.{kind}.exr")
+        bpy.ops.render.render(write_still=True)
+
+
+def glowing_edge():
+    """A glow that ends along x = y/32, seen from above; a pixel is 1 wide."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    mesh = bpy.data.meshes.new("edge")
+    mesh.from_pydata([(-1.25, -40, 0), (40, -40, 0), (40, 40, 0), (1.25, 40, 0)], [], [(0, 1, 2, 3)])
+    material = bpy.data.materials.new("glow")
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    glow = nodes.new('ShaderNodeEmission')
+    material.node_tree.links.new(glow.outputs[0], nodes["Material Output"].inputs["Surface"])
+    mesh.materials.append(material)
+    camera = bpy.data.cameras.new("camera")
+    camera.type, camera.ortho_scale = 'ORTHO', 32
+    scene = bpy.context.scene
+    for data, z in ((mesh, 0), (camera, 5)):
+        ob = bpy.data.objects.new(data.name, data)
+        ob.location.z = z
+        scene.collection.objects.link(ob)
+    scene.camera = ob
+    scene.render.resolution_x = scene.render.resolution_y = 32
 
 
 def prepare(scene):

@@ -28,7 +28,7 @@ def pictures(tmp_path_factory):
 
     @cache
     def case(name):
-        if why[name]:
+        if why.get(name):
             pytest.skip(why[name])
         return tuple(read(folder / f"{name}.{kind}.exr") for kind in ("ours", "cycles"))
     return case
@@ -74,3 +74,17 @@ def test_shadows_lie_where_cycles_has_them(pictures, name):
     black = (cycles.max(-1) == 0)
     assert 0.02 < black[compared].mean() < 0.98
     assert ((ours.max(-1) == 0) == black)[compared].mean() > 0.999
+
+
+def test_the_pixel_filter_is_as_wide_as_cycles(pictures):
+    """Blender's filter size means the same blur of an edge: the same variance, from the edge's profile."""
+    x, y = np.meshgrid(np.arange(32) - 15.5, 15.5 - np.arange(32))
+    distance = (x - y / 32).ravel()
+    order = np.argsort(distance)
+    middle = (distance[order][1:] + distance[order][:-1]) / 2
+    widths = []
+    for picture in pictures("edge"):
+        step = np.diff(picture[..., 0].ravel()[order])
+        assert abs((step * middle).sum()) < 0.02
+        widths.append(np.sqrt((step * middle**2).sum()))
+    assert widths[0] == pytest.approx(widths[1], rel=0.05)

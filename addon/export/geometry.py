@@ -11,8 +11,6 @@ import numpy as np
 from .materials import Materials
 from .report import Report
 
-# What to_mesh() turns into triangles.
-_SURFACES = {'MESH', 'CURVE', 'SURFACE', 'FONT', 'META'}
 # What a picture should show and the engine cannot.
 _NOT_TRANSLATED = {
     'CURVES': "hair curves", 'POINTCLOUD': "point clouds", 'VOLUME': "volumes",
@@ -48,7 +46,8 @@ class Geometry:
     def add(self, instance, ob) -> None:
         """Add an entry of depsgraph.object_instances; `ob` is its object."""
         data = ob.data
-        if data is None or ob.type not in _SURFACES:
+        # The triangles of a curve, a surface, a text or metaballs come as an entry of their own, of type MESH.
+        if ob.type != 'MESH':
             if ob.type in _NOT_TRANSLATED:
                 self._report.warn(f"Object '{ob.name}': {_NOT_TRANSLATED[ob.type]} are not translated; it is not seen")
             return
@@ -57,7 +56,7 @@ class Geometry:
         source = (instance.instance_object or ob) if instance.is_instance else ob
         key = (source.as_pointer(), data.as_pointer())
         if key not in self._mesh_of_object:
-            self._mesh_of_object[key] = self._mesh(ob, source, data)
+            self._mesh_of_object[key] = self._mesh(ob, data)
         mesh = self._mesh_of_object[key]
         if mesh is None:
             return
@@ -105,13 +104,12 @@ class Geometry:
         })
         return len(self.objects) - 1
 
-    def _mesh(self, ob, source, data) -> int | None:
+    def _mesh(self, ob, data) -> int | None:
         """Number of the mesh of `ob`, new or shared; None if it has no triangle."""
         if any(p.settings.type == 'HAIR' and p.settings.render_type == 'PATH' for p in ob.particle_systems):
             self._report.warn(f"Object '{ob.name}': hair is not translated; it is not seen")
         materials = tuple(self._materials.index(slot.material) for slot in ob.material_slots)
-        # Modifiers of curves and texts belong to the object, those of meshes have made new data already.
-        key = (data.as_pointer(), materials, 0 if ob.type == 'MESH' else source.as_pointer())
+        key = (data.as_pointer(), materials)
         if key not in self._mesh_of:
             self._mesh_of[key] = None
             mesh = ob.to_mesh()

@@ -1,12 +1,14 @@
 """Fixtures: the add-on in bpy, an empty scene, and ways to look at what it renders and exports."""
 
 import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
+import light_meshes.snapshot
 import numpy as np
 import pytest
-
-import light_meshes.snapshot
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed: pip install 'light-meshes[blender]'")
 oiio = pytest.importorskip("OpenImageIO")
@@ -167,11 +169,9 @@ def snapshot(tmp_path, addon):
     return run
 
 
-@pytest.fixture
-def blender():
+@pytest.fixture(scope="session")
+def blender_path():
     """A real Blender, or a skip that says how to get one."""
-    import shutil
-
     found = os.environ.get("LIGHT_MESHES_BLENDER") or shutil.which("blender")
     if not found:
         pytest.skip("no Blender: set LIGHT_MESHES_BLENDER or put `blender` on the PATH")
@@ -190,3 +190,39 @@ def look_at_fixture():
     return look_at
 
 
+
+
+@pytest.fixture(scope="session")
+def blender_environment(blender_path, tmp_path_factory):
+    """The environment in which a real Blender has the add-on enabled, from this checkout, and nothing of the user's."""
+    import light_meshes_addon
+
+    folder = tmp_path_factory.mktemp("blender")
+    (folder / "extensions").mkdir()
+    (folder / "extensions" / "light_meshes").symlink_to(Path(light_meshes_addon.__file__).parent)
+    environment = os.environ | {
+        "BLENDER_USER_RESOURCES": str(folder / "user"),
+        "LIGHT_MESHES_PYTHON": sys.executable,
+        "TMPDIR": str(folder / "tmp"),
+    }
+    (folder / "tmp").mkdir()
+    enable = (
+        "import bpy, addon_utils\n"
+        "repos = bpy.context.preferences.extensions.repos\n"
+        f"repos.new(name='dev', module='dev', custom_directory={str(folder / 'extensions')!r}, remote_url='')\n"
+        "assert addon_utils.enable('bl_ext.dev.light_meshes', default_set=True)\n"
+        "bpy.ops.wm.save_userpref()\n"
+    )
+    done = subprocess.run([blender_path, "-b", "--python-exit-code", "3", "--python-expr", enable], env=environment,
+                          capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return environment
+
+
+@pytest.fixture
+def run_blender(blender_path, blender_environment):
+    """(arguments…) → the finished process of a real `blender -b`; extra environment as keywords."""
+    def run(*arguments, **environment):
+        return subprocess.run([blender_path, "-b", *map(str, arguments)], env=blender_environment | environment,
+                              capture_output=True, text=True, timeout=180)
+    return run

@@ -9,29 +9,30 @@ import pytest
 NEW = bpy.app.version >= (4, 5)
 
 LIGHTS = {
-    "point": ('POINT', dict(energy=300)),
-    "coloured point": ('POINT', dict(energy=300, color=(1, 0.3, 0.05))),
-    "scaled point": ('POINT', dict(energy=300, scale=(3, 0.5, 2))),
-    "sun": ('SUN', dict(energy=3, rotation=(0.5, 0.3, 0))),
-    "spot": ('SPOT', dict(energy=300, rotation=(0.2, 0.1, 0), spot_size=1.2, spot_blend=0.5)),
-    "hard spot": ('SPOT', dict(energy=300, rotation=(0.2, 0.1, 0), spot_size=1.0, spot_blend=0.0)),
-    "wide spot": ('SPOT', dict(energy=300, spot_size=math.pi, spot_blend=1.0)),
-    "scaled spot": ('SPOT', dict(energy=300, spot_size=1.0, spot_blend=0.3, scale=(2, 2, 2))),
-    "narrowed spot": ('SPOT', dict(energy=300, spot_size=1.2, spot_blend=0.0, scale=(1, 1, 2))),
-    "area": ('AREA', dict(energy=300, size=0.01, rotation=(0.3, 0.2, 0))),
-    "oblong area": ('AREA', dict(energy=300, shape='RECTANGLE', size=0.01, size_y=0.02)),
-    "scaled disk": ('AREA', dict(energy=300, shape='DISK', size=0.01, scale=(2, 1, 1))),
-    "area of small spread": ('AREA', dict(energy=300, size=0.01, spread=math.radians(60))),
-    "area of tiny spread": ('AREA', dict(energy=300, size=0.002, spread=math.radians(40))),
-    "emission nodes": ('POINT', dict(energy=300, nodes=((0.2, 0.9, 0.4), 2.5))),
+    "point": ('POINT', {"energy": 300}),
+    "coloured point": ('POINT', {"energy": 300, "color": (1, 0.3, 0.05)}),
+    "scaled point": ('POINT', {"energy": 300, "scale": (3, 0.5, 2)}),
+    "sun": ('SUN', {"energy": 3, "rotation": (0.5, 0.3, 0)}),
+    "spot": ('SPOT', {"energy": 300, "rotation": (0.2, 0.1, 0), "spot_size": 1.2, "spot_blend": 0.5}),
+    "hard spot": ('SPOT', {"energy": 300, "rotation": (0.2, 0.1, 0), "spot_size": 1.0, "spot_blend": 0.0}),
+    "wide spot": ('SPOT', {"energy": 300, "spot_size": math.pi, "spot_blend": 1.0}),
+    "scaled spot": ('SPOT', {"energy": 300, "spot_size": 1.0, "spot_blend": 0.3, "scale": (2, 2, 2)}),
+    "narrowed spot": ('SPOT', {"energy": 300, "spot_size": 1.2, "spot_blend": 0.0, "scale": (1, 1, 2)}),
+    "area": ('AREA', {"energy": 300, "size": 0.01, "rotation": (0.3, 0.2, 0)}),
+    "oblong area": ('AREA', {"energy": 300, "shape": 'RECTANGLE', "size": 0.01, "size_y": 0.02}),
+    "scaled disk": ('AREA', {"energy": 300, "shape": 'DISK', "size": 0.01, "scale": (2, 1, 1)}),
+    "area of small spread": ('AREA', {"energy": 300, "size": 0.01, "spread": math.radians(60)}),
+    "area of tiny spread": ('AREA', {"energy": 300, "size": 0.002, "spread": math.radians(40)}),
+    "emission nodes": ('POINT', {"energy": 300, "nodes": ((0.2, 0.9, 0.4), 2.5)}),
 }
 if NEW:
     LIGHTS |= {
-        "exposure": ('POINT', dict(energy=100, exposure=1.5)),
-        "temperature": ('SUN', dict(energy=3, use_temperature=True, temperature=3000, color=(0.8, 1, 0.9))),
-        "unnormalized point": ('POINT', dict(energy=2000, normalize=False, shadow_soft_size=0.05)),
-        "unnormalized sun": ('SUN', dict(energy=3000, normalize=False, angle=math.radians(1))),
-        "unnormalized area": ('AREA', dict(energy=2e6, normalize=False, shape='ELLIPSE', size=0.01, size_y=0.02)),
+        "exposure": ('POINT', {"energy": 100, "exposure": 1.5}),
+        "temperature": ('SUN', {"energy": 3, "use_temperature": True, "temperature": 3000, "color": (0.8, 1, 0.9)}),
+        "unnormalized point": ('POINT', {"energy": 2000, "normalize": False, "shadow_soft_size": 0.05}),
+        "unnormalized sun": ('SUN', {"energy": 3000, "normalize": False, "angle": math.radians(1)}),
+        "unnormalized area": ('AREA', {
+            "energy": 2e6, "normalize": False, "shape": 'ELLIPSE', "size": 0.01, "size_y": 0.02}),
     }
 
 

@@ -1,0 +1,222 @@
+"""Whatever happens to the engine, the artist gets one readable sentence, no false picture, and the next render works.
+
+Each fault is brought about for real, in a process of its own.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+# A scene that takes minutes, `first_progress(act)` to act when it has begun, and `render()`.
+PRELUDE = """
+import os, signal, sys, threading, time
+from pathlib import Path
+import bpy
+import light_meshes_addon
+from light_meshes_addon import observers, session
+light_meshes_addon.register()
+scene = bpy.context.scene
+own = scene.light_meshes
+scene.render.engine = 'LIGHT_MESHES'
+
+def slow():
+    scene.render.resolution_x, scene.render.resolution_y = 640, 480
+    own.shadows, own.samples, own.light_samples = 'AREA_SAMPLING', 256, 1024
+
+def fast():
+    scene.render.resolution_x, scene.render.resolution_y = 32, 24
+    own.shadows, own.samples = 'SHARP', 1
+
+def first_progress(act):
+    def see(event):
+        if event["event"] == "progress" and event["fraction"] > 0:
+            observers.observers.remove(see)
+            see.process = session._session._process
+            act()
+    observers.observers.append(see)
+    return see
+
+def child():
+    return session._session._process.pid
+
+def render():
+    scene.render.filepath = sys.argv[1]
+    Path(sys.argv[1]).unlink(missing_ok=True)
+    try:
+        result = bpy.ops.render.render(write_still=True)
+        print("RESULT", result, Path(sys.argv[1]).exists(), flush=True)
+    except RuntimeError as e:
+        print("ERROR", str(e).splitlines()[0], Path(sys.argv[1]).exists(), flush=True)
+
+def leave():
+    light_meshes_addon.unregister()
+    sys.stdout.flush()
+    os._exit(0)
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    """(script) → the lines it printed that begin with a word in capitals; the engine's folders are in tmp_path."""
+    def go(script, **environment):
+        done = subprocess.run(
+            [sys.executable, "-c", PRELUDE + textwrap.dedent(script),
+             str(tmp_path / "picture.png")],
+            env=os.environ | {"TMPDIR": str(tmp_path)} | environment, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+        go.output = done.stdout
+        assert not list(tmp_path.glob("light-meshes-*")), "a folder is left"
+        return re.findall(r"^[A-Z]{4,} .*$", done.stdout, re.M)
+    return go
+
+
+def test_child_killed_in_mid_render(run):
+    lines = run("""
+        slow()
+        first_progress(lambda: os.kill(child(), signal.SIGKILL))
+        render()
+        fast()
+        render()
+        leave()
+    """)
+    assert re.fullmatch(r"ERROR Error: The Light Meshes engine has ended unexpectedly .*signal 9.* False", lines[0])
+    assert lines[1] == "RESULT {'FINISHED'} True"
+
+
+def test_child_that_hangs(run):
+    lines = run("""
+        slow()
+        first_progress(lambda: os.kill(child(), signal.SIGSTOP))
+        start = time.monotonic()
+        render()
+        print("TOOK", time.monotonic() - start < 20)
+        fast()
+        render()
+        leave()
+    """, LIGHT_MESHES_TIMEOUT="3")
+    assert "does not answer" in lines[0] and lines[0].endswith("False")
+    assert lines[1:] == ["TOOK True", "RESULT {'FINISHED'} True"]
+
+
+def test_missing_python(run):
+    lines = run("""
+        fast()
+        os.environ["LIGHT_MESHES_PYTHON"] = "/no/such/python"
+        render()
+        os.environ["LIGHT_MESHES_PYTHON"] = sys.executable
+        render()
+        leave()
+    """)
+    assert "/no/such/python cannot be run" in lines[0] and lines[0].endswith("False")
+    assert lines[1] == "RESULT {'FINISHED'} True"
+
+
+def test_missing_package(run, tmp_path):
+    bare = tmp_path / "bare"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", bare], check=True)
+    python = next(p for p in (bare / "bin" / "python", bare / "Scripts" / "python.exe") if p.exists())
+    lines = run("""
+        fast()
+        render()
+        leave()
+    """, LIGHT_MESHES_PYTHON=str(python))
+    assert "has no package 'light_meshes'" in lines[0] and "pip install light-meshes" in lines[0]
+    assert lines[0].endswith("False")
+
+
+def test_what_is_no_python(run):
+    """A program that says nothing and ends."""
+    lines = run("""
+        fast()
+        render()
+        leave()
+    """, LIGHT_MESHES_PYTHON="/bin/true")
+    assert re.search(r"ERROR Error: The Light Meshes engine cannot start \(exit code 0\) False", lines[0])
+
+
+def test_the_engines_own_error(run):
+    """An error that the engine reports is told; the log's end is on the console."""
+    lines = run("""
+        fast()
+        bpy.data.objects["Camera"].data.clip_end = 1e30
+        bpy.data.objects["Cube"].matrix_world[0][3] = float("nan")
+        render()
+        leave()
+    """)
+    assert lines[0].startswith(("ERROR Error: Light Meshes:", "RESULT"))  # a clear message or a correct picture
+
+
+def test_a_fault_of_the_addon_is_told(run):
+    lines = run("""
+        fast()
+        os.environ["TMPDIR"] = "/no/such/folder"
+        session.Session.new_folder = lambda self: open("/no/such/file")
+        render()
+        leave()
+    """)
+    assert re.match(r"ERROR Error: The Light Meshes add-on failed: FileNotFoundError.* False", lines[0])
+    assert "Traceback" in run.output
+
+
+def test_interrupt(run):
+    """Ctrl-C with Python as the host: quick, no picture, and the same engine renders on."""
+    lines = run("""
+        slow()
+        times = []
+        def interrupt():
+            def later():
+                time.sleep(0.3)
+                times.append(time.monotonic())
+                os.kill(os.getpid(), signal.SIGINT)
+            threading.Thread(target=later).start()
+        see = first_progress(interrupt)
+        render()
+        print("TOOK", time.monotonic() - times[0])
+        time.sleep(1)
+        print("ALIVE", see.process.poll() is None, session._session._process is see.process)
+        fast()
+        render()
+        leave()
+    """)
+    assert "interrupted" in lines[0] and lines[0].endswith("False")
+    assert float(lines[1].split()[1]) < 0.5  # 0.05 on an idle machine
+    assert lines[2:] == ["ALIVE True True", "RESULT {'FINISHED'} True"]
+
+
+def test_a_child_that_does_not_confirm_is_ended(run):
+    """A stopped child cannot confirm a cancelled render: Blender goes on at once, the child is ended behind it."""
+    lines = run("""
+        slow()
+        times = []
+        def stop_and_interrupt():
+            os.kill(child(), signal.SIGSTOP)
+            times.append(time.monotonic())
+            threading.Timer(0.1, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+        see = first_progress(stop_and_interrupt)
+        render()
+        print("TOOK", time.monotonic() - times[0])
+        fast()
+        render()
+        time.sleep(2)
+        print("GONE", see.process.poll() is not None)
+        leave()
+    """)
+    assert float(lines[1].split()[1]) < 1
+    assert lines[2:] == ["RESULT {'FINISHED'} True", "GONE True"]
+
+
+def test_without_unregister_no_child_remains(run):
+    """The end of Python ends the engine."""
+    lines = run("""
+        fast()
+        render()
+        print("CHILD", child(), flush=True)
+        session.atexit._run_exitfuncs()
+        os._exit(0)
+    """)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(lines[1].split()[1]), 0)

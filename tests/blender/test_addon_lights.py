@@ -1,0 +1,96 @@
+"""What lights are beside their energy, which test_addon_cycles.py checks."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+
+
+def the_light(found):
+    assert len(found.lights) == 1
+    return found.lights[0]
+
+
+def test_place_and_direction(scene, add_light, snapshot):
+    add_light('SPOT', location=(1, 2, 3), rotation=(math.pi / 2, 0, 0), scale=(2, 2, 2))
+    light = the_light(snapshot(scene))
+    assert light.position == pytest.approx((1, 2, 3))
+    assert light.direction == pytest.approx((0, 1, 0), abs=1e-6)
+
+
+def test_sizes(scene, add_light, snapshot):
+    add_light('POINT', shadow_soft_size=0.25, scale=(3, 3, 3))  # a scale does not change it
+    assert the_light(snapshot(scene)).radius == pytest.approx(0.25)
+
+
+def test_sun(scene, add_light, snapshot):
+    add_light('SUN', angle=0.1)
+    light = the_light(snapshot(scene))
+    assert light.type == 'SUN' and light.angle == pytest.approx(0.1)
+
+
+def test_area(scene, add_light, snapshot):
+    add_light('AREA', shape='ELLIPSE', size=2, size_y=1, spread=1.0, scale=(3, 1, 1), rotation=(0, 0, math.pi / 2))
+    light = the_light(snapshot(scene))
+    assert light.area_ellipse and light.spread == pytest.approx(1)
+    assert light.area_u == pytest.approx((0, 3, 0), abs=1e-6)
+    assert light.area_v == pytest.approx((-0.5, 0, 0), abs=1e-6)
+
+
+def test_spot(scene, add_light, snapshot):
+    add_light('SPOT', spot_size=1.0, spot_blend=0.3)
+    light = the_light(snapshot(scene))
+    assert (light.spot_angle, light.spot_blend) == (pytest.approx(1), pytest.approx(0.3))
+
+
+def test_unevenly_scaled_spot_warns(scene, add_light, snapshot):
+    add_light('SPOT', scale=(2, 1, 1))
+    assert any("'Spot'" in w for w in snapshot(scene).warnings)
+
+
+def test_shadow_switch(scene, add_light, snapshot):
+    light = add_light('POINT')
+    assert the_light(snapshot(scene)).cast_shadow
+    light.data.use_shadow = False
+    assert not the_light(snapshot(scene)).cast_shadow
+
+
+def test_hidden_and_instanced_lights(scene, add, add_light, snapshot):
+    light = add_light('POINT', location=(0, 0, 2))
+    collection = bpy.data.collections.new("Lamps")
+    collection.objects.link(light)
+    scene.collection.objects.unlink(light)
+    for x in (1, 5):
+        add(None, f"Post {x}", instance_type='COLLECTION', instance_collection=collection, location=(x, 0, 0))
+    add_light('POINT').hide_render = True
+    found = snapshot(scene)
+    assert sorted(round(one.position[0]) for one in found.lights) == [1, 5]
+
+
+def test_untranslated_nodes_are_named(scene, add_light, snapshot):
+    light = add_light('POINT', energy=100).data
+    light.use_nodes = True
+    tree = light.node_tree
+    falloff = tree.nodes.new('ShaderNodeLightFalloff')
+    tree.links.new(falloff.outputs["Linear"], tree.nodes["Emission"].inputs["Strength"])
+    found = snapshot(scene)
+    assert any("'Point'" in w and "Light Falloff" in w for w in found.warnings)
+    assert np.allclose(the_light(found).intensity, 100 / (4 * math.pi**2))
+
+
+def test_world(scene, add_plane, snapshot):
+    add_plane()
+    assert snapshot(scene).world_color == (0, 0, 0)  # none
+    world = scene.world = bpy.data.worlds.new("Sky")
+    if bpy.app.version < (5, 0):
+        world.use_nodes = True
+    background = next(n for n in world.node_tree.nodes if n.type == 'BACKGROUND')
+    background.inputs["Color"].default_value = (0.1, 0.2, 0.4, 1)
+    background.inputs["Strength"].default_value = 2
+    assert snapshot(scene).world_color == pytest.approx((0.2, 0.4, 0.8))
+    texture = world.node_tree.nodes.new('ShaderNodeTexSky')
+    world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
+    found = snapshot(scene)
+    assert found.world_color == pytest.approx((0.2, 0.4, 0.8))
+    assert any("'Sky'" in w and "Sky Texture" in w for w in found.warnings)

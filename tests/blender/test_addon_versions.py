@@ -1,0 +1,89 @@
+"""Every supported version of bpy renders the same picture: LIGHT_MESHES_BPY_PYTHONS lists Pythons that have one."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from blender_scene import SCENE, read
+from conftest import read_layers
+
+PYTHONS = [p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p]
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("python", PYTHONS or [pytest.param(
+    None, marks=pytest.mark.skip(reason="LIGHT_MESHES_BPY_PYTHONS names no Python with another bpy"))])]
+
+# What differs most between versions: kinds of objects, instances, nodes, light settings, passes, file formats.
+SCRIPT = "import sys, bpy, light_meshes_addon\nlight_meshes_addon.register()\n" + SCENE + """
+layer = scene.view_layers[0]
+layer.use_pass_z = layer.use_pass_normal = layer.use_pass_shadow = True
+text = add(bpy.data.curves.new("Text", 'FONT'), location=(-3, 2.5, 0.5))
+text.data.body = "Light"
+cube = bpy.data.meshes.new("Cube")
+cube.from_pydata([(x, y, z) for x in (-.2, .2) for y in (-.2, .2) for z in (0, .4)], [],
+                 [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+child = add(cube)
+points = bpy.data.meshes.new("Points")
+points.from_pydata([(-1, 0, 0), (1, 0, 0)], [], [])
+child.parent = add(points, instance_type='VERTS')
+lamp = add(bpy.data.lights.new("Spot", 'SPOT'), location=(0, 0, 3))
+lamp.data.energy, lamp.data.spot_size = 50, 0.5
+image = scene.render.image_settings
+if hasattr(image, "media_type"):
+    image.media_type = 'MULTI_LAYER_IMAGE'
+image.file_format, image.color_depth = 'OPEN_EXR_MULTILAYER', '32'
+if hasattr(image, "use_exr_interleave"):
+    image.use_exr_interleave = True
+scene.light_meshes.samples = 16
+scene.render.filepath = sys.argv[1]
+bpy.ops.render.render(write_still=True)
+image.file_format = 'OPEN_EXR_MULTILAYER'
+bpy.ops.wm.save_as_mainfile(filepath=sys.argv[2])
+from light_meshes_addon.headless import leave
+light_meshes_addon.unregister()
+leave(0)
+"""
+
+
+@pytest.fixture
+def environment(tmp_path):
+    """Only the add-on comes from here; the engine runs in the tests' Python."""
+    import light_meshes_addon
+
+    (tmp_path / "packages").mkdir()
+    (tmp_path / "packages" / "light_meshes_addon").symlink_to(Path(light_meshes_addon.__file__).parent)
+    return os.environ | {"PYTHONPATH": str(tmp_path / "packages"), "LIGHT_MESHES_PYTHON": sys.executable,
+                         "TMPDIR": str(tmp_path)}
+
+
+def run(arguments, environment):
+    done = subprocess.run(list(map(str, arguments)), env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return done.stdout
+
+
+def test_version(python, environment, tmp_path):
+    output, blend = tmp_path / "picture.exr", tmp_path / "scene.blend"
+    run([python, "-c", SCRIPT, output, blend], environment)
+    found = read_layers(output)
+    assert set(found) == {"Combined", "Depth", "Normal", "Shadow"}
+    combined = found["Combined"]
+    assert combined.shape == (48, 64, 4)
+    assert combined[36, 32, :3] == pytest.approx((0.5, 0.5, 0.5), abs=2e-3)  # the plane, out of the spot
+    # The plane under the spot: 50 W at 3 m.
+    assert combined[24, 32, 0] == pytest.approx(0.5 + 0.5 * 50 / (4 * np.pi**2 * 9), abs=1e-3)
+    assert not combined[46, 2, :3].any() and found["Depth"][46, 2, 0] > 1e9
+    assert found["Depth"][36, 32, 0] == pytest.approx(10, abs=0.01)
+    assert found["Normal"][36, 32] == pytest.approx((0, 0, 1), abs=1e-3)
+    # The cubes, which hang from points, are nearer; so is the text.
+    assert found["Depth"][24, 22, 0] == pytest.approx(9.6, abs=0.01)
+    assert found["Depth"][24, 41, 0] == pytest.approx(9.6, abs=0.01)
+    assert (np.abs(found["Depth"][:18, :32] - 9.5) < 0.01).sum() > 10
+    assert not list(tmp_path.glob("light-meshes-*"))
+
+    lines = run([python, "-m", "light_meshes_addon.headless", "render", blend, "-o", tmp_path / "again.png",
+                 "-f", "1..2", "--set", "samples=4"], environment)
+    assert lines.count('"event": "wrote"') == 2
+    assert read(tmp_path / "again_0002.png")[36, 32, 0] > 0.3
+    assert not list(tmp_path.glob("light-meshes-*")) and not list(tmp_path.glob("blender_*"))
