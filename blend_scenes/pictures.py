@@ -49,7 +49,19 @@ def parameters(folder):
     return side_by_side([[rendered(folder, "parameters", h=h, kI=round(r / h, 6)) for h, r in row] for row in rows])
 
 
-PICTURES = {"tabletop": tabletop, "parameters": parameters}
+def cylinder(folder):
+    """Fig. 4: RRTA above, light meshes below; no refraction, refraction of view rays, of shadow rays too."""
+    return side_by_side([[rendered(folder, "cylinder", shadows=shadows, refraction=refraction, resolution="480x480")
+                          for refraction in ("NONE", "VIEW", "FULL")] for shadows in ("SHARP", "LIGHT_MESHES")])
+
+
+def lens(folder):
+    """Fig. 5: RRTA left, light meshes right."""
+    return side_by_side([[rendered(folder, "lens", shadows=shadows, resolution="700x700")
+                          for shadows in ("SHARP", "LIGHT_MESHES")]])
+
+
+PICTURES = {"tabletop": tabletop, "parameters": parameters, "cylinder": cylinder, "lens": lens}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or PICTURES:
