@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .boxes import STACK
-from .compiled import kernel
+from .compiled import kernel, part
 from .media import BODY, E1, E2, NG, PATCH, A, Glass, U, V
 from .paths import DEPTH, Scratch, chain
 
@@ -25,7 +25,7 @@ COARSE = 1 / 8  # of a curved patch's radius: the longest edge of an element
 FINE = 1 / 64  # of a body's radius: elements with shorter edges are not split because they differ
 FLAT_LEVELS = 2  # but so often in any case: small facets, each with its own signature
 BENT = 0.1  # of its width: by how much a beam may miss its own middle ray
-PAD = 0.25  # barycentric: how far outside a beam a point may be and still start a search
+PAD = 0.4  # barycentric: how far outside a beam a point may be and still start a search
 LEAF = 4
 
 
@@ -70,7 +70,7 @@ def _room(n: int) -> tuple[NDArray, ...]:
             np.empty(n, np.int8), np.empty(n, np.int8), np.zeros((n, DEPTH), np.int32), np.zeros((n, DEPTH)))
 
 
-@kernel
+@part
 def _same(code, eta, a, b, k):
     """Whether samples a and b agree on their first k bends."""
     for j in range(k):
@@ -79,7 +79,7 @@ def _same(code, eta, a, b, k):
     return True
 
 
-@kernel
+@part
 def _axis(D):
     """2·axis that D is most along, + 1 where it runs against it."""
     a = 0
@@ -89,7 +89,7 @@ def _axis(D):
     return 2 * a + (D[a] < 0.0)
 
 
-@kernel
+@part
 def _flatten(P, D, group, z0, i, p, d):
     """A ray as place p[i] and slope d[i] in the plane z = z0; False: it runs along the plane or back."""
     a = group >> 1
@@ -104,7 +104,7 @@ def _flatten(P, D, group, z0, i, p, d):
     return True
 
 
-@kernel
+@part
 def _width(p, d, z):
     """Longest side of three rays' triangle at height z above their plane."""
     longest = 0.0
@@ -116,7 +116,7 @@ def _width(p, d, z):
     return np.sqrt(longest)
 
 
-@kernel
+@part
 def _split_for_bodies(g, P, D, end, width, own):
     """Whether some body on the way is so small that the beam's few rays may all miss it."""
     for b in range(len(g.ball)):
@@ -173,7 +173,7 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                 uv[i, 1] = mv if i == 3 else (1.0 - SHRINK) * e[2 * i + 1] + SHRINK * mv
                 for j in range(3):
                     y[j] = g.place[slot, A + j] + uv[i, 0] * g.place[slot, E1 + j] + uv[i, 1] * g.place[slot, E2 + j]
-                n[i] = chain(g, s, y, DEPTH, CUTOFF)
+                n[i] = chain(g, s, y, np.int64(DEPTH), CUTOFF)
                 if n[i] and s.code[0, 1] != slot:
                     n[i] = 0  # something stands before it: no first interface
                 _keep(s, n[i], i, code, eta, rays, end)
@@ -192,7 +192,7 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
             for k in range(first, most + 1):
                 agree = True
                 for i in range(4):
-                    agree = agree and n[i] >= k and _same(code, eta, 0, i, k)
+                    agree = agree and n[i] >= k and _same(code, eta, i, np.int64(0), k)
                 split = coarse or (not agree and differ)
                 group, z0 = 0, 0.0
                 if agree:
@@ -240,7 +240,7 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                         high = max(high, at + end[i, k] * sign * rays[i, k - 1, 1, a])
                     extent = _width(p, d, 0.0)
                     z[0], z[1], z[2] = z0, low - 0.5 * extent, high + 0.5 * extent
-                    _emit(used, slot, uv, p, d, z, group, k, code, eta, 3, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k,
+                    _emit(used, slot, uv, p, d, z, group, k, code, eta, np.int64(3), o_slot, o_uv, o_p, o_d, o_z, o_group, o_k,
                           o_code, o_eta)
                     used += 1
                     continue
@@ -267,7 +267,7 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
     return slot, used
 
 
-@kernel
+@part
 def _beam_of_ray(g, slot, uv, i, rays, k, end, p, d, z, P, D):
     """A beam over the whole element from sample i alone: rays of the corners by its derivatives; its group, −1: none."""
     m00, m01, m10, m11 = 0.0, 0.0, 0.0, 0.0
@@ -298,14 +298,14 @@ def _beam_of_ray(g, slot, uv, i, rays, k, end, p, d, z, P, D):
     return group
 
 
-@kernel
+@part
 def _ray_of(rays, i, k, P, D):
     """Origin and direction of sample i behind its bend k."""
     for j in range(3):
         P[j], D[j] = rays[i, k - 1, 0, j], rays[i, k - 1, 1, j]
 
 
-@kernel
+@part
 def _keep(s, n, i, code, eta, rays, end):
     """Store the chain in s as sample i."""
     for k in range(n + 1):
@@ -317,7 +317,7 @@ def _keep(s, n, i, code, eta, rays, end):
                 rays[i, k, r, j] = s.rays[k, r, j]
 
 
-@kernel
+@part
 def _emit(b, slot, uv, p, d, z, group, k, code, eta, i, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_code, o_eta):
     """Write beam b, with the signature of sample i."""
     o_slot[b], o_group[b], o_k[b] = slot, group, k
@@ -329,7 +329,7 @@ def _emit(b, slot, uv, p, d, z, group, k, code, eta, i, o_slot, o_uv, o_p, o_d, 
         o_code[b, j], o_eta[b, j] = code[i, j], eta[i, j]
 
 
-@kernel
+@part
 def _bound(order, first, end, p, d, z, node, out):
     """Bounds of beams order[first:end], padded by PAD."""
     low = np.inf
@@ -350,13 +350,13 @@ def _bound(order, first, end, p, d, z, node, out):
                 _widen(out, node, 7 + 2 * j, slope, slope)
 
 
-@kernel
+@part
 def _widen(out, node, j, low, high):
     out[node, j] = min(out[node, j], low)
     out[node, j + 1] = max(out[node, j + 1], high)
 
 
-@kernel
+@part
 def _halve(order, key, first, end, middle):
     """Put those of order[first:end] with the least keys before `middle` (quickselect; equal keys go by number)."""
     low, high = first, end - 1

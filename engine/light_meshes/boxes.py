@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel
+from .compiled import kernel, part
 
 LEAF = 4
 BINS = 16
@@ -25,26 +25,26 @@ def box_tree(item: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.f
     return order, box[:nodes], child[:nodes]
 
 
-@kernel
+@part
 def _area(box, i):
     x, y, z = box[i, 3] - box[i, 0], box[i, 4] - box[i, 1], box[i, 5] - box[i, 2]
     return x * y + y * z + z * x
 
 
-@kernel
+@part
 def _empty(box, i):
     for j in range(3):
         box[i, j], box[i, j + 3] = np.inf, -np.inf
 
 
-@kernel
+@part
 def _include(box, i, other, o):
     for j in range(3):
         box[i, j] = min(box[i, j], other[o, j])
         box[i, j + 3] = max(box[i, j + 3], other[o, j + 3])
 
 
-@kernel
+@part
 def _bin(item, o, axis, low, factor):
     return min(int((item[o, axis] + item[o, axis + 3] - low) * factor), BINS - 1)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .boxes import box_tree
-from .compiled import kernel
+from .compiled import kernel, part
 from .geometry import Surfaces
 
 FLAT = 1e-4  # radians: a triangle whose corner normals all lie so near its own is flat-shaded
@@ -248,7 +248,7 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     )
 
 
-@kernel
+@part
 def closest(g, ray, t0, t1, skip, skips, patch, facing, stack, out):
     """First slot that the ray (origin ray[0], direction ray[1]) meets with t0 < t < t1, −1: none; out = t, u, v.
 
@@ -312,7 +312,7 @@ def closest(g, ray, t0, t1, skip, skips, patch, facing, stack, out):
     return found
 
 
-@kernel
+@part
 def _enter(box, n, px, py, pz, ix, iy, iz, t0, t1):
     """Where the ray enters the box of node n, infinity: it does not."""
     a, b = (box[n, 0] - px) * ix, (box[n, 3] - px) * ix

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .boxes import STACK
-from .compiled import kernel
+from .compiled import kernel, part
 from .media import BODY, E1, E2, FLAT_SHADED, KT, NEIGHBOUR, NG, NS, OWNER, PATCH, TOUCHING, A, Glass, U, V, closest
 
 DEPTH = 8  # interfaces at which a path may bend
@@ -63,7 +63,7 @@ def scratch(g: Glass, light: NDArray[np.float64], sun: bool) -> Scratch:
     return s
 
 
-@kernel
+@part
 def _basis(ray, row):
     """Two unit vectors at right angles to the direction and to each other, into rows `row` and row + 1."""
     x, y, z = ray[1, 0], ray[1, 1], ray[1, 2]
@@ -74,7 +74,7 @@ def _basis(ray, row):
     ray[row + 1, 0], ray[row + 1, 1], ray[row + 1, 2] = g, sign + y * y * f, -y
 
 
-@kernel
+@part
 def start_ray(light, sun, y, ray):
     """The light's ray through y; parameters: two angles at the light, or lengths across a sun's rays."""
     ray[:] = 0.0
@@ -96,14 +96,14 @@ def start_ray(light, sun, y, ray):
         _basis(ray, 4)
 
 
-@kernel
+@part
 def _slope(g, slot, ray):
     """Direction·NG: negative where the ray enters."""
     p = g.place
     return ray[1, 0] * p[slot, NG] + ray[1, 1] * p[slot, NG + 1] + ray[1, 2] * p[slot, NG + 2]
 
 
-@kernel
+@part
 def _start_at(g, light, sun, slot, u, v, ray):
     """The light's ray at the point (u, v) of a triangle; parameters: u and v."""
     p = g.place
@@ -124,7 +124,7 @@ def _start_at(g, light, sun, slot, u, v, ray):
         ray[5, j] = 0.0 if sun else (ray[3, j] - b * ray[1, j]) / length
 
 
-@kernel
+@part
 def _travel(g, slot, t, ray):
     """Move the ray by t to a triangle's plane; its derivatives then are those of its point in that plane."""
     p = g.place
@@ -140,7 +140,7 @@ def _travel(g, slot, t, ray):
         ray[0, j] += t * ray[1, j]
 
 
-@kernel
+@part
 def _bend(g, slot, u, v, eta, ray, n):
     """Snell's law at the ray's point (u, v) of a triangle, by the shading normal; False: no light passes.
 
@@ -192,7 +192,7 @@ def _bend(g, slot, u, v, eta, ray, n):
     return _slope(g, slot, ray) * facing > 0.0
 
 
-@kernel
+@part
 def _medium_index(g, medium):
     """(n, rank) of the medium that a list of bodies makes; air: 1, −1."""
     n, rank = 1.0, np.int64(-1)
@@ -203,7 +203,7 @@ def _medium_index(g, medium):
     return n, rank
 
 
-@kernel
+@part
 def _cross(medium, body, entering):
     """Enter or leave a body; False where that is impossible. medium: rows 1..medium[0,0] hold (body, how often)."""
     for i in range(1, medium[0, 0] + 1):
@@ -223,9 +223,10 @@ def _cross(medium, body, entering):
 
 
 BENDS, ENDS, BROKEN = range(3)
+_ANY = np.int64(-1)  # numbers of one type: numba would compile `closest` once more for each literal
 
 
-@kernel
+@part
 def next_bend(g, s, end):
     """Follow s.ray to the first surface that bends it, or to `end`: BENDS, ENDS or BROKEN (surfaces not closed).
 
@@ -239,7 +240,7 @@ def next_bend(g, s, end):
         t0, last = -2.0 * TOUCHING, 0.0
     while True:
         s.work[RAYS] += 1
-        slot = closest(g, s.ray, t0, end, touched, touched[0], -1, 0.0, s.stack, out)
+        slot = closest(g, s.ray, t0, end, touched, touched[0], _ANY, 0.0, s.stack, out)
         if slot < 0:
             return ENDS
         t = out[0]
@@ -281,13 +282,13 @@ def _medium_at(g, s):
     for j in range(3):
         s.ray[0, j] = s.light[j]
         s.ray[1, j] = np.sqrt((2.0, 3.0, 5.0)[j] / 10.0)  # along no plane that an artist builds
-    t0, last, last_body, last_facing, skips = 0.0, -1.0, np.int64(-1), 0, 0
+    t0, last, last_body, last_facing, skips = 0.0, -1.0, np.int64(-1), 0, np.int64(0)
     while True:
         s.work[RAYS] += 1
-        slot = closest(g, s.ray, t0, np.inf, s.touched, skips, -1, 0.0, s.stack, s.out)
+        slot = closest(g, s.ray, t0, np.inf, s.touched, skips, _ANY, 0.0, s.stack, s.out)
         if slot < 0:
             break
-        t0, s.touched[4], skips = s.out[0], slot, 1
+        t0, s.touched[4], skips = s.out[0], slot, np.int64(1)
         body = g.link[slot, BODY]
         facing = 1 if _slope(g, slot, s.ray) > 0.0 else -1
         if body >= 0 and not (body == last_body and facing == last_facing and t0 - last < TOUCHING):
@@ -299,7 +300,7 @@ def _medium_at(g, s):
             s.medium0[s.medium0[0, 0], 0], s.medium0[s.medium0[0, 0], 1] = b, balance[b]
 
 
-@kernel
+@part
 def set_out(s, y):
     """A new path: the light's ray through y."""
     start_ray(s.light, s.sun, y, s.ray)
@@ -310,7 +311,7 @@ def set_out(s, y):
         s.alpha[j] = 1.0
 
 
-@kernel
+@part
 def chain(g, s, y, most, cutoff):
     """The light's ray through y, up to `most` bends; returns how many there are.
 
@@ -339,7 +340,7 @@ def chain(g, s, y, most, cutoff):
     return n
 
 
-@kernel
+@part
 def _towards(g, s, x, slot, u, v, k):
     """Lengths (distance of x from the path's end ray, from its last bend along it) of a path given by its first point.
 
@@ -358,7 +359,7 @@ def _towards(g, s, x, slot, u, v, k):
         s.work[RAYS] += 1
         patch, facing = s.want[j] >> 1, 1.0 if s.want[j] & 1 else -1.0
         s.touched[4] = slot
-        slot = closest(g, ray, 0.0, np.inf, s.touched, 1, patch, facing, s.stack, s.out)
+        slot = closest(g, ray, 0.0, np.inf, s.touched, np.int64(1), patch, facing, s.stack, s.out)
         t, u, v = s.out[0], s.out[1], s.out[2]
         if slot < 0:
             slot = g.planar[patch]
@@ -376,7 +377,7 @@ def _towards(g, s, x, slot, u, v, k):
     return np.inf, -1.0
 
 
-@kernel
+@part
 def miss(ray, x):
     """Distance of x from the ray, and how far along the ray that is."""
     along = 0.0
@@ -389,7 +390,7 @@ def miss(ray, x):
     return np.sqrt(square), along
 
 
-@kernel
+@part
 def cross_section(ray, x, along, out):
     """Derivatives of the ray's point at length `along`, across the ray: out[:2,:2]; and x across it: out[2,:2]."""
     d0, d1, d2 = ray[1, 0], ray[1, 1], ray[1, 2]
@@ -408,7 +409,7 @@ def cross_section(ray, x, along, out):
         out[k, 1] = b0 * q0 + b1 * q1 + b2 * q2
 
 
-@kernel
+@part
 def _walk(g, slot, u, v, du, dv):
     """From (u, v) of a triangle by (du, dv) over its patch, straight on across edges; returns slot, u, v.
 
@@ -458,7 +459,7 @@ def _walk(g, slot, u, v, du, dv):
     return slot, u, v
 
 
-@kernel
+@part
 def newton(g, s, x, slot, u, v, k):
     """Newton's method on the first point of a path of signature s.want[:k], until its end ray passes through x.
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .beams import PAD, Beams, trace_beams
 from .boxes import STACK
-from .compiled import kernel
+from .compiled import kernel, part
 from .geometry import Surfaces
 from .media import BODY, E1, E2, A, Media, glass
 from .paths import (
@@ -193,13 +193,13 @@ def _straight(g, s, x, out):
 @kernel
 def _solve(g, beams, s, points, p, count, alpha, bends, k_out, arrival, spread, reach):
     """Paths to points from p on, until all are done or the room is; returns the next p and the rows filled."""
-    rows = 0
+    rows = np.int64(0)
     stack = np.empty(STACK, np.int64)
     known, known_beam = np.empty((MOST, 3)), np.empty(MOST, np.int64)
     x, y = np.empty(3), np.empty(3)
     o = beams.bounds
     while p < len(points) and rows + MOST <= len(alpha):
-        first, tried = rows, 0
+        first, tried = rows, np.int64(0)
         for j in range(3):
             x[j] = points[p, j]
         for group in range(6):
@@ -227,10 +227,10 @@ def _solve(g, beams, s, points, p, count, alpha, bends, k_out, arrival, spread, 
                     if not found or tried == MOST:
                         continue
                     s.work[SEEDS] += 1
-                    k = int(beams.k[beam])
+                    k = np.int64(beams.k[beam])
                     for j in range(k):
                         s.want[j], s.want_eta[j] = beams.code[beam, j], beams.eta[beam, j]
-                    along = _search(g, s, x, int(beams.slot[beam]), u, v, k, y, beams, known, known_beam, tried)
+                    along = _search(g, s, x, np.int64(beams.slot[beam]), u, v, k, y, beams, known, known_beam, tried)
                     if along == _NOWHERE:
                         s.work[UNCONVERGED] += 1
                     elif along == _UNREAL:
@@ -251,7 +251,7 @@ def _solve(g, beams, s, points, p, count, alpha, bends, k_out, arrival, spread, 
 _NOWHERE, _KNOWN, _UNREAL = -3.0, -2.0, -1.0
 
 
-@kernel
+@part
 def _inside(beams, i, z, a, b):
     """Whether (a, b) at height z is in beam i, and (u, v) on its first triangle of the ray that is there."""
     if not (z >= beams.z[i, 1] and z <= beams.z[i, 2]):
@@ -273,7 +273,7 @@ def _inside(beams, i, z, a, b):
     return True, u, v
 
 
-@kernel
+@part
 def _search(g, s, x, slot, u, v, k, y, beams, known, known_beam, tried):
     """The path that a seed leads to: its length behind the last bend, or _NOWHERE, _KNOWN, _UNREAL; y: its start."""
     size = g.patch_size[s.want[0] >> 1]
@@ -308,7 +308,7 @@ def _search(g, s, x, slot, u, v, k, y, beams, known, known_beam, tried):
     return _UNREAL
 
 
-@kernel
+@part
 def _record(g, s, x, k, along, row, alpha, bends, k_out, arrival, spread, reach):
     """Fill a row of the outputs with the path in s; reach in the frame."""
     k_out[row] = k
