@@ -35,7 +35,7 @@ class Settings:
     max_depth: int = 4  # mirror reflections after the first hit
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour
-    filter_size: float = 1.5  # width of the Blackman-Harris pixel filter, pixels
+    filter_size: float = 1.5  # of the Blackman-Harris pixel filter, pixels; it ends so far from the centre
     light_samples: int = 64  # shadow rays a light, AREA_SAMPLING only
     seed: int = 0  # of AREA_SAMPLING
     film_transparent: bool = False  # alpha 0 where nothing is hit
