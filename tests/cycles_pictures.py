@@ -31,6 +31,15 @@ CASES = {
     "area, exposure and temperature": ("Area", {"exposure": 1.0, "use_temperature": True, "temperature": 4500.0}),
     "area, not normalized": ("Area", {"normalize": False, "energy": 3e7}),
 }
+# Name → colour of a Transparent BSDF on the plate and the column.
+PANES = {"transparent, grey": (0.7, 0.7, 0.7, 1), "transparent, coloured": (0.9, 0.5, 0.3, 1)}
+
+
+def transparent(material, color):
+    tree = material.node_tree
+    shader = tree.nodes.new('ShaderNodeBsdfTransparent')
+    shader.inputs["Color"].default_value = color
+    tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
 
 
 def main(file, folder):
@@ -47,6 +56,17 @@ def main(file, folder):
         for key, value in changes.items():
             setattr(data, key, value)
         prepare(scene)
+        render(scene, folder, name)
+        done[name] = ""
+    for name, color in PANES.items():
+        bpy.ops.wm.open_mainfile(filepath=str(file))
+        scene = bpy.context.scene
+        for ob in scene.objects:
+            ob.hide_render = ob.type == 'LIGHT' and ob.name != "Point"
+        for thing in ("Plate", "Column"):
+            transparent(scene.objects[thing].data.materials[0], color)
+        prepare(scene)
+        scene.cycles.transparent_max_bounces = 32
         render(scene, folder, name)
         done[name] = ""
     glowing_edge()

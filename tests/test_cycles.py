@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from cycles_pictures import CASES
+from cycles_pictures import CASES, PANES
 
 pytestmark = [pytest.mark.slow,
               pytest.mark.skipif(not importlib.util.find_spec("bpy"), reason="bpy is not installed")]
@@ -74,6 +74,16 @@ def test_shadows_lie_where_cycles_has_them(pictures, name):
     black = (cycles.max(-1) == 0)
     assert 0.02 < black[compared].mean() < 0.98
     assert ((ours.max(-1) == 0) == black)[compared].mean() > 0.999
+
+
+@pytest.mark.parametrize("name", PANES)
+def test_straight_shadows_through_glass_are_cycles_transparent_shadows(pictures, name):
+    """M1: Π t of a thin box and of a column, in view and in their shadows."""
+    ours, cycles = pictures(name)
+    compared = smooth(cycles) & (cycles.max(-1) > 0)
+    difference = np.abs(ours - cycles)[compared] / cycles[compared].clip(1e-12)
+    assert np.median(difference) <= 0.005
+    assert np.quantile(difference, 0.99) <= 0.01
 
 
 def test_the_pixel_filter_is_as_wide_as_cycles(pictures):

@@ -41,10 +41,10 @@ def edge_profile(samples, filter_size, axis):
     return along - slope * across, value
 
 
-def blackman_harris(width):
-    """(x, density) of the filter over its whole width."""
-    x = np.linspace(-width / 2, width / 2, 2001)
-    a = 2 * np.pi * (x / width + 0.5)
+def blackman_harris(size):
+    """(x, density) of the filter, which ends `size` from its middle: so it is Cycles' (test_cycles.py)."""
+    x = np.linspace(-size, size, 2001)
+    a = np.pi * (x / size + 1)
     density = 0.35875 - 0.48829 * np.cos(a) + 0.14128 * np.cos(2 * a) - 0.01168 * np.cos(3 * a)
     return x, density / density.sum()
 

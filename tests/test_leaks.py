@@ -1,5 +1,7 @@
 """No light where none can come: S2 (Fig. 2), a thin wall (H1), a plate just above a floor and coplanar faces (H5)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scenes
@@ -32,6 +34,23 @@ def test_on_the_whole_plate_the_second_light_adds_nothing():
     assert top.sum() > 1000
     assert (plate.passes["Combined"] != alone).any()  # the second light does something elsewhere
     np.testing.assert_array_equal(plate.passes["Combined"][top], alone[top])
+
+
+@pytest.mark.parametrize("shadows", ["SHARP", "LIGHT_MESHES"])
+def test_xi_goes_by_the_face_and_not_by_the_shading_normal(shadows):
+    """Smooth shading may lean towards the light below: Ω(2) is then not 0, but ξ(2) is."""
+    both = light_leak(shadows=shadows)
+    leaning = both.geometry.corner_normals.copy()
+    t0, nt = both.geometry.meshes[0, 2:]
+    leaning[t0:t0 + nt][leaning[t0:t0 + nt, :, 2] == 1] = np.array((-0.8, 0, 0.6))
+    both = replace(both, geometry=replace(both.geometry, corner_normals=leaning))
+    result = render_image(both, passes=("Combined", "Depth", "Normal"))
+    alone = render_image(with_lights(both, both.lights[0])).passes["Combined"]
+    top = np.abs(_height(both, result.passes["Depth"][..., 0]) - 1) < 1e-3
+    top &= np.abs(result.passes["Normal"][..., 2] - 0.6) < 1e-3
+    toward = np.array(both.lights[1].position) - (0.05, 0, 1)
+    assert toward @ (-0.8, 0, 0.6) > 0 and top.sum() > 1000
+    np.testing.assert_array_equal(result.passes["Combined"][top], alone[top])
 
 
 def _height(scene, depth):

@@ -64,6 +64,15 @@ def test_a_light_just_above_the_floor_lights_all_of_it(rotated):
     assert (result.passes["Combined"][..., :3] > 0).all()
 
 
+@pytest.mark.parametrize("shadows", ["SHARP", "LIGHT_MESHES"])
+def test_a_lamp_on_the_ceiling_is_not_shadowed_by_it(shadows):
+    ceiling = Part(rectangle((-3, -3), (3, 3), 1.3), WHITE, "ceiling")
+    scene = assemble([Part(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"), ceiling],
+                     look_down(0, 0, 2, 40, height=1.0), [point((0.37, -0.21, float(np.float32(1.3))))],
+                     settings(h=0.1, shadows=shadows))
+    assert (render_image(scene, passes=("Shadow",)).passes["Shadow"] == 1).all()
+
+
 def test_a_point_light_falls_off_with_the_square():
     scene = floor(Light("lamp", "POINT", (3.0, 2.0, 1.0), position=(0.2, -0.1, 0.7)))
     x, y = positions(scene)

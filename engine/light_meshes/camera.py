@@ -10,8 +10,9 @@ from .scene import Camera
 
 
 def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
-    """Offsets (n,2) from a pixel's centre, in pixels, distributed as a Blackman-Harris filter of that width.
+    """Offsets (n,2) from a pixel's centre, in pixels, distributed as a Blackman-Harris filter of that size.
 
+    As in Cycles the filter ends `filter_size` from the centre: its window is twice as wide.
     The same n for every pixel: a picture without noise. n = 1 is the centre. Latin hypercube strata (van der
     Corput's order) through the filter's inverse distribution; all samples weigh the same, as in Cycles. The first
     is the one nearest to the centre.
@@ -27,7 +28,7 @@ def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
     share = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)])
     inverse = np.interp(stratum, share / share[-1], x)
     inverse = (inverse - inverse[::-1]) / 2  # the filter is symmetric; so is the table, to the last bit
-    offsets = filter_size * np.stack([inverse, inverse[order]], axis=1)
+    offsets = 2 * filter_size * np.stack([inverse, inverse[order]], axis=1)
     return offsets[np.argsort((offsets**2).sum(1), kind="stable")]
 
 

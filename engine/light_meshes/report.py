@@ -38,7 +38,7 @@ def describe(scene: Scene) -> str:
         ("mode, shadows", f"{s.mode}, {s.shadows}"),
         ("h, kI, r", f"{s.h:g}, {s.kI:g}, {s.h * s.kI:g}" + (" (h measured from what the camera sees)"
                                                              if s.auto_h else "")),
-        ("samples", f"{s.samples} a pixel, filter {s.filter_size:g} pixels wide"),
+        ("samples", f"{s.samples} a pixel, filter of {s.filter_size:g} pixels"),
     ])
     lines += ["Plan"]
     lines += _table(list(ready.plan.reasons.items()))

@@ -38,7 +38,7 @@ class Settings:
     max_depth: int = 4  # mirror reflections after the first hit
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour
-    filter_size: float = 1.5  # width of the Blackman-Harris pixel filter, pixels
+    filter_size: float = 1.5  # of the Blackman-Harris pixel filter, pixels; it ends so far from the centre
     refraction: str = "VIEW"  # which rays bend in glass: M1 NONE, M2 VIEW rays, M3 FULL: shadow paths too (eq. 6)
     glass: str = "BOUNDED"  # nodes behind glass: BOUNDED leaves them out, PAPER weighs them as eq. (7)
     caustics: str = "PAPER"  # energy of refracted paths: Σ Π t, or FOCUS: Σ Π t·J

@@ -169,6 +169,18 @@ def snapshot(tmp_path, addon):
     return run
 
 
+@pytest.fixture
+def translated(scene, add_plane, snapshot):
+    """(material) → its description, and the warnings."""
+    def run(material):
+        plane = add_plane()
+        plane.data.materials.append(material)
+        found = snapshot(scene)
+        bpy.data.objects.remove(plane)
+        return next(m for m in found.materials if m.name == material.name), found
+    return run
+
+
 @pytest.fixture(scope="session")
 def blender_path():
     """A real Blender, or a skip that says how to get one."""

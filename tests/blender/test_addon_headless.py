@@ -29,7 +29,7 @@ if bpy.app.version < (5, 0):
     glass.use_nodes = True
 tree = glass.node_tree
 tree.nodes.clear()
-tree.links.new(tree.nodes.new('ShaderNodeBsdfGlass').outputs[0], tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
+tree.links.new(tree.nodes.new('ShaderNodeBsdfToon').outputs[0], tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
 pane = add(plane.data.copy(), location=(500, 0, 0))
 pane.data.materials[0] = glass
 bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])

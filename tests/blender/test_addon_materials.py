@@ -6,18 +6,6 @@ import OpenImageIO as oiio
 import pytest
 
 
-@pytest.fixture
-def translated(scene, add_plane, snapshot):
-    """(material) → its description, and the warnings."""
-    def run(material):
-        plane = add_plane()
-        plane.data.materials.append(material)
-        found = snapshot(scene)
-        bpy.data.objects.remove(plane)
-        return next(m for m in found.materials if m.name == material.name), found
-    return run
-
-
 def mixed(name, kind, first, second, factor=None):
     """A material that mixes or adds two shader nodes, given as (idname, inputs)."""
     material = bpy.data.materials.new(name)
@@ -118,7 +106,7 @@ def test_constants_through_nodes(translated, node_material):
 
 
 @pytest.mark.parametrize(("idname", "label"), [
-    ('ShaderNodeBsdfGlass', "Glass BSDF"), ('ShaderNodeBsdfTransparent', "Transparent BSDF"),
+    ('ShaderNodeBsdfTranslucent', "Translucent BSDF"), ('ShaderNodeBsdfToon', "Toon BSDF"),
     ('ShaderNodeSubsurfaceScattering', "Subsurface"), ('ShaderNodeBsdfHair', "Hair BSDF"),
 ])
 def test_untranslated_shaders_are_named(translated, node_material, idname, label):
@@ -128,8 +116,7 @@ def test_untranslated_shaders_are_named(translated, node_material, idname, label
 
 
 def test_untranslated_inputs_are_named(translated, node_material):
-    material = node_material("Wood", 'ShaderNodeBsdfPrincipled', Base_Color=(0.3, 0.2, 0.1, 1), Coat_Weight=0.5,
-                             Alpha=0.5)
+    material = node_material("Wood", 'ShaderNodeBsdfPrincipled', Base_Color=(0.3, 0.2, 0.1, 1), Coat_Weight=0.5)
     tree = material.node_tree
     principled = tree.nodes["Principled BSDF"]
     noise, bump = tree.nodes.new('ShaderNodeTexNoise'), tree.nodes.new('ShaderNodeBump')
@@ -138,7 +125,7 @@ def test_untranslated_inputs_are_named(translated, node_material):
     found, scene = translated(material)
     assert found.Od == pytest.approx((0.3, 0.2, 0.1))
     text = "\n".join(scene.warnings)
-    assert len(scene.warnings) == 4 and all(w in text for w in ("Coat Weight", "Alpha", "Noise Texture", "Bump"))
+    assert len(scene.warnings) == 3 and all(w in text for w in ("Coat Weight", "Noise Texture", "Bump"))
     assert all("'Wood'" in w for w in scene.warnings)
 
 

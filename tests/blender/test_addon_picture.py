@@ -94,7 +94,7 @@ def test_nothing_is_left_behind(scene, add_plane, render):
 
 def test_warnings_are_reported_once_each(scene, add_plane, node_material, render, capfd):
     for i in range(3):
-        add_plane(name=f"P{i}").data.materials.append(node_material("Glass", 'ShaderNodeBsdfGlass'))
+        add_plane(name=f"P{i}").data.materials.append(node_material("Glass", 'ShaderNodeBsdfToon'))
         bpy.data.materials[-1].name = "Glass"
     bpy.data.objects["P1"].data.materials[0] = bpy.data.objects["P0"].data.materials[0]
     render(scene)
