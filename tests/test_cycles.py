@@ -38,13 +38,13 @@ def read(path):
     return oiio.ImageInput.open(str(path)).read_image(oiio.FLOAT)[..., :3].astype(float)
 
 
-def smooth(picture):
+def smooth(picture, least=0.2):
     """Pixels two or more away from any edge of a face or a shadow: where the light changes by a fifth at once."""
     light = picture.max(-1)
     edge = np.zeros(light.shape, bool)
     for axis in (0, 1):
         a, b = (np.take(light, range(k, light.shape[axis] - 1 + k), axis) for k in (0, 1))
-        jump = np.abs(a - b) > 0.2 * np.maximum(np.maximum(a, b), 1e-6)
+        jump = np.abs(a - b) > least * np.maximum(np.maximum(a, b), 1e-6)
         edge |= np.pad(jump, [(0, int(i == axis)) for i in (0, 1)])
         edge |= np.pad(jump, [(int(i == axis), 0) for i in (0, 1)])
     for _ in range(2):
@@ -80,7 +80,8 @@ def test_shadows_lie_where_cycles_has_them(pictures, name):
 def test_straight_shadows_through_glass_are_cycles_transparent_shadows(pictures, name):
     """M1: Π t of a thin box and of a column, in view and in their shadows."""
     ours, cycles = pictures(name)
-    compared = smooth(cycles) & (cycles.max(-1) > 0)
+    compared = smooth(cycles, 0.1) & (cycles.max(-1) > 0)  # edges seen through glass are faint
+    assert compared.mean() > 0.5
     difference = np.abs(ours - cycles)[compared] / cycles[compared].clip(1e-12)
     assert np.median(difference) <= 0.005
     assert np.quantile(difference, 0.99) <= 0.01
