@@ -118,8 +118,6 @@ class Job:
                 if event["event"] in session.LAST_EVENTS:
                     return event
                 on_event(event)
-        except session.EngineError:
-            raise
         except BaseException:
             self._session.cancel(number, CONFIRM_SECONDS)
             raise
@@ -147,16 +145,19 @@ class Job:
         observers.notify(event="progress", frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
 
     def _say(self, text: str) -> None:
-        if text != self._said:  # in the background Blender prints a line for each
+        # In a window this moves the clock on; in the background Blender prints a line for each.
+        if text != self._said or not bpy.app.background:
             self._said = text
             self.engine.update_stats("", text)
 
 
 def summary(statistics: dict) -> str:
     """What an artist wants to know of a render, in one line."""
-    parts = ["{width}×{height} pixels, {triangles:,} triangles, {lights} lights"]
+    parts = ["{width}×{height} pixels, {triangles:,} triangles, " + (
+        "{lights} light" if statistics["lights"] == 1 else "{lights} lights")]
     if statistics.get("nodes"):
         parts.append("h {h:.4g}, r {r:.4g}, {nodes:,} nodes ({node_share:.1%}), {empty_sets} empty sets")
-    parts.append("{seconds:.2f} s, {megabytes:.0f} MB")
-    values = statistics | {"megabytes": statistics["peak_memory"] / 1e6}
-    return ", ".join(parts).format_map(values)
+    parts.append("{seconds:.2f} s")
+    if statistics.get("peak_memory"):  # not every system tells
+        parts.append(f"{statistics['peak_memory'] / 1e6:.0f} MB")
+    return ", ".join(parts).format_map(statistics)

@@ -112,6 +112,8 @@ class Session:
 
         An engine that goes on after that is ended in the background.
         """
+        if self._ended(number, 0):
+            return
         self._write(command="cancel", id=number)
         if not self._ended(number, seconds):
             threading.Thread(target=lambda: self._ended(number, 10 * seconds) or self.kill()).start()
@@ -128,16 +130,15 @@ class Session:
     def end(self, patience: float = 2.0) -> None:
         """End the process by request, then by signal, and see that its folder is gone."""
         self._write(command="quit")
-        for ask in (None, self._process.terminate, self._process.kill):
-            if ask:
-                ask()
+        with contextlib.suppress(OSError):  # what was not sent cannot be
+            self._process.stdin.close()  # a request as well, which does not wait for a render to end
+        for insist in (self._process.terminate, self._process.kill):
             try:
                 self._process.wait(patience)
                 break
             except subprocess.TimeoutExpired:
-                continue
-        with contextlib.suppress(OSError):  # what was not sent cannot be
-            self._process.stdin.close()
+                insist()
+        self._process.wait()
         if self.folder:
             shutil.rmtree(self.folder, ignore_errors=True)
 
@@ -176,7 +177,11 @@ class Session:
             self._log.append(line.rstrip())
 
     def _died(self) -> EngineError:
-        self._process.wait()
+        try:
+            self._process.wait(1.0)
+        except subprocess.TimeoutExpired:  # it closed its output, and lives
+            self._process.kill()
+            self._process.wait()
         self._readers[1].join(1.0)  # the log's last lines say why
         log = self.log
         lacking = lacks_package(self.python, log)

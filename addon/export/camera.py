@@ -32,6 +32,8 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
         report.warn(f"Camera '{camera.name}' has depth of field, which is not translated: everything is in focus")
     if scene.render.use_motion_blur:
         report.warn("Motion blur is not translated: moving things are sharp")
+    if scene.render.use_multiview:
+        report.warn("Stereoscopy is not translated: all views show what the camera itself sees")
     return result | {
         "window": _window(scene.render, width, height, lens, lens.shift_x, lens.shift_y),
         "perspective": lens.type != 'ORTHO',

@@ -14,7 +14,6 @@ from .report import Report
 # What a picture should show and the engine cannot.
 _NOT_TRANSLATED = {
     'CURVES': "hair curves", 'POINTCLOUD': "point clouds", 'VOLUME': "volumes",
-    'GPENCIL': "grease pencil", 'GREASEPENCIL': "grease pencil",
 }
 
 

@@ -29,6 +29,9 @@ def light(ob, matrix_world, report: Report) -> dict:
     }
     factor, own = _SHAPES[lamp.type](lamp, lengths, x, y, report)
     power = factor * lamp.energy * _exposure(lamp)
+    linking = ob.light_linking
+    if linking.receiver_collection or linking.blocker_collection:
+        report.warn(f"Light '{ob.name}': light linking is not translated; it lights and is blocked by everything")
     description["intensity"] = [power * c for c in _color(lamp, report)]
     return description | own
 

@@ -47,6 +47,16 @@ def test_still(run_blender, tmp_path):
     assert len([line for line in done.stdout.splitlines() if line.startswith("Light Meshes:")]) == 1
 
 
+def test_python_of_the_preferences(run_blender):
+    done = run_blender("--python-expr", """
+import bpy
+bpy.context.preferences.addons["bl_ext.dev.light_meshes"].preferences.python = "/chosen/python"
+bpy.context.scene.render.engine = 'LIGHT_MESHES'
+bpy.ops.render.render()
+""", LIGHT_MESHES_PYTHON="")
+    assert "/chosen/python cannot be run" in done.stdout + done.stderr
+
+
 @pytest.mark.slow
 def test_animation_has_one_step(run_blender, tmp_path):
     """The automatic step is that of frame_start: in -a, and in a -f of a single later frame."""
