@@ -22,10 +22,11 @@ from .paths import DEPTH, Scratch, chain
 CUTOFF = 1e-4  # beams of light fainter than this are not followed
 SHRINK = 1e-3  # corners are sampled so far inside: which triangle the ray meets is then beyond doubt
 COARSE = 1 / 8  # of a curved patch's radius: the longest edge of an element
-FINE = 1 / 64  # of a body's radius: elements with shorter edges are not split because they differ
+WIDE = 1 / 4  # and as a share of its distance from the light, on any patch
+FINE = 1 / 64  # of a body's radius, or of that distance: elements with shorter edges are not split because they differ
 FLAT_LEVELS = 2  # but so often in any case: small facets, each with its own signature
 BENT = 0.1  # of its width: by how much a beam may miss its own middle ray
-PAD = 0.4  # barycentric: how far outside a beam a point may be and still start a search
+PAD = 0.3  # barycentric: how far outside a beam a point may be and still start a search
 LEAF = 4
 
 
@@ -187,9 +188,17 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                 edge = max(edge, np.sqrt(square))
             patch = g.link[slot, PATCH]
             splittable = top + 4 < len(element)
-            differ = splittable and (edge > FINE * g.ball[body, 3] or level < FLAT_LEVELS)
-            coarse = splittable and edge > COARSE * g.patch_size[patch] and g.planar[patch] < 0
-            for k in range(first, most + 1):
+            distance = np.inf
+            if not s.sun:
+                square = 0.0
+                for j in range(3):
+                    square += (y[j] - s.light[j]) ** 2
+                distance = np.sqrt(square)
+            differ = splittable and (edge > FINE * min(g.ball[body, 3], distance) or level < FLAT_LEVELS)
+            coarse = splittable and (
+                edge > WIDE * distance or (edge > COARSE * g.patch_size[patch] and g.planar[patch] < 0))
+            # Where no light passes at the samples (total reflection) it may still pass between them.
+            for k in range(first, max(most, first if coarse else 0) + 1):
                 agree = True
                 for i in range(4):
                     agree = agree and n[i] >= k and _same(code, eta, i, np.int64(0), k)

@@ -58,7 +58,7 @@ def scratch(g: Glass, light: NDArray[np.float64], sun: bool) -> Scratch:
         np.zeros((6, 3)), np.zeros((3, 3)), np.zeros((3, 2)), np.zeros(7), np.zeros(STACK, np.int64),
         np.zeros(5, np.int64),
     )
-    if not sun:
+    if not sun and len(g.ior):
         _medium_at(g, s)
     return s
 
