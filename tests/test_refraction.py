@@ -136,8 +136,8 @@ def test_core_that_fills_a_hollow_shell_exactly():  # H7, with surfaces in one p
 
 
 def test_index_one_leaves_straight_ways():  # H7: M3 = M1
-    parts = [(Part(sphere(1, 48, 24)), Stuff(1.0, (0.9, 0.5, 1))), (Part(box((-2, -2, -2), (2, 2, -1.5))), Stuff(1.0, 0.8))]
-    lab = Lab(parts, (0, 0.3, 4))
+    lab = Lab([(Part(sphere(1, 48, 24)), Stuff(1.0, (0.9, 0.5, 1))),
+               (Part(box((-2, -2, -2), (2, 2, -1.5))), Stuff(1.0, 0.8))], (0, 0.3, 4))
     x = np.random.default_rng(4).uniform(-3, 3, (300, 3))
     found, work = lab.solver.paths(0, x)
     assert len(found.alpha) == 0 and work.seeds == 0
@@ -248,7 +248,7 @@ def test_sphere_against_root_finding():
     """Issue's figure: ≥ 99.5 % of 10,000 nodes with the right number of paths.
 
     The mesh's own limb lies inside the sphere's: at half an edge's angle before grazing it ends, so that the share of
-    right nodes measures the mesh (98.1, 98.9, 99.5, 99.7 % with 5, 20, 82, 331 thousand triangles). Away from the limb
+    right nodes measures the mesh (98.1, 98.9, 99.5, 99.8 % with 5, 20, 82, 331 thousand triangles). Away from the limb
     all must be right, at any of these.
     """
     rng = np.random.default_rng(1)
@@ -258,7 +258,7 @@ def test_sphere_against_root_finding():
     row, phi = sphere_roots(np.stack([across, x[:, 2]], 1), 4.0, 1.5)
     expected = np.bincount(row, minlength=len(x))
     assert (expected > 0).sum() > 4000
-    for segments, least in ((576, 0.995), (144, 0.985)):
+    for segments, least in ((432, 0.995), (144, 0.985)):
         lab = Lab([(Part(sphere(1, segments, segments // 2), matrices=[rotation(4)]), GLASS)], (0, 0, 4))
         found, work = lab.solver.paths(0, x)
         count = np.diff(found.start)
@@ -282,7 +282,7 @@ def test_sphere_against_root_finding():
 def test_sphere_is_exact_on_its_own_mesh():
     """Position error ≤ 1e-6 R, Snell residual ≤ 1e-6, against plain tracing on the same 5,000 triangles."""
     lab = Lab([(Part(sphere(1, 72, 36), matrices=[rotation(1)]), GLASS)], (0, 0, 4))
-    share, found, x = recall(lab, 600, 1.2)
+    share, found, x = recall(lab, 400, 1.2)
     assert share >= 0.995
     assert errors(lab, found, x).max() < 1e-9
 
@@ -398,7 +398,7 @@ def test_any_sphere(seed, n, radius, away):
 
 def test_answers_do_not_depend_on_batches_order_or_threads():
     parts = [*SCENES["two in a row"][0], (Part(rectangle((0, -2), (2, 2), 1.5)), None)]
-    x = np.random.default_rng(10).uniform(-3, 2, (3000, 3))
+    x = np.random.default_rng(10).uniform(-3, 2, (2000, 3))
 
     def fresh() -> RefractedPaths:
         return Lab(parts, (0, 0, 4)).solver
@@ -416,7 +416,7 @@ def test_answers_do_not_depend_on_batches_order_or_threads():
     solver, results = fresh(), [None, None]
 
     def work(k):
-        results[k] = solver.paths(0, x[k * 1500:(k + 1) * 1500])[0]
+        results[k] = solver.paths(0, x[k * 1000:(k + 1) * 1000])[0]
 
     threads = [threading.Thread(target=work, args=(k,)) for k in range(2)]
     [t.start() for t in threads]
