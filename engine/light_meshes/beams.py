@@ -9,24 +9,24 @@ Coordinates are the tracer's frame.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import STACK
+from .beam_tree import beam_tree
 from .compiled import kernel, part
-from .media import BODY, E1, E2, NG, PATCH, A, Glass, U, V
-from .paths import DEPTH, Scratch, chain
+from .media import BODY, E1, E2, FLAT_SHADED, NG, PATCH, A, Glass, U, V
+from .optics import DEPTH, Scratch, chain
 
 CUTOFF = 1e-4  # beams of light fainter than this are not followed
 SHRINK = 1e-3  # corners are sampled so far inside: which triangle the ray meets is then beyond doubt
 COARSE = 1 / 8  # of a curved patch's radius: the longest edge of an element
-FINE = 1 / 64  # of a body's radius: elements with shorter edges are not split because they differ
+WIDE = 1 / 4  # and as a share of its distance from the light, on any patch
+FINE = 1 / 64  # of a body's radius, or of that distance: elements with shorter edges are not split because they differ
 FLAT_LEVELS = 2  # but so often in any case: small facets, each with its own signature
 BENT = 0.1  # of its width: by how much a beam may miss its own middle ray
-PAD = 0.4  # barycentric: how far outside a beam a point may be and still start a search
-LEAF = 4
+PAD = 0.3  # barycentric: how far outside a beam a point may be and still start a search
 
 
 class Beams(NamedTuple):
@@ -39,12 +39,11 @@ class Beams(NamedTuple):
     z: NDArray[np.float64]  # (B,3) z0, and the least and greatest z
     group: NDArray[np.int8]  # (B,) 2·axis, + 1 where z runs against it
     k: NDArray[np.int8]  # (B,) bends before the beam
-    code: NDArray[np.int32]  # (B,DEPTH) signature, see `paths`
+    code: NDArray[np.int32]  # (B,DEPTH) signature, see `optics`
     eta: NDArray[np.float64]  # (B,DEPTH)
-    root: NDArray[np.int32]  # (6,) node of each group, −1: none
-    bounds: NDArray[np.float64]  # (nodes,11) z0, least and greatest z, place 1, place 2, slope 1, slope 2
-    child: NDArray[np.int32]  # (nodes,) first of two children, or first beam of a leaf
-    count: NDArray[np.int32]  # (nodes,) beams of a leaf, 0: inner
+    root: NDArray[np.int64]  # (6,) see `beam_tree`
+    bounds: NDArray[np.float64]  # (nodes,11)
+    child: NDArray[np.int64]  # (nodes,2)
 
 
 def trace_beams(g: Glass, s: Scratch, h: float) -> Beams:
@@ -57,12 +56,9 @@ def trace_beams(g: Glass, s: Scratch, h: float) -> Beams:
             arrays = tuple(np.concatenate([a, b]) for a, b in zip(arrays, _room(size), strict=True))
             size *= 2
     arrays = tuple(a[:used] for a in arrays)
-    order = np.argsort(arrays[5], kind="stable")
-    bounds, child, count = np.empty((2 * used + 6, 11)), np.zeros(2 * used + 6, np.int32), np.zeros(
-        2 * used + 6, np.int32)
-    root = np.full(6, -1, np.int32)
-    nodes = _tree(order, *arrays[2:6], root, bounds, child, count)
-    return Beams(*(np.ascontiguousarray(a[order]) for a in arrays), root, bounds[:nodes], child[:nodes], count[:nodes])
+    order, root, bounds, child = beam_tree(arrays[2], arrays[3], arrays[4], arrays[5], PAD)
+    columns: Any = (*(np.ascontiguousarray(a[order]) for a in arrays), root, bounds, child)
+    return Beams(*columns)
 
 
 def _room(n: int) -> tuple[NDArray, ...]:
@@ -73,10 +69,10 @@ def _room(n: int) -> tuple[NDArray, ...]:
 @part
 def _same(code, eta, a, b, k):
     """Whether samples a and b agree on their first k bends."""
+    same = True
     for j in range(k):
-        if code[a, j] != code[b, j] or eta[a, j] != eta[b, j]:
-            return False
-    return True
+        same = same and code[a, j] == code[b, j] and eta[a, j] == eta[b, j]
+    return same
 
 
 @part
@@ -135,6 +131,25 @@ def _split_for_bodies(g, P, D, end, width, own):
     return False
 
 
+@part
+def _extent(g, slot, e, s):
+    """Longest edge of an element, and its middle's distance from the light (a sun's: infinite)."""
+    edge, square = 0.0, 0.0
+    for i in range(3):
+        k = (i + 1) % 3
+        length = 0.0
+        for j in range(3):
+            du, dv = e[2 * i] - e[2 * k], e[2 * i + 1] - e[2 * k + 1]
+            length += (du * g.place[slot, E1 + j] + dv * g.place[slot, E2 + j]) ** 2
+        edge = max(edge, length)
+    for j in range(3):
+        middle = g.place[slot, A + j] - s.light[j]
+        for i in range(3):
+            middle += (e[2 * i] * g.place[slot, E1 + j] + e[2 * i + 1] * g.place[slot, E2 + j]) / 3.0
+        square += middle * middle
+    return np.sqrt(edge), np.inf if s.sun else np.sqrt(square)
+
+
 @kernel
 def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_code, o_eta):
     """Beams of triangles from `slot` on, until all are done or the room is; returns the next triangle and the count."""
@@ -166,11 +181,19 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
             for j in range(8):
                 e[j] = element[top, j]
             level, first = int(e[6]), int(e[7])
+            patch = g.link[slot, PATCH]
+            edge, distance = _extent(g, slot, e, s)
+            size = min(g.ball[body, 3], distance)
+            # A small triangle of a smooth mesh needs but one ray: its derivatives say the rest.
+            alone = level == 0 and edge < 0.5 * FINE * size and g.link[slot, FLAT_SHADED] == 0
             mu, mv = (e[0] + e[2] + e[4]) / 3.0, (e[1] + e[3] + e[5]) / 3.0
             most = 0
             for i in range(4):
                 uv[i, 0] = mu if i == 3 else (1.0 - SHRINK) * e[2 * i] + SHRINK * mu
                 uv[i, 1] = mv if i == 3 else (1.0 - SHRINK) * e[2 * i + 1] + SHRINK * mv
+                n[i] = 0
+                if alone and i < 3:
+                    continue
                 for j in range(3):
                     y[j] = g.place[slot, A + j] + uv[i, 0] * g.place[slot, E1 + j] + uv[i, 1] * g.place[slot, E2 + j]
                 n[i] = chain(g, s, y, np.int64(DEPTH), CUTOFF)
@@ -178,18 +201,12 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                     n[i] = 0  # something stands before it: no first interface
                 _keep(s, n[i], i, code, eta, rays, end)
                 most = max(most, n[i])
-            edge = 0.0
-            for i in range(3):
-                k = (i + 1) % 3
-                square = 0.0
-                for j in range(3):
-                    square += ((uv[i, 0] - uv[k, 0]) * g.place[slot, E1 + j] + (uv[i, 1] - uv[k, 1]) * g.place[slot, E2 + j]) ** 2
-                edge = max(edge, np.sqrt(square))
-            patch = g.link[slot, PATCH]
-            splittable = top + 4 < len(element)
-            differ = splittable and (edge > FINE * g.ball[body, 3] or level < FLAT_LEVELS)
-            coarse = splittable and edge > COARSE * g.patch_size[patch] and g.planar[patch] < 0
-            for k in range(first, most + 1):
+            splittable = top + 4 < len(element) and not alone
+            differ = splittable and (edge > FINE * size or level < FLAT_LEVELS)
+            coarse = splittable and (
+                edge > WIDE * distance or (edge > COARSE * g.patch_size[patch] and g.planar[patch] < 0))
+            # Where no light passes at the samples (total reflection) it may still pass between them.
+            for k in range(first, max(most, first if coarse else 0) + 1):
                 agree = True
                 for i in range(4):
                     agree = agree and n[i] >= k and _same(code, eta, i, np.int64(0), k)
@@ -240,8 +257,8 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                         high = max(high, at + end[i, k] * sign * rays[i, k - 1, 1, a])
                     extent = _width(p, d, 0.0)
                     z[0], z[1], z[2] = z0, low - 0.5 * extent, high + 0.5 * extent
-                    _emit(used, slot, uv, p, d, z, group, k, code, eta, np.int64(3), o_slot, o_uv, o_p, o_d, o_z, o_group, o_k,
-                          o_code, o_eta)
+                    _emit(used, slot, uv, p, d, z, group, k, code, eta, np.int64(3), o_slot, o_uv, o_p, o_d, o_z,
+                          o_group, o_k, o_code, o_eta)
                     used += 1
                     continue
                 # Too small to split: each sample stands for its own signature, with its derivatives for a beam.
@@ -269,7 +286,7 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
 
 @part
 def _beam_of_ray(g, slot, uv, i, rays, k, end, p, d, z, P, D):
-    """A beam over the whole element from sample i alone: rays of the corners by its derivatives; its group, −1: none."""
+    """A beam over the element from sample i alone, corners' rays by its derivatives; returns its group, −1: none."""
     m00, m01, m10, m11 = 0.0, 0.0, 0.0, 0.0
     for j in range(3):
         m00 += rays[i, 0, 2, j] * g.place[slot, U + j]
@@ -327,100 +344,3 @@ def _emit(b, slot, uv, p, d, z, group, k, code, eta, i, o_slot, o_uv, o_p, o_d, 
             o_uv[b, c, j], o_p[b, c, j], o_d[b, c, j] = uv[c, j], p[c, j], d[c, j]
     for j in range(k):
         o_code[b, j], o_eta[b, j] = code[i, j], eta[i, j]
-
-
-@part
-def _bound(order, first, end, p, d, z, node, out):
-    """Bounds of beams order[first:end], padded by PAD."""
-    low = np.inf
-    for i in range(first, end):
-        low = min(low, z[order[i], 1])
-    out[node, 0] = low
-    for j in range(1, 11, 2):
-        out[node, j], out[node, j + 1] = np.inf, -np.inf
-    for i in range(first, end):
-        b = order[i]
-        _widen(out, node, 1, z[b, 1], z[b, 2])
-        for j in range(2):
-            for c in range(3):
-                e, f = (c + 1) % 3, (c + 2) % 3
-                slope = d[b, c, j] + PAD * (2.0 * d[b, c, j] - d[b, e, j] - d[b, f, j])
-                place = p[b, c, j] + PAD * (2.0 * p[b, c, j] - p[b, e, j] - p[b, f, j]) + (low - z[b, 0]) * slope
-                _widen(out, node, 3 + 2 * j, place, place)
-                _widen(out, node, 7 + 2 * j, slope, slope)
-
-
-@part
-def _widen(out, node, j, low, high):
-    out[node, j] = min(out[node, j], low)
-    out[node, j + 1] = max(out[node, j + 1], high)
-
-
-@part
-def _halve(order, key, first, end, middle):
-    """Put those of order[first:end] with the least keys before `middle` (quickselect; equal keys go by number)."""
-    low, high = first, end - 1
-    while low < high:
-        pivot = order[(low + high) // 2]
-        i, j = low, high
-        while i <= j:
-            while key[order[i]] < key[pivot] or (key[order[i]] == key[pivot] and order[i] < pivot):
-                i += 1
-            while key[order[j]] > key[pivot] or (key[order[j]] == key[pivot] and order[j] > pivot):
-                j -= 1
-            if i <= j:
-                order[i], order[j] = order[j], order[i]
-                i += 1
-                j -= 1
-        if middle <= j:
-            high = j
-        elif middle >= i:
-            low = i
-        else:
-            return
-
-
-@kernel
-def _tree(order, p, d, z, group, root, bounds, child, count):
-    stack = np.empty((STACK, 3), np.int64)
-    key = np.empty(len(order))
-    nodes, top = 0, 0
-    i = 0
-    while i < len(order):
-        last = i
-        while last < len(order) and group[order[last]] == group[order[i]]:
-            last += 1
-        root[group[order[i]]] = nodes
-        stack[0, 0], stack[0, 1], stack[0, 2] = nodes, i, last
-        top = 1
-        nodes += 1
-        while top:
-            top -= 1
-            node, first, end = stack[top]
-            _bound(order, first, end, p, d, z, node, bounds)
-            if end - first <= LEAF:
-                child[node], count[node] = first, end - first
-                continue
-            # Slopes weigh by the length over which they matter, about one unit of the frame.
-            widest = 3
-            for k in range(5, 11, 2):
-                if bounds[node, k + 1] - bounds[node, k] > bounds[node, widest + 1] - bounds[node, widest]:
-                    widest = k
-            j = (widest - 3) // 2
-            for k in range(first, end):
-                b = order[k]
-                if j < 2:
-                    key[b] = p[b, 0, j] + (bounds[node, 0] - z[b, 0]) * d[b, 0, j]
-                else:
-                    key[b] = d[b, 0, j - 2]
-            middle = (first + end) // 2
-            _halve(order, key, first, end, middle)
-            child[node], count[node] = nodes, 0
-            for half in range(2):
-                stack[top + half, 0] = nodes + half
-                stack[top + half, 1] = middle if half else first
-                stack[top + half, 2] = end if half else middle
-            top += 2
-            nodes += 2
-        i = last
-    return nodes

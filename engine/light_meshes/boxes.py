@@ -108,7 +108,7 @@ def _build(item, order, box, child):
                 else:
                     e -= 1
                     order[cut], order[e] = order[e], order[cut]
-        if cut == first or cut == end:
+        if cut in (first, end):
             cut = (first + end) // 2  # all in one place, or too deep: halves keep the stack short
         child[node, 0], child[node, 1] = nodes, 0
         for half in range(2):

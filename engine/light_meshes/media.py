@@ -196,8 +196,9 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     size = len(bodies)
     middle = np.zeros((size, 3))
     for j in range(3):
-        middle[:, j] = np.bincount(body[solid], corners[solid, 0, j], size) / np.maximum(np.bincount(body[solid], None, size), 1)
-    volume = np.zeros(size)
+        middle[:, j] = np.bincount(body[solid], corners[solid, 0, j], size)
+    middle /= np.maximum(np.bincount(body[solid], None, size), 1)[:, None]
+    volume: NDArray = np.zeros(size)
     radius = np.zeros(size)
     if size:
         local = corners[solid] - middle[body[solid]][:, None]

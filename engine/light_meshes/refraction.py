@@ -23,7 +23,7 @@ from .boxes import STACK
 from .compiled import kernel, part
 from .geometry import Surfaces
 from .media import BODY, E1, E2, A, Media, glass
-from .paths import (
+from .optics import (
     DEPTH,
     ENDS,
     NEWTON,
@@ -35,11 +35,11 @@ from .paths import (
     chain,
     cross_section,
     miss,
-    newton,
     next_bend,
     scratch,
     set_out,
 )
+from .paths import newton
 from .tracing import Targets, Tracer, points
 
 MOST = 64  # paths from a light to a point that are told apart
@@ -217,12 +217,12 @@ def _solve(g, beams, s, points, p, count, alpha, bends, k_out, arrival, spread, 
                 if not (z >= o[n, 1] and z <= o[n, 2] and a >= o[n, 3] + w * o[n, 7] and a <= o[n, 4] + w * o[n, 8]
                         and b >= o[n, 5] + w * o[n, 9] and b <= o[n, 6] + w * o[n, 10]):
                     continue
-                child = beams.child[n]
-                if not beams.count[n]:
+                child = beams.child[n, 0]
+                if not beams.child[n, 1]:
                     stack[top], stack[top + 1] = child + 1, child
                     top += 2
                     continue
-                for beam in range(child, child + beams.count[n]):
+                for beam in range(child, child + beams.child[n, 1]):
                     found, u, v = _inside(beams, beam, z, a, b)
                     if not found or tried == MOST:
                         continue
