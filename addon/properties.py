@@ -100,7 +100,7 @@ class LightMeshesScene(bpy.types.PropertyGroup):
     max_depth: IntProperty(
         name="Reflections",
         description="How often light may be mirrored on its way to the camera. "
-                    "With fewer, mirrors seen in mirrors turn into the colour of the world",
+                    "With fewer, mirrors seen in mirrors turn black",
         min=0, max=64, soft_max=16, default=4, update=_changed,
     )
     ambient: FloatProperty(

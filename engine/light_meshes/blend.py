@@ -42,10 +42,11 @@ def driver() -> list[str]:
 
 
 def render(file: Path, output: Path, frames: str | None, changes: Changes, progress: Callable[[float, str], None],
-           debug: bool) -> tuple[list[str], list[Path]]:
-    """Render frames of a .blend as Blender would; returns warnings and the pictures written."""
+           debug: bool) -> tuple[list[str], list[Path], dict[str, Any]]:
+    """Render frames of a .blend as Blender would; returns warnings, the pictures written, the last's statistics."""
     arguments = ["render", str(file), "-o", str(output)] + (["-f", frames] if frames else [])
     warnings, pictures = [], []
+    statistics: dict[str, Any] = {}
     for event in _events(arguments, changes, debug):
         if event["event"] == "progress":
             progress(event["fraction"], f"frame {event['frame']}: {event['stage']}")
@@ -53,7 +54,9 @@ def render(file: Path, output: Path, frames: str | None, changes: Changes, progr
             warnings.append(event["message"])
         elif event["event"] == "wrote":
             pictures.append(Path(event["path"]))
-    return warnings, pictures
+        elif event["event"] == "statistics":
+            statistics = event["statistics"]
+    return warnings, pictures, statistics
 
 
 def export(file: Path, folder: Path, changes: Changes, debug: bool) -> None:

@@ -11,6 +11,7 @@ import tempfile
 import time
 import traceback
 from pathlib import Path
+from typing import Any
 
 from . import __version__
 from .scene import Scene, SceneError
@@ -115,27 +116,32 @@ def _render(arguments: argparse.Namespace) -> None:
         if _is_blend(arguments.file):
             from . import blend
 
-            warnings, pictures = blend.render(arguments.file, output, arguments.frames, arguments.set, progress,
-                                              arguments.debug)
+            warnings, pictures, statistics = blend.render(arguments.file, output, arguments.frames, arguments.set,
+                                                          progress, arguments.debug)
         else:
             if frames:
                 raise UsageError("a snapshot is one frame: leave out -f")
-            warnings, pictures = _render_snapshot(arguments, progress), [output]
+            pictures = [output]
+            warnings, statistics = _render_snapshot(arguments, progress)
     finally:
         progress.clear()
     for warning in warnings:
         print(f"light-meshes: warning: {warning}", file=sys.stderr)
+    if statistics:
+        from . import report
+
+        print(report.summary(statistics))
     print(f"{', '.join(map(str, pictures))} in {time.monotonic() - started:.1f} s")
 
 
-def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> list[str]:
+def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple[list[str], dict[str, Any]]:
     from . import film, render
 
     scene = _changed(_read(arguments.file), arguments.set)
     passes = tuple(film.PASSES) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
     done = render.render(scene, film.Framebuffer.create(scene, passes), progress=progress)
     film.write(done.frame, arguments.output)
-    return [*scene.warnings, *done.warnings]
+    return [*scene.warnings, *done.warnings], done.statistics
 
 
 def _read(folder: Path) -> Scene:

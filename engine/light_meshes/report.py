@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .render import Prepared
@@ -45,6 +47,29 @@ def describe(scene: Scene) -> str:
     missing = [*scene.warnings, *ready.warnings]
     lines += [f"Not translated ({len(missing)})", *(f"  {w}" for w in missing)] if missing else ["All is translated."]
     return "\n".join(lines)
+
+
+def summary(statistics: dict[str, Any]) -> str:
+    """The statistics of a render as a few lines."""
+    s = statistics
+    rows = [(name, decision) for name, decision in s["plan"].items()]
+    rows += [
+        ("scene", f"{s['triangles']:,} triangles in {s['instances']:,} instances, {s['lights']:,} lights"),
+        ("rays", f"{s['camera_rays']:,} camera, {s['reflected_rays']:,} reflected, {s['shadow_rays']:,} shadow"),
+    ]
+    if "nodes" in s:
+        rows += [
+            ("h, kI, r", f"{s['h']:g}, {s['kI']:g}, {s['r']:g}"),
+            ("nodes", f"{s['nodes']:,} evaluated, {s['node_share']:.1%} of the lattice in the scene's box, "
+                      f"{s['long_rays']:,} rays to lights"),
+            ("receivers", f"{s['receivers']:,}, {s['uniform_skips']:,} skipped, {s['short_rays']:,} short rays, "
+                          f"{s['empty_sets']:,} empty sets"),
+        ]
+    stages = ", ".join(f"{name} {seconds:.2f}" for name, seconds in s["stages"].items())
+    rows += [("seconds", f"{s['seconds']:.2f} on {s['threads']} threads; of their time: {stages}")]
+    if s["peak_memory"]:
+        rows += [("peak memory", f"{s['peak_memory'] / 2**20:,.0f} MiB")]
+    return "\n".join(_table(rows))
 
 
 def _table(rows: list[tuple[str, str]]) -> list[str]:
