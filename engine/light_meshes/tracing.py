@@ -43,8 +43,11 @@ class Tracer:
     and "glass" (those that let light through), and as "stops" and "sheets" (those that let it through unbent).
     """
 
-    def __init__(self, scene: Scene, surfaces: Surfaces, glass: NDArray[np.bool_], bending: NDArray[np.bool_]) -> None:
-        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them."""
+    def __init__(self, scene: Scene, surfaces: Surfaces, glass: NDArray[np.bool_] | None = None,
+                 bending: NDArray[np.bool_] | None = None) -> None:
+        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them. None: none do."""
+        glass = np.zeros(len(surfaces.triangles), np.bool_) if glass is None else glass
+        bending = np.zeros(len(surfaces.triangles), np.bool_) if bending is None else bending
         self.centre, self.scale = surfaces.centre, surfaces.scale
         self._surfaces = surfaces
         self._embree: dict[str, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
