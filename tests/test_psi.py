@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from light_meshes.render import Prepared, render_image
@@ -28,7 +28,7 @@ def test_interpolation_sets_are_the_oracles(seed, h, kI, lights, rotated):
     for k, (expected, sure) in enumerate(answers):
         if sure:
             assert set(map(tuple, nodes[start[k]:start[k + 1]].tolist())) == set(map(tuple, expected.tolist()))
-    assert sum(sure for _, sure in answers) > len(P) / 3
+    assume(sum(sure for _, sure in answers) > len(P) / 3)  # or the example says little
 
 
 @given(**SCENES, skip=st.booleans())
@@ -40,7 +40,7 @@ def test_soft_visibility_is_the_oracles(seed, h, kI, lights, rotated, skip):
     for k, (expected, sure) in enumerate(answers):
         if sure:
             np.testing.assert_allclose(S[k], expected, rtol=0, atol=1e-6)
-    assert sum(sure for _, sure in answers) > len(P) / 4
+    assume(sum(sure for _, sure in answers) > len(P) / 4)
 
 
 @given(seed=st.integers(0, 2**31 - 1), lights=st.integers(1, 9))
@@ -53,7 +53,7 @@ def test_sharp_visibility_is_the_oracles(seed, lights):
     for k, (expected, sure) in enumerate(answers):
         if sure:
             np.testing.assert_array_equal(S[k], expected)
-    assert sum(sure for _, sure in answers) > len(P) / 2
+    assume(sum(sure for _, sure in answers) > len(P) / 2)
 
 
 @hypothesis_settings(max_examples=5)
