@@ -45,7 +45,7 @@ def _cache_folder() -> Path | None:
 
 _folder = _cache_folder()
 if _folder:
-    numba.config.CACHE_DIR = str(_folder)
+    numba.config.CACHE_DIR = str(_folder)  # type: ignore[attr-defined]
 
 # error_model: a division by zero gives IEEE's infinity instead of a Python exception.
 _options: dict[str, Any] = {"cache": _folder is not None, "nogil": True, "error_model": "numpy"}
