@@ -456,3 +456,16 @@ def test_cost_of_100_000_nodes():
           f"{(time.perf_counter() - wall) / len(x) * 1e6:.1f} µs on the clock, {lost / seeds:.2%} of seeds lost")
     assert rays <= 60 * len(x)
     assert spent <= 40e-6
+
+
+def test_light_scattered_by_many_bodies_has_an_end(monkeypatch):
+    """Beams have a budget; beyond it light is followed through fewer bends, and what is found is still true."""
+    rng = np.random.default_rng(13)
+    parts = [(Part(sphere(0.2, 16, 8), matrices=[move(*p)]), GLASS) for p in rng.uniform(-1, 1, (12, 3))]
+    monkeypatch.setattr("light_meshes.beams.BUDGET", (20000, 0))
+    lab = Lab(parts, (0, 0, 4))
+    assert lab.solver.beams(0).most < 8
+    x = rng.uniform(-2, 2, (200, 3))
+    found = paths(lab, *x)
+    assert len(found.alpha)
+    assert errors(lab, found, x, 60).max() < 1e-6

@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 from .beam_tree import beam_tree
 from .compiled import kernel, part
 from .media import BODY, E1, E2, FLAT_SHADED, NG, PATCH, A, Glass, U, V
-from .optics import DEPTH, Scratch, chain
+from .optics import DEPTH, RAYS, Scratch, chain
 
 CUTOFF = 1e-4  # beams of light fainter than this are not followed
 SHRINK = 1e-3  # corners are sampled so far inside: which triangle the ray meets is then beyond doubt
 COARSE = 1 / 8  # of a curved patch's radius: the longest edge of an element
 WIDE = 1 / 4  # and as a share of its distance from the light, on any patch
-FINE = 1 / 64  # of a body's radius, or of that distance: elements with shorter edges are not split because they differ
+FINE = 1 / 64  # of a body's radius, or of that distance: elements with shorter edges are not split because they differ;
+#                twice as much for each body more that the light has passed
+BUDGET = 3_000_000, 40  # rays, and rays a triangle, that the beams of a light may take
 FLAT_LEVELS = 2  # but so often in any case: small facets, each with its own signature
 BENT = 0.1  # of its width: by how much a beam may miss its own middle ray
 PAD = 0.3  # barycentric: how far outside a beam a point may be and still start a search
@@ -44,20 +46,28 @@ class Beams(NamedTuple):
     root: NDArray[np.int64]  # (6,) see `beam_tree`
     bounds: NDArray[np.float64]  # (nodes,11)
     child: NDArray[np.int64]  # (nodes,2)
+    most: int  # bends that light was followed through: DEPTH, or less where many bodies scatter it
 
 
 def trace_beams(g: Glass, s: Scratch, h: float) -> Beams:
     """The beams of a light; h (frame): a miss below h/4 does not matter."""
-    size, slot, used = 4096, 0, 0
+    size, slot, used, fine, most = 4096, 0, 0, FINE, DEPTH
     arrays = _room(size)
+    limit = BUDGET[0] + BUDGET[1] * len(g.triangle)
     while slot < len(g.triangle):
-        slot, used = _trace(g, s, h, slot, used, *arrays)
-        if slot < len(g.triangle):
+        slot, used = _trace(g, s, h, fine, most, limit, slot, used, *arrays)
+        if slot < len(g.triangle) and s.work[RAYS] > limit:
+            # Light scattered by many bodies: there is no end to what could be told apart.
+            slot, used, fine, most = 0, 0, 2.0 * fine, most - 2
+            s.work[RAYS] = 0
+            if most == 2:
+                limit = 1 << 60
+        elif slot < len(g.triangle):
             arrays = tuple(np.concatenate([a, b]) for a, b in zip(arrays, _room(size), strict=True))
             size *= 2
     arrays = tuple(a[:used] for a in arrays)
     order, root, bounds, child = beam_tree(arrays[2], arrays[3], arrays[4], arrays[5], PAD)
-    columns: Any = (*(np.ascontiguousarray(a[order]) for a in arrays), root, bounds, child)
+    columns: Any = (*(np.ascontiguousarray(a[order]) for a in arrays), root, bounds, child, most)
     return Beams(*columns)
 
 
@@ -151,7 +161,7 @@ def _extent(g, slot, e, s):
 
 
 @kernel
-def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_code, o_eta):
+def _trace(g, s, h, fine, deepest, limit, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_code, o_eta):
     """Beams of triangles from `slot` on, until all are done or the room is; returns the next triangle and the count."""
     n = np.zeros(4, np.int64)
     code, eta = np.zeros((4, DEPTH), np.int64), np.zeros((4, DEPTH))
@@ -185,7 +195,7 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
             edge, distance = _extent(g, slot, e, s)
             size = min(g.ball[body, 3], distance)
             # A small triangle of a smooth mesh needs but one ray: its derivatives say the rest.
-            alone = level == 0 and edge < 0.5 * FINE * size and g.link[slot, FLAT_SHADED] == 0
+            alone = level == 0 and edge < 0.5 * fine * size and g.link[slot, FLAT_SHADED] == 0
             mu, mv = (e[0] + e[2] + e[4]) / 3.0, (e[1] + e[3] + e[5]) / 3.0
             most = 0
             for i in range(4):
@@ -196,17 +206,19 @@ def _trace(g, s, h, slot, used, o_slot, o_uv, o_p, o_d, o_z, o_group, o_k, o_cod
                     continue
                 for j in range(3):
                     y[j] = g.place[slot, A + j] + uv[i, 0] * g.place[slot, E1 + j] + uv[i, 1] * g.place[slot, E2 + j]
-                n[i] = chain(g, s, y, np.int64(DEPTH), CUTOFF)
+                n[i] = chain(g, s, y, np.int64(deepest), CUTOFF)
                 if n[i] and s.code[0, 1] != slot:
                     n[i] = 0  # something stands before it: no first interface
                 _keep(s, n[i], i, code, eta, rays, end)
+                full = full or s.work[RAYS] > limit
                 most = max(most, n[i])
             splittable = top + 4 < len(element) and not alone
-            differ = splittable and (edge > FINE * size or level < FLAT_LEVELS)
             coarse = splittable and (
                 edge > WIDE * distance or (edge > COARSE * g.patch_size[patch] and g.planar[patch] < 0))
             # Where no light passes at the samples (total reflection) it may still pass between them.
             for k in range(first, max(most, first if coarse else 0) + 1):
+                least = fine * size * (1 << ((k - 1) >> 1))
+                differ = splittable and (edge > least or (level < FLAT_LEVELS and fine == FINE))
                 agree = True
                 for i in range(4):
                     agree = agree and n[i] >= k and _same(code, eta, i, np.int64(0), k)
