@@ -48,8 +48,9 @@ if _folder:
     numba.config.CACHE_DIR = str(_folder)  # type: ignore[attr-defined]
 
 # error_model: a division by zero gives IEEE's infinity instead of a Python exception.
-_options: dict[str, Any] = {"cache": _folder is not None, "nogil": True, "error_model": "numpy"}
-kernel: Any = numba.njit(**_options)
+_njit: Any = numba.njit
+_options = {"cache": _folder is not None, "nogil": True, "error_model": "numpy"}
+kernel = _njit(**_options)
 
 # Called by kernels only. Without its two wrappers, which Python would call it by, it compiles faster.
-part: Any = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_options)
+part = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_options)

@@ -18,6 +18,7 @@ class Plan:
     reflections: bool = False
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
+    uniform_skip: bool = False
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
     reasons: dict[str, str] = field(default_factory=dict)
@@ -60,7 +61,12 @@ def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",
         values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
                   3: ("RGB a light", "coloured glass")}[p.channels]
         decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
-        decide("uniform skip", "on" if s.uniform_skip else "off", "exact, saves short rays")
+    if p.shadows == "LIGHT_MESHES":
+        apart = p.paths and (s.leak_free or s.caustics == "FOCUS")
+        through = p.channels > 0 and s.glass == "PAPER"
+        p.uniform_skip = s.uniform_skip and not apart and not through
+        decide("uniform skip", "on" if p.uniform_skip else "off", "each path counts by where it comes from" if apart else
+               "nodes behind glass count in part" if through else "exact, saves short rays")
     mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
     totally = bool(glass.bending.any())  # total internal reflection
     p.reflections = s.mode == "WHITTED" and (bool(mirrors) or totally) and s.max_depth > 0

@@ -13,6 +13,7 @@ from .camera import camera_rays, depth, filter_offsets
 from .geometry import Hits, flatten, surface
 from .interfaces import Interfaces
 from .lattice import lattice
+from .optics import DEPTH
 from .plan import plan
 from .refraction import RefractedPaths
 from .scene import Scene
@@ -45,6 +46,7 @@ class Prepared:
         self.plan = plan(self.scene, self.glass, self.passes)
         self.lights = shading.light_arrays(scene.lights)
         self.materials = shading.material_arrays(scene.materials)
+        self.refraction = self._refraction()
         self.visibility = self._visibility()
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
 
@@ -53,7 +55,7 @@ class Prepared:
         if self.plan.shadows == "NONE":
             return Unshadowed(scene.lights)
         needed = scene.lights, self.lights.targets(), self.tracer, self.stats
-        through = self.glass.factor, self.plan.channels, self._refraction()
+        through = self.glass.factor, self.plan.channels, self.refraction
         sharp = SharpThrough(*needed, *through) if self.plan.channels else Sharp(*needed)
         if self.plan.shadows == "SHARP":
             return sharp
@@ -61,9 +63,9 @@ class Prepared:
             return AreaSampling(*needed, sharp, s.light_samples, s.seed)
         nodes = lattice(s.h, s.kI, s.lattice_rotation, s.lattice_origin)
         if self.plan.channels:
-            return SemitransparentMeshes(*needed, nodes, s.uniform_skip, *through, s.glass == "BOUNDED",
+            return SemitransparentMeshes(*needed, nodes, self.plan.uniform_skip, *through, s.glass == "BOUNDED",
                                          self.glass.cutouts)
-        return LightMeshes(*needed, nodes, s.uniform_skip)
+        return LightMeshes(*needed, nodes, self.plan.uniform_skip)
 
     def _refraction(self) -> Refraction | None:
         if not self.plan.paths:
@@ -71,6 +73,14 @@ class Prepared:
         s = self.scene.settings
         solver = RefractedPaths(self.surfaces, self.glass.media(), self.lights.targets(), self.tracer, s.h)
         return Refraction(solver, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free)
+
+    def path_warnings(self) -> list[str]:
+        """A sentence a light whose paths were followed through fewer bends than usual, after a render."""
+        if self.refraction is None:
+            return []
+        return [f"light '{light.name}': so many glass surfaces scatter it that it was followed through {most} bends "
+                f"only, and some of its light behind glass is missing"
+                for light, most in zip(self.scene.lights, self.refraction.solver.bends(), strict=True) if most < DEPTH]
 
     @property
     def soft(self) -> LightMeshes | SemitransparentMeshes:

@@ -106,6 +106,10 @@ class RefractedPaths:
                 self._beams[light] = trace_beams(self.glass, self._scratch(light), self._h)
             return self._beams[light]
 
+    def bends(self) -> list[int]:
+        """How many bends each light was followed through; `DEPTH` where no point has asked for it yet."""
+        return [self._beams[i].most if i in self._beams else DEPTH for i in range(len(self._lights.position))]
+
     def paths(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None = None,
               ) -> tuple[Paths, Work]:
         """All refracted paths from a light to points x (n,3), world.

@@ -101,7 +101,8 @@ def render(
                 if e is not None and not isinstance(e, Cancelled):
                     raise e from None
             raise
-    return Result(frame, _report(ready, frame, tiles, threads, time.perf_counter() - started), list(ready.warnings))
+    return Result(frame, _report(ready, frame, tiles, threads, time.perf_counter() - started),
+                  [*ready.warnings, *ready.path_warnings()])
 
 
 def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: int | None = None,
@@ -142,4 +143,7 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
             "node_bytes": lit.store.bytes, "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
         }
+    if ready.plan.paths:
+        for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):
+            report[name] = counts[name]
     return report

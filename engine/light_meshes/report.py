@@ -55,7 +55,7 @@ def summary(statistics: dict[str, Any]) -> str:
     rows = [(name, decision) for name, decision in s["plan"].items()]
     rows += [
         ("scene", f"{s['triangles']:,} triangles in {s['instances']:,} instances, {s['lights']:,} lights"),
-        ("rays", f"{s['camera_rays']:,} camera, {s['reflected_rays']:,} reflected, {s['shadow_rays']:,} shadow"),
+        ("rays", f"{s['camera_rays']:,} camera, {s['secondary_rays']:,} secondary, {s['shadow_rays']:,} shadow"),
     ]
     if "nodes" in s:
         rows += [
@@ -65,6 +65,10 @@ def summary(statistics: dict[str, Any]) -> str:
             ("receivers", f"{s['receivers']:,}, {s['uniform_skips']:,} skipped, {s['short_rays']:,} short rays, "
                           f"{s['empty_sets']:,} empty sets"),
         ]
+    if "refracted_paths" in s:
+        lost = s["path_seeds_not_converged"] / max(s["path_seeds"], 1)
+        rows += [("refracted paths", f"{s['refracted_paths']:,} from {s['path_seeds']:,} seeds, of which {lost:.1%} "
+                                     f"did not converge; {s['path_rays']:,} rays")]
     stages = ", ".join(f"{name} {seconds:.2f}" for name, seconds in s["stages"].items())
     rows += [("seconds", f"{s['seconds']:.2f} on {s['threads']} threads; of their time: {stages}")]
     if s["peak_memory"]:
@@ -73,7 +77,7 @@ def summary(statistics: dict[str, Any]) -> str:
 
 
 def _table(rows: list[tuple[str, str]]) -> list[str]:
-    return [f"  {name:<16} {value}" for name, value in rows]
+    return [f"  {name:<22} {value}" for name, value in rows]
 
 
 def _colour(rgb: tuple[float, ...]) -> str:

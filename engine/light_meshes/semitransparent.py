@@ -104,7 +104,7 @@ class SemitransparentMeshes:
                  bounded: bool, cutouts: bool) -> None:
         self.lattice, self._tracer, self._stats, self._factor = lattice, tracer, stats, factor
         self._bounded, self._cutouts = bounded, cutouts
-        self._uniform_skip = uniform_skip and bounded
+        self._uniform_skip = uniform_skip
         self.count, self.channels = len(lights), channels
         self._nodes = Straight(lights, targets, tracer, stats, factor, channels, refraction)
         self._sharp = SharpThrough(lights, targets, tracer, stats, factor, channels, refraction)
@@ -146,7 +146,7 @@ class SemitransparentMeshes:
         target = points(position)
         weight = np.zeros((len(candidate), self.channels), np.float32)  # v(x_l, P)
         uniform = np.zeros(len(P), np.bool_)
-        if self._uniform_skip and self._apart is None:
+        if self._uniform_skip:
             with stats.stage("uniform skip"):
                 _uniform_values(start, candidate, values, soft, self.channels, uniform)
                 witness = np.flatnonzero(uniform).astype(np.int32)
