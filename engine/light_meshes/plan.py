@@ -65,7 +65,8 @@ def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",
         apart = p.paths and (s.leak_free or s.caustics == "FOCUS")
         through = p.channels > 0 and s.glass == "PAPER"
         p.uniform_skip = s.uniform_skip and not apart and not through
-        decide("uniform skip", "on" if p.uniform_skip else "off", "each path counts by where it comes from" if apart else
+        decide("uniform skip", "on" if p.uniform_skip else "off",
+               "each path counts by where it comes from" if apart else
                "nodes behind glass count in part" if through else "exact, saves short rays")
     mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
     totally = bool(glass.bending.any())  # total internal reflection
