@@ -40,14 +40,14 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         default=True, update=_changed,
     )
     h: FloatProperty(
-        name="Step",
+        name="Step (h)",
         description="Distance between the nodes of the lattice. Larger makes shadow edges softer and rendering "
                     "faster; smaller keeps the shadows of small things",
         subtype='DISTANCE', unit='LENGTH', min=1e-6, soft_min=1e-3, soft_max=10.0, default=0.05, precision=4,
         update=_changed,
     )
     kI: FloatProperty(
-        name="Quality",
+        name="Quality (kI)",
         description="Radius of the neighbourhood that is averaged, in steps. Larger makes shadow edges wider and "
                     "their gradation finer, and takes longer; below 1.225 some points find no node "
                     "and get sharp shadows",
