@@ -7,6 +7,7 @@ import pytest
 from light_meshes.render import Prepared, render_image
 from light_meshes.scene import Material
 from meshes import Part, assemble, box, look_at, look_down, move, rectangle, sphere
+from refraction_reference import sphere_roots
 from scenes import GREY, point, settings, with_settings
 
 CENTRE, RADIUS, INDEX, T = np.array([0, 0, 0.9]), 0.6, 1.5, 0.95  # S5
@@ -83,6 +84,33 @@ def test_the_lens_sends_as_much_light_to_the_floor_as_photons_bring():
     print(f"of 10⁷ photons' light: {fine:.1%} with h = .0125, {coarse:.1%} with h = .05")
     assert fine == pytest.approx(1, rel=0.05)
     assert 0.85 < coarse < 1
+
+
+def test_soft_shadows_are_the_mean_of_the_nodes_paths():
+    """M3 under a unit sphere, light 4 above its middle: S is the mean over DLM(P) of V + t²·(paths by root finding)."""
+    segments, t = 144, 0.9
+    ball = sphere(1.0, segments, segments // 2)
+    scene = assemble([Part(rectangle((-4, -4), (4, 4), -1.5), GREY, "floor"), Part(ball, glass(t), "ball")],
+                     look_down(0, 0, 4, 8), [point((0, 0, 4))], settings(refraction="FULL", h=0.1, kI=2.0))
+    ready = Prepared(scene)
+    random = np.random.default_rng(5)
+    P = np.c_[random.uniform(-2.2, 2.2, (500, 2)), np.full(500, -1.5)]
+    N = np.repeat([[0.0, 0, 1]], len(P), 0)
+    # Glass bounds the neighbourhood as an opaque ball does.
+    twin = Prepared(replace(scene, materials=tuple(replace(m, kt=(0, 0, 0)) for m in scene.materials))).soft
+    start, nodes = twin.interpolation_set(P, N)
+    x = twin.lattice.position(nodes)
+    across = np.hypot(x[:, 0], x[:, 1])
+    row, phi = sphere_roots(np.stack([across, x[:, 2]], 1), 4.0, INDEX)
+    off_axis = np.arctan2(across, 4 - x[:, 2]) - np.arcsin(1 / 4)  # of the straight way, from the sphere's limb
+    v = (off_axis > 0) + t**2 * np.bincount(row, minlength=len(x))
+    edge = 2 * np.pi / segments
+    unsure = abs(off_axis) < edge / 4
+    unsure[row[np.arccos(1 / 4) - abs(phi) < edge]] = True  # where the mesh ends before the sphere does
+    expected = np.add.reduceat(v, start[:-1]) / np.diff(start)
+    sure = np.add.reduceat(unsure.astype(int), start[:-1]) == 0
+    assert sure.sum() > 100 and (v[~unsure] > 1.5).any() and np.unique(expected[sure]).size > 20
+    np.testing.assert_allclose(ready.light_visibility(P, N).reshape(-1)[sure], expected[sure], rtol=1e-6)
 
 
 def test_the_lens_makes_a_bright_spot_in_its_shadow():
