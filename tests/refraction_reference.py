@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from light_meshes.geometry import flatten
 from light_meshes.media import Media, closed
-from light_meshes.refraction import RefractedPaths
+from light_meshes.refraction import Paths, RefractedPaths
 from light_meshes.scene import Scene
 from light_meshes.tracing import Targets, Tracer
-from meshes import Mesh, Part, assemble, look_down
+from meshes import Mesh, Part, assemble, look_down, rectangle
 
 
 @dataclass(frozen=True)
@@ -250,3 +250,18 @@ def sphere_roots(x: np.ndarray, L: float, n: float, grid: int = 20000) -> tuple[
     P, D = sphere_exits(low, L, n)
     ahead = ((x[row] - P) * D).sum(-1) > 0
     return row[ahead], low[ahead]
+
+
+GLASS = Stuff(1.5, 0.9)
+FLOOR = Part(rectangle((-9, -9), (9, 9), -8.0), name="floor")
+
+
+def paths(lab: Lab, *x) -> Paths:
+    return lab.solver.paths(0, np.array(x, float))[0]
+
+
+def only(lab: Lab, *x) -> Paths:
+    """The one path to each x."""
+    found = paths(lab, *x)
+    assert (np.diff(found.start) == 1).all()
+    return found

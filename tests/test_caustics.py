@@ -94,14 +94,12 @@ def test_soft_shadows_are_the_mean_of_the_nodes_paths():
                      look_down(0, 0, 4, 8), [point((0, 0, 4))], settings(refraction="FULL", h=0.1, kI=2.0))
     ready = Prepared(scene)
     random = np.random.default_rng(5)
-    P = np.c_[random.uniform(-2.2, 2.2, (500, 2)), np.full(500, -1.5)]
+    P = np.c_[random.uniform(-2.2, 2.2, (1000, 2)), np.full(1000, -1.5)]
     N = np.repeat([[0.0, 0, 1]], len(P), 0)
-    # Glass bounds the neighbourhood as an opaque ball does.
-    twin = Prepared(replace(scene, materials=tuple(replace(m, kt=(0, 0, 0)) for m in scene.materials))).soft
-    start, nodes = twin.interpolation_set(P, N)
-    x = twin.lattice.position(nodes)
+    start, nodes = ready.soft.interpolation_set(P, N)
+    x = ready.soft.lattice.position(nodes)
     across = np.hypot(x[:, 0], x[:, 1])
-    row, phi = sphere_roots(np.stack([across, x[:, 2]], 1), 4.0, INDEX)
+    row, phi = sphere_roots(np.stack([across, x[:, 2]], 1), 4.0, INDEX, 4000)
     off_axis = np.arctan2(across, 4 - x[:, 2]) - np.arcsin(1 / 4)  # of the straight way, from the sphere's limb
     v = (off_axis > 0) + t**2 * np.bincount(row, minlength=len(x))
     edge = 2 * np.pi / segments

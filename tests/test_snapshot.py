@@ -12,7 +12,21 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from light_meshes import snapshot
 from light_meshes.render import render_image
-from light_meshes.scene import LIGHT_TYPES, MODES, SHADOWS, Camera, Image, Light, Material, Object, SceneError, Settings
+from light_meshes.scene import (
+    CAUSTICS,
+    GLASS,
+    LIGHT_TYPES,
+    MODES,
+    REFRACTIONS,
+    SHADOWS,
+    Camera,
+    Image,
+    Light,
+    Material,
+    Object,
+    SceneError,
+    Settings,
+)
 from scenes import four_lights, tabletop
 
 number = st.floats(-1e6, 1e6)
@@ -21,15 +35,19 @@ triple = st.tuples(number, number, number)
 name = st.text(max_size=20)
 crops = st.one_of(st.none(), st.tuples(st.integers(0, 9), st.integers(0, 9), st.integers(10, 16), st.integers(10, 16)))
 materials = st.builds(Material, name, Od=triple, ka=number, kd=number, ks=number, Os=triple, nShiny=positive,
-                      mirror=triple, emission=triple)
+                      mirror=triple, emission=triple, kt=triple, ior=st.floats(0.01, 100), priority=st.integers(0, 9),
+                      fresnel=st.booleans(), alpha=st.floats(0, 1), transparent_shadow=st.booleans())
 lights = st.builds(Light, name, st.sampled_from(LIGHT_TYPES), triple, position=triple, direction=triple,
                    spot_angle=number, spot_blend=number, spread=number, radius=positive, angle=number,
                    area_u=triple, area_v=triple, area_ellipse=st.booleans(), soft_shadows=st.booleans(),
                    cast_shadow=st.booleans())
-chosen = st.builds(Settings, st.sampled_from(MODES), st.sampled_from(SHADOWS), st.floats(1e-9, 1e9), st.floats(0.5, 8),
-                   st.booleans(), st.integers(1, 4096), st.integers(0, 64), st.floats(0, 1), positive, st.floats(0, 10),
-                   st.integers(1, 65536), st.integers(0, 2**31 - 1), st.booleans(), st.booleans(), triple,
-                   st.booleans())
+chosen = st.builds(
+    Settings, mode=st.sampled_from(MODES), shadows=st.sampled_from(SHADOWS), h=st.floats(1e-9, 1e9),
+    kI=st.floats(0.5, 8), auto_h=st.booleans(), samples=st.integers(1, 4096), max_depth=st.integers(0, 64),
+    cutoff=st.floats(0, 1), ambient=positive, filter_size=st.floats(0, 10), refraction=st.sampled_from(REFRACTIONS),
+    glass=st.sampled_from(GLASS), caustics=st.sampled_from(CAUSTICS), leak_free=st.booleans(),
+    light_samples=st.integers(1, 65536), seed=st.integers(0, 2**31 - 1), film_transparent=st.booleans(),
+    lattice_rotation=st.booleans(), lattice_origin=triple, uniform_skip=st.booleans())
 images = st.builds(Image, name, st.just("textures/wood.png"), st.sampled_from(["sRGB", "LINEAR"]),
                    st.sampled_from(["LINEAR", "CLOSEST"]), st.sampled_from(["REPEAT", "EXTEND", "CLIP", "MIRROR"]))
 

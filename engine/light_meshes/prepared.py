@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import shading, textures
+from .area_sampling import AreaSampling
 from .camera import camera_rays, depth, filter_offsets
 from .geometry import Hits, flatten, surface
 from .interfaces import Interfaces
@@ -20,7 +21,7 @@ from .scene import Scene
 from .semitransparent import Refraction, SemitransparentMeshes, SharpThrough
 from .statistics import Statistics
 from .tracing import Tracer
-from .visibility import AreaSampling, LightMeshes, Sharp, Unshadowed
+from .visibility import LightMeshes, Sharp, Unshadowed
 
 SHADED = 1 << 22  # receivers × lights held at once, at most
 
@@ -50,7 +51,7 @@ class Prepared:
         self.visibility = self._visibility()
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
 
-    def _visibility(self) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough | SemitransparentMeshes:
+    def _visibility(self) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
         scene, s = self.scene, self.scene.settings
         if self.plan.shadows == "NONE":
             return Unshadowed(scene.lights)
@@ -83,9 +84,9 @@ class Prepared:
                 for light, most in zip(self.scene.lights, self.refraction.solver.bends(), strict=True) if most < DEPTH]
 
     @property
-    def soft(self) -> LightMeshes | SemitransparentMeshes:
+    def soft(self) -> LightMeshes:
         """The light meshes, where the plan has them."""
-        assert isinstance(self.visibility, LightMeshes | SemitransparentMeshes)
+        assert isinstance(self.visibility, LightMeshes)
         return self.visibility
 
     def light_visibility(self, P: NDArray[np.float64], N: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
-from .lattice import Lattice, NodeStore, candidates
+from .lattice import Lattice, NodeStore
 from .refraction import RefractedPaths
 from .scene import Light
 from .statistics import Statistics
-from .tracing import Targets, Tracer, points
-from .visibility import CANDIDATES, PAIRS, Check, blocks, listed, mask_of, need_of
+from .tracing import Targets, Tracer
+from .visibility import Check, LightMeshes, blocks, mask_of
 
 Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
 
@@ -96,77 +96,32 @@ class SharpThrough(Straight):
             return super().__call__(P, N, active, check)
 
 
-class SemitransparentMeshes:
+class SemitransparentMeshes(LightMeshes):
     """Eq. (7). BOUNDED: glass bounds the neighbourhood like any surface, v(x_l,P) = 1. PAPER: as printed."""
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
                  lattice: Lattice, uniform_skip: bool, factor: Factor, channels: int, refraction: Refraction | None,
                  bounded: bool, cutouts: bool) -> None:
-        self.lattice, self._tracer, self._stats, self._factor = lattice, tracer, stats, factor
-        self._bounded, self._cutouts = bounded, cutouts
-        self._uniform_skip = uniform_skip
-        self.count, self.channels = len(lights), channels
+        super().__init__(lights, targets, tracer, stats, lattice, uniform_skip)
+        self.channels, self._channels = channels, (channels,)
+        self._factor, self._bounded, self._cutouts = factor, bounded, cutouts
         self._nodes = Straight(lights, targets, tracer, stats, factor, channels, refraction)
         self._sharp = SharpThrough(lights, targets, tracer, stats, factor, channels, refraction)
-        self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
         # Kept apart: what a path is worth at P depends on P. FOCUS: its cosine there; leak-free: ξ(P_j,P).
         self._focus = refraction is not None and refraction.footprint is not None
         self._apart = PathTable(channels) if refraction and (refraction.leak_free or self._focus) else None
-        self._targets = targets
         # With the paths apart a node also has, for each light, the first row of its paths and their number.
         self._stride = channels + (2 if self._apart else 0)
         self.store = NodeStore(max(1, self.count), self._stride, np.float64 if self._apart else np.float32)
-        self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.kI**3 + 4), 64, 16384))
 
-    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
-        """S, see the module."""
-        S = np.zeros((len(P), self.count, self.channels), np.float32)
-        soft, left = active & self._soft, active.copy()
-        for i in range(0, len(P), self._batch):
-            check()
-            part = slice(i, i + self._batch)
-            m = self._average(P[part], N[part], soft[part], S[part], check)
-            left[part][m > 0] &= ~self._soft
-        self._stats.add(receivers=len(P))
-        if left.any():
-            S += self._sharp(P, N, left, check)
-        return S
+    def _agree(self, start: NDArray, candidate: NDArray, values: NDArray, soft: NDArray, uniform: NDArray) -> None:
+        _uniform_values(start, candidate, values, soft, self.channels, uniform)
 
-    def _average(self, P: NDArray, N: NDArray, soft: NDArray[np.uint64], S: NDArray[np.float32],
-                 check: Check) -> NDArray[np.int32]:
-        """Steps 1 to 5; returns m (n,)."""
-        stats = self._stats
-        with stats.stage("candidates"):
-            start, candidate, nodes = candidates(self.lattice, P, N)
-            need = np.zeros((len(nodes), soft.shape[1]), np.uint64)
-            need_of(start, candidate, soft, need)
-            position = self.lattice.position(nodes)
-        with stats.stage("nodes"):
-            values = self.store.values(nodes, need, lambda n, todo: self._trace(n, todo, check))
-        target = points(position)
-        weight = np.zeros((len(candidate), self.channels), np.float32)  # v(x_l, P)
-        uniform = np.zeros(len(P), np.bool_)
-        if self._uniform_skip:
-            with stats.stage("uniform skip"):
-                _uniform_values(start, candidate, values, soft, self.channels, uniform)
-                witness = np.flatnonzero(uniform).astype(np.int32)
-                seen = self._partial(P, witness, target, candidate[start[witness]], N).all(1)
-                uniform[witness[~seen]] = False
-                stats.add(short_rays=len(witness), uniform_skips=int(seen.sum()))
-        with stats.stage("short rays"):
-            row, index = listed(start, soft, uniform)
-            for i in range(0, len(row), PAIRS):
-                check()
-                k = slice(i, i + PAIRS)
-                weight[index[k]] = self._partial(P, row[k], target, candidate[index[k]], N)
-            stats.add(short_rays=len(row))
-        m = np.zeros(len(P), np.int32)
-        with stats.stage("average"):
-            alpha, ends = self._apart.rows if self._apart else PathTable.NONE
-            _mean(start, candidate, weight, uniform, values, soft, self.channels, P, N, self._targets, position,
-                  alpha, ends, self._focus, m, S)
-        stats.add(candidates=len(candidate), empty_sets=int((soft.any(1) & (m == 0)).sum()))
-        return m
+    def _mean(self, start: NDArray, candidate: NDArray, weight: NDArray, uniform: NDArray, values: NDArray,
+              soft: NDArray, P: NDArray, N: NDArray, position: NDArray, m: NDArray, S: NDArray) -> None:
+        alpha, ends = self._apart.rows if self._apart else PathTable.NONE
+        _mean(start, candidate, weight, uniform, values, soft, self.channels, P, N, self._targets, position,
+              alpha, ends, self._focus, m, S)
 
     def _partial(self, P: NDArray, row: NDArray, target: Targets, node: NDArray, N: NDArray) -> NDArray[np.float32]:
         """v(x_l,P) (n,C): 0 for nodes that step 3 drops."""

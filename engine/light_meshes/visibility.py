@@ -7,7 +7,7 @@ side, and active (n,W) uint64: bit i of a receiver says that ξ_i·Ω_i ≠ 0. S
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from .lattice import Lattice, NodeStore, candidates
 from .scene import Light
 from .statistics import Statistics
 from .tracing import Targets, Tracer, points
-
-if TYPE_CHECKING:
-    from .semitransparent import SharpThrough
 
 Check = Callable[[], None]  # raises where the render was cancelled
 CANDIDATES = 1 << 20  # about so many candidates are held at once
@@ -112,15 +109,16 @@ class LightMeshes:
                  lattice: Lattice, uniform_skip: bool) -> None:
         self.lattice, self._tracer, self._stats, self._targets = lattice, tracer, stats, targets
         self._uniform_skip = uniform_skip
-        self._sharp = Sharp(lights, targets, tracer, stats)
         self.count = len(lights)
         self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
+        self._sharp: Any = Sharp(lights, targets, tracer, stats)
+        self._channels: tuple[int, ...] = ()  # of S and of v(x_l,P), behind their other axes
         self.store = NodeStore(max(1, self.count))
         self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.kI**3 + 4), 64, 16384))
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
         """S, see the module."""
-        S = np.zeros((len(P), self.count), np.float32)
+        S = np.zeros((len(P), self.count, *self._channels), np.float32)
         soft = active & self._soft
         left = active.copy()  # what Ψ has no answer for goes to sharp shadows
         for i in range(0, len(P), self._batch):
@@ -136,40 +134,51 @@ class LightMeshes:
     def _average(self, P: NDArray, N: NDArray, soft: NDArray[np.uint64], S: NDArray[np.float32],
                  check: Check) -> NDArray[np.int32]:
         """Steps 1 to 5 for receivers with soft lights: S is filled; returns m (n,), 0 where the set is empty."""
-        stats, tracer = self._stats, self._tracer
+        stats = self._stats
         with stats.stage("candidates"):
             start, candidate, nodes = candidates(self.lattice, P, N)
             need = np.zeros((len(nodes), soft.shape[1]), np.uint64)
-            need_of(start, candidate, soft, need)
+            _need(start, candidate, soft, need)
             position = self.lattice.position(nodes)
         with stats.stage("nodes"):
             values = self.store.values(nodes, need, lambda n, todo: self._trace(n, todo, check))
         target = points(position)
-        visible = np.zeros(len(candidate), np.bool_)
+        weight = np.zeros((len(candidate), *self._channels), np.float32 if self._channels else np.bool_)  # v(x_l, P)
         m = np.zeros(len(P), np.int32)
         uniform = np.zeros(len(P), np.bool_)
         if self._uniform_skip:
             with stats.stage("uniform skip"):
-                _uniform(start, candidate, values, soft, uniform)
+                self._agree(start, candidate, values, soft, uniform)
                 witness = np.flatnonzero(uniform).astype(np.int32)
-                first = candidate[start[witness]]
-                seen = ~tracer.occluded(P, witness, target, first, N, closed=True)
+                seen = _any(self._partial(P, witness, target, candidate[start[witness]], N))
                 uniform[witness[~seen]] = False  # whether m > 0 is not certain: the long way
                 stats.add(short_rays=len(witness), uniform_skips=int(seen.sum()))
         with stats.stage("short rays"):
-            row, index = listed(start, soft, uniform)
+            row, index = _listed(start, soft, uniform)
             for i in range(0, len(row), PAIRS):
                 check()
                 k = slice(i, i + PAIRS)
-                visible[index[k]] = ~tracer.occluded(P, row[k], target, candidate[index[k]], N, closed=True)
+                weight[index[k]] = self._partial(P, row[k], target, candidate[index[k]], N)
             stats.add(short_rays=len(row))
         with stats.stage("average"):
-            _count(start, candidate, visible, uniform, values, soft, m, S)
-        wanted = soft.any(1)
-        stats.add(candidates=len(candidate), empty_sets=int((wanted & (m == 0)).sum()))
+            self._mean(start, candidate, weight, uniform, values, soft, P, N, position, m, S)
+        stats.add(candidates=len(candidate), empty_sets=int((soft.any(1) & (m == 0)).sum()))
         return m
 
-    def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint64]:
+    def _partial(self, P: NDArray, row: NDArray, target: Targets, node: NDArray, N: NDArray) -> NDArray:
+        """v(x_l,P) of P[row] and nodes target[node]: 0 for nodes that step 3 drops."""
+        return ~self._tracer.occluded(P, row, target, node, N, closed=True)
+
+    def _agree(self, start: NDArray, candidate: NDArray, values: NDArray, soft: NDArray, uniform: NDArray) -> None:
+        """Mark receivers all of whose candidates have the same values."""
+        _uniform(start, candidate, values, soft, uniform)
+
+    def _mean(self, start: NDArray, candidate: NDArray, weight: NDArray, uniform: NDArray, values: NDArray,
+              soft: NDArray, P: NDArray, N: NDArray, position: NDArray, m: NDArray, S: NDArray) -> None:
+        """Step 5: fill m and S."""
+        _count(start, candidate, weight, uniform, values, soft, m, S)
+
+    def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray:
         """V(i, x) of nodes (n,3) for the lights in todo (n,W), as bits."""
         found = np.zeros_like(todo)
         position = self.lattice.position(nodes)
@@ -186,13 +195,18 @@ class LightMeshes:
         """DLM(P) (steps 1 to 4): start (n+1,) and nodes (c,3); receiver p keeps nodes[start[p]:start[p+1]]."""
         start, candidate, nodes = candidates(self.lattice, P, N)
         row = np.repeat(np.arange(len(P), dtype=np.int32), np.diff(start))
-        seen = ~self._tracer.occluded(P, row, points(self.lattice.position(nodes)), candidate, N, closed=True)
+        seen = _any(self._partial(P, row, points(self.lattice.position(nodes)), candidate, N))
         kept = np.concatenate([[0], np.cumsum(np.bincount(row[seen], minlength=len(P)))])
         return kept.astype(np.int64), nodes[candidate[seen]]
 
 
+def _any(v: NDArray) -> NDArray[np.bool_]:
+    """Which v(x_l,P), (n,) or (n,C), are not 0."""
+    return v if v.ndim == 1 else (v > 0).any(1)
+
+
 @kernel
-def need_of(start, candidate, soft, need):
+def _need(start, candidate, soft, need):
     """The lights (u,W) that each node is asked for: those of all receivers whose candidate it is."""
     for p in range(len(soft)):
         for w in range(soft.shape[1]):
@@ -221,7 +235,7 @@ def _uniform(start, candidate, values, soft, uniform):
 
 
 @kernel
-def listed(start, soft, uniform):
+def _listed(start, soft, uniform):
     """(receiver, index into candidate) of every short ray that is needed."""
     total = 0
     need = np.zeros(len(soft), np.bool_)
@@ -243,7 +257,7 @@ def listed(start, soft, uniform):
 
 
 @kernel
-def _count(start, candidate, visible, uniform, values, soft, m, S):
+def _count(start, candidate, weight, uniform, values, soft, m, S):
     """m and S = (number of kept nodes that see the light)/m, eq. (4).
 
     The numbers of 64 lights are counted at once: plane b holds bit b of each light's number.
@@ -254,7 +268,7 @@ def _count(start, candidate, visible, uniform, values, soft, m, S):
             m[p] = 1  # all agree, and one is seen: any m gives the same quotients
         else:
             for c in range(start[p], start[p + 1]):
-                m[p] += visible[c]
+                m[p] += weight[c]
         if m[p] == 0:
             continue
         for w in range(soft.shape[1]):
@@ -267,7 +281,7 @@ def _count(start, candidate, visible, uniform, values, soft, m, S):
                 planes = 1
             else:
                 for c in range(start[p], start[p + 1]):
-                    if not visible[c]:
+                    if not weight[c]:
                         continue
                     carry = values[candidate[c], w] & s
                     b = 0
@@ -292,98 +306,3 @@ def _collect(row, light, blocked, found):
         if not blocked[n]:
             i = light[n]
             found[row[n], i >> 6] |= np.uint64(1) << np.uint64(i & 63)
-
-
-class AreaSampling:
-    """The mean of N rays to points of the light: the reference that light meshes are compared with.
-
-    Only visibility is sampled; Ω stays the point source's, so that away from shadows all three ways agree.
-    """
-
-    def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 sharp: Sharp | SharpThrough, samples: int, seed: int) -> None:
-        """sharp: V(P) of lights without a size, and of the segments to each sample."""
-        self.count, self._targets, self._tracer, self._stats = len(lights), targets, tracer, stats
-        self._samples, self._seed = samples, seed
-        self._sharp = sharp
-        self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
-        rectangle = [light.type == "AREA" and not light.area_ellipse for light in lights]
-        self._rectangle = np.array(rectangle, np.bool_)
-        self._free = np.array([light.type != "AREA" for light in lights], np.bool_)  # turns to the receiver
-        self._size = np.array([np.tan(light.angle / 2) if light.type == "SUN" else light.radius
-                               for light in lights], np.float64)
-        self._u = np.array([light.area_u for light in lights], np.float64).reshape(-1, 3)
-        self._v = np.array([light.area_v for light in lights], np.float64).reshape(-1, 3)
-
-    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
-        """S, see the module."""
-        S = self._sharp(P, N, active & ~self._soft, check)
-        with self._stats.stage("area sampling"):
-            for row, light in blocks(active & self._soft, self.count):
-                clear = np.zeros((len(row), *S.shape[2:]))
-                target = np.empty((len(row), 3))
-                directional = self._targets.directional[light]
-                order = np.arange(len(row), dtype=np.int32)
-                for s in range(self._samples):
-                    check()
-                    _sample(s, self._samples, self._seed, P, row, self._targets, light, self._free, self._rectangle,
-                            self._size, self._u, self._v, target)
-                    clear += self._sharp.segments(P, row, Targets(target, directional), order, N)
-                S[row, light] = (clear / self._samples).astype(np.float32)
-                self._stats.add(shadow_rays=len(row) * self._samples)
-        return S
-
-
-@kernel
-def _random(x):
-    """A uniform number in [0,1) from 64 bits (SplitMix64's finaliser)."""
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    x ^= x >> np.uint64(31)
-    return np.float64(x >> np.uint64(11)) * 2.0**-53
-
-
-@kernel
-def _sample(s, samples, seed, P, row, targets, light, free, rectangle, size, u, v, out):
-    """Point s of `samples` on each pair's light: strata of equal area in one axis, van der Corput in the other.
-
-    Each pair turns the pattern at random, from its own position: the same for any tiles, threads and order.
-    """
-    inverse, digit, rest = 0.0, 0.5, s
-    while rest:
-        inverse += digit * (rest & 1)
-        digit *= 0.5
-        rest >>= 1
-    bits = P.view(np.uint64)
-    for n in range(len(row)):
-        p, i = row[n], light[n]
-        key = np.uint64(seed) + np.uint64(i) * np.uint64(0x9E3779B97F4A7C15)
-        for j in range(3):
-            key = (key ^ bits[p, j]) * np.uint64(0xD6E8FEB86659FD93)
-            key ^= key >> np.uint64(32)
-        a = (s + _random(key + np.uint64(s) * np.uint64(2))) / samples
-        b = (inverse + _random(key ^ np.uint64(0xA0761D6478BD642F))) % 1.0
-        c = targets.position[i]
-        if rectangle[i]:
-            for j in range(3):
-                out[n, j] = c[j] + (2.0 * a - 1.0) * u[i, j] + (2.0 * b - 1.0) * v[i, j]
-            continue
-        x, y = np.sqrt(a) * np.cos(2 * np.pi * b), np.sqrt(a) * np.sin(2 * np.pi * b)
-        if not free[i]:
-            for j in range(3):
-                out[n, j] = c[j] + x * u[i, j] + y * v[i, j]
-            continue
-        # The disc of a sphere (or of the sun) as the receiver sees it.
-        if targets.directional[i]:
-            d0, d1, d2 = c[0], c[1], c[2]
-        else:
-            d0, d1, d2 = c[0] - P[p, 0], c[1] - P[p, 1], c[2] - P[p, 2]
-            length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-            d0, d1, d2 = d0 / length, d1 / length, d2 / length
-        sign = 1.0 if d2 >= 0.0 else -1.0
-        f = -1.0 / (sign + d2)
-        g = d0 * d1 * f
-        x, y = x * size[i], y * size[i]
-        out[n, 0] = c[0] + x * (1.0 + sign * d0 * d0 * f) + y * g
-        out[n, 1] = c[1] + x * sign * g + y * (sign + d1 * d1 * f)
-        out[n, 2] = c[2] - x * sign * d0 - y * d1
