@@ -81,7 +81,7 @@ def child():
     child = Child()
     yield child
     if child.process.poll() is None:
-        child.process.kill()
+        child.process.terminate()  # it takes its folder along
     child.process.wait()
 
 
