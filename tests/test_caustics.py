@@ -162,6 +162,12 @@ def test_sheets_alone_never_start_the_solver():
     assert not Prepared(with_settings(lens(glass(), 8, 8), refraction="VIEW")).plan.paths
 
 
+def test_area_sampling_keeps_to_straight_rays():
+    scenes = (lens(glass(), 32, 16, refraction=r, shadows="AREA_SAMPLING", light_samples=4) for r in ("VIEW", "FULL"))
+    a, b = (render_image(s).passes["Combined"] for s in scenes)
+    np.testing.assert_array_equal(a, b)
+
+
 @pytest.mark.parametrize("values", [{}, {"leak_free": True}, {"caustics": "FOCUS"}, {"shadows": "SHARP"}], ids=str)
 def test_tiles_threads_and_runs_give_the_same_bits(values):
     scene = lens(glass(), 40, 16, **values)

@@ -38,7 +38,8 @@ class Prepared:
         self.warnings += sentences
         self.glass = Interfaces(scene, self.surfaces, self.textures)
         with self.stats.stage("accelerator"):
-            bent = self.glass.bending & (scene.settings.refraction == "FULL")
+            full = scene.settings.refraction == "FULL" and scene.settings.shadows != "AREA_SAMPLING"
+            bent = self.glass.bending & full
             self.tracer = Tracer(scene, self.surfaces, self.glass.lets_through, bent)
         self.scene = scene
         if scene.settings.auto_h:
