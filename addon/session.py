@@ -74,8 +74,11 @@ class Session:
 
     @property
     def usable(self) -> bool:
-        """Whether another command may be sent: it lives, and nothing is left that was cancelled but goes on."""
-        return self._process.poll() is None and not self._closed and not self._unfinished
+        """Whether another command may be sent: it lives, nothing is left that was cancelled but goes on, and no
+        cleaner of temporary files took the shared folder away.
+        """
+        alive = self._process.poll() is None and not self._closed
+        return alive and not self._unfinished and (self.folder is None or self.folder.is_dir())
 
     def new_folder(self) -> Path:
         """A new folder in the shared one, for the snapshots and the framebuffer of one job."""

@@ -51,7 +51,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, film: d
     settings, combined = ready.scene.settings, film["Combined"]
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         hit, hits = ready.closest(kind, rays["origin"], rays["direction"], rays.get("normal"), reach)
-    miss = _rows(rays, ~hit)
+    rays = {name: a for name, a in rays.items() if name not in ("origin", "normal")}  # done with
+    miss = _rows({name: rays[name] for name in ("pixel", "weight", "clear") if name in rays}, ~hit)
     if settings.film_transparent and kind == "camera":
         lost = miss["clear"] if "clear" in miss else np.ones(len(miss["pixel"]), np.bool_)
         _deposit(combined[:, 3:], miss["pixel"][lost], -miss["weight"][lost].mean(1, keepdims=True), np.ones(1))

@@ -1,5 +1,7 @@
 """Pixels arrive in Blender: passes, alpha, frames, statistics."""
 
+import shutil
+
 import bpy
 import numpy as np
 import pytest
@@ -174,3 +176,12 @@ def test_drivers_with_python_do_not_hang(scene, add_plane, add_light, render):
     scene.frame_set(20)
     scene.view_layers[0].use_pass_z = True
     assert render(scene)["Depth"][24, 32, 0] == pytest.approx(8, abs=0.01)
+
+
+def test_a_shared_folder_that_was_cleaned_away_is_made_anew(scene, add_plane, render):
+    from light_meshes_addon import session
+
+    add_plane()
+    first = render(scene)["Combined"]
+    shutil.rmtree(session._session.folder)
+    np.testing.assert_array_equal(render(scene)["Combined"], first)
