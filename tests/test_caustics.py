@@ -162,6 +162,26 @@ def test_sheets_alone_never_start_the_solver():
     assert not Prepared(with_settings(lens(glass(), 8, 8), refraction="VIEW")).plan.paths
 
 
+@pytest.mark.parametrize("values", [{}, {"shadows": "SHARP"}, {"leak_free": True}, {"caustics": "FOCUS"}], ids=str)
+def test_glass_hidden_from_shadows_neither_shades_nor_gathers(values):
+    """S beside and under it is 1: its light must not count twice. No other glass: the solver does not start."""
+    scene = lens(glass(), 8, 24, **values)
+    hidden = replace(scene, objects=tuple(replace(o, visible_shadow=False) for o in scene.objects))
+    P = np.stack([*np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)), np.zeros((9, 9))], -1).reshape(-1, 3)
+    N = np.repeat([[0.0, 0, 1]], len(P), 0)
+    ready = Prepared(hidden)
+    np.testing.assert_array_equal(ready.light_visibility(P, N), 1)
+    assert not ready.plan.paths and Prepared(scene).plan.paths
+    # Beside other glass that does cast, the solver runs and still passes it by.
+    seen = replace(hidden, objects=tuple(replace(o, visible_shadow=o.name == "ball") for o in hidden.objects),
+                   materials=tuple(replace(m, kt=(0.9,) * 3, ior=1.2) if m.name == "red" else m
+                                   for m in hidden.materials))
+    alone = replace(seen, objects=tuple(replace(o, visible_camera=False) for o in seen.objects),
+                    materials=tuple(replace(m, kt=(0, 0, 0)) if m.name == "glass" else m for m in seen.materials))
+    assert Prepared(seen).plan.paths
+    np.testing.assert_allclose(Prepared(seen).light_visibility(P, N), Prepared(alone).light_visibility(P, N), atol=1e-6)
+
+
 def test_area_sampling_keeps_to_straight_rays():
     scenes = (lens(glass(), 32, 16, refraction=r, shadows="AREA_SAMPLING", light_samples=4) for r in ("VIEW", "FULL"))
     a, b = (render_image(s).passes["Combined"] for s in scenes)

@@ -47,6 +47,10 @@ class Interfaces:
         self.lets_through = (passes & shadow)[material]  # (T,) shadow rays
         bends = ((self._ior != 1) & (self._kt > 0).any(1))[material] & (scene.settings.refraction != "NONE")
         self.bending = bends & closed(surfaces, bends)  # (T,)
+        casts = np.array([o.visible_shadow for o in scene.objects], np.bool_)
+        owner = scene.geometry.instance_object[surfaces.instance]
+        self._in_shadow_paths = self.lets_through & (casts[owner] if len(owner) else False)
+        self.bends_shadows = bool((self._in_shadow_paths & self.bending).any())
         self.transparent = bool(passes[material].any())
         self.cutouts = bool(cut[material].any())
         self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())
@@ -56,7 +60,8 @@ class Interfaces:
         s = self._surfaces
         material = s.materials[s.source]
         alpha = self._alpha[material][:, None]
-        return Media(self.lets_through, self.bending, self._ior[material], 1 - alpha + alpha * self._kt[material],
+        shown = self._in_shadow_paths
+        return Media(shown, shown & self.bending, self._ior[material], 1 - alpha + alpha * self._kt[material],
                      self._priority[material])
 
     def _alpha_of(self, material: NDArray[np.int32], uv: NDArray[np.float32]) -> NDArray[np.float64]:

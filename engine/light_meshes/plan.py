@@ -51,12 +51,11 @@ def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",
     if p.transparent:
         bent = int(glass.bending.sum())
         decide("transparency", "yes", f"{'with' if bent else 'without'} refraction, {bent} triangles bend rays")
-        bends = bool((glass.bending & glass.lets_through).any())
         sampled = p.shadows == "AREA_SAMPLING"
-        p.paths = s.refraction == "FULL" and p.channels > 0 and bends and not sampled
+        p.paths = s.refraction == "FULL" and p.channels > 0 and glass.bends_shadows and not sampled
         decide("refracted shadow paths", "yes" if p.paths else "no",
                f"refraction is {s.refraction.lower()}" if p.paths or s.refraction != "FULL" else
-               "no closed mesh of glass bends" if not bends else
+               "no closed mesh of glass bends" if not glass.bends_shadows else
                "area sampling has straight rays" if sampled else "nothing casts a shadow")
     else:
         decide("transparency", "no", "all surfaces are opaque")
