@@ -18,6 +18,8 @@ GLASS = ("BOUNDED", "PAPER")
 CAUSTICS = ("PAPER", "FOCUS")
 SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
+WEIGHTS = ("UNIFORM", "SMOOTH")
+SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE")
 RGB = tuple[float, float, float]
 
 
@@ -34,6 +36,7 @@ class Settings:
     h: float = 0.05  # step of the lattice, scene units
     kI: float = 3.0  # r = h·kI is the radius of the interpolation ball
     auto_h: bool = False  # h from what the camera sees; `h` is then ignored
+    weights: str = "UNIFORM"  # of the nodes in the ball: all the same (paper), or SMOOTH: falling to 0 at r
     samples: int = 4  # camera rays a pixel
     max_depth: int = 4  # mirror reflections after the first hit
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
@@ -86,6 +89,11 @@ class Light:
     area_ellipse: bool = False
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
+    softness: str = "SCENE"  # this light's r: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE 1.12·ρ·a/(L − a) (method §2)
+    soft_radius: float = 0.0  # RADIUS: r, scene units
+    reference_distance: float = 0.0  # LIGHT_SIZE: a, from the caster of a shadow to its receiver; 0: measured
+    receivers: tuple[int, ...] | None = None  # objects that it lights; None: all
+    blockers: tuple[int, ...] | None = None  # objects that cast shadows in its light; None: all
 
 
 @dataclass(frozen=True)
@@ -109,6 +117,9 @@ class Material:
     alpha_image: int = -1  # index of the image whose alpha channel multiplies alpha; -1: none
     transparent_shadow: bool = True  # False: casts the shadow of an opaque surface
     image: int = -1  # index of the image that replaces Od; -1: none
+    cast_soft_shadows: bool = True  # False: its shadows are sharp (method §4b)
+    receive_soft_shadows: bool = True  # False: shadows on it are sharp (method §4c)
+    index: int = 0  # the artist's number, for the Material Index pass
 
 
 @dataclass(frozen=True)
@@ -130,6 +141,11 @@ class Object:
     visible_camera: bool = True
     visible_reflection: bool = True  # seen in mirrors
     visible_shadow: bool = True  # casts shadows
+    cast_soft_shadows: bool = True  # False: its shadows are sharp; a surface is soft where object and material say so
+    receive_soft_shadows: bool = True  # False: shadows on it are sharp
+    holdout: bool = False  # a hole in the picture: black, alpha 0
+    shadow_catcher: bool = False  # seen by the camera only by the shadows on it
+    index: int = 0  # the artist's number, for the Object Index pass
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from .scene import (
     MODES,
     REFRACTIONS,
     SHADOWS,
+    SOFTNESS,
+    WEIGHTS,
     Camera,
     Geometry,
     Image,
@@ -56,7 +58,9 @@ _CHOICES = {
     (Settings, "refraction"): REFRACTIONS,
     (Settings, "glass"): GLASS,
     (Settings, "caustics"): CAUSTICS,
+    (Settings, "weights"): WEIGHTS,
     (Light, "type"): LIGHT_TYPES,
+    (Light, "softness"): SOFTNESS,
     (Image, "colorspace"): ("sRGB", "LINEAR"),
     (Image, "interpolation"): ("LINEAR", "CLOSEST"),
     (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
@@ -75,6 +79,8 @@ _RANGES = {
     (Camera, "width"): (1, 65536),
     (Camera, "height"): (1, 65536),
     (Light, "radius"): (0.0, 1e30),
+    (Light, "soft_radius"): (0.0, 1e30),
+    (Light, "reference_distance"): (0.0, 1e30),
     (Material, "nShiny"): (0.0, 1e9),
     (Material, "ior"): (0.01, 100.0),
     (Material, "alpha"): (0.0, 1.0),
@@ -233,8 +239,12 @@ def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
             raise SceneError(f"{where}: matrix must be 4 rows of 4 finite numbers")
         return matrix
-    if (cls, name) == (Camera, "crop") and value is None:
+    if value is None and default is None:
         return None
+    if cls is Light and name in ("receivers", "blockers"):
+        if not isinstance(value, list) or not all(type(i) is int for i in value):
+            raise SceneError(f"{where}: {name} must be null or a list of objects' numbers")
+        return tuple(value)
     sample = _SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
     value = _value(where, name, sample, value)
     choices = _CHOICES.get((cls, name))
@@ -295,6 +305,10 @@ def check(scene: Scene) -> None:
                 raise SceneError(f"material '{material.name}': image {image} does not exist")
             if image >= 0 and not len(g.uvs) and nt:
                 raise SceneError(f"material '{material.name}' has an image, but uvs.npy is empty")
+    for light in scene.lights:
+        for what, named in (("receiver", light.receivers), ("blocker", light.blockers)):
+            if named and not (min(named) >= 0 and max(named) < len(scene.objects)):
+                raise SceneError(f"light '{light.name}' has a {what} that does not exist")
     left, right, bottom, top = scene.camera.window
     if left == right or bottom == top:
         raise SceneError("camera: the window has no area")
