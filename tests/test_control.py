@@ -7,8 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from light_meshes.lattice import lattice
 from light_meshes.render import Prepared, render_image
-from light_meshes.scene import SHADOWS, WEIGHTS, Light, Material, Object
+from light_meshes.scene import SHADOWS, WEIGHTS, Light, Material, Object, SceneError
 from meshes import GREY, Part, assemble, box, look_down, move, rectangle, sphere
 from oracle import Lattice, Oracle
 from scenes import WHITE, four_lights, hall, point, random_scene, settings, sun, tabletop, with_lights, with_settings
@@ -79,11 +80,7 @@ COMBINED = {"seed": st.integers(0, 2**31 - 1), "h": st.floats(0.15, 0.3), "kI": 
 def agrees(scene, seed, prepared=None):
     """S of random receivers is the oracle's."""
     prepared = prepared or Prepared(scene)
-    # The lattice does not depend on the radii.
-    plain = Prepared(all_lights(all_objects(all_materials(
-        scene, cast_soft_shadows=True, receive_soft_shadows=True), visible_shadow=True, cast_soft_shadows=True,
-        receive_soft_shadows=True), soft_shadows=True, cast_shadow=True, softness="SCENE", blockers=None))
-    oracle = Oracle(scene, Lattice(plain.soft.lattice.position))
+    oracle = Oracle(scene, Lattice(lattice(scene.settings.h, np.ones(1)).position))
     P, N, triangle = oracle.places(25, seed)
     S = prepared.light_visibility(P, N, triangle)
     S = S.reshape(len(P), len(scene.lights), -1)
@@ -126,7 +123,7 @@ def test_any_combination_is_the_oracles_where_nodes_hold_numbers(seed, h, kI, li
 @given(seed=st.integers(0, 2**31 - 1), shadows=st.sampled_from(["SHARP", "LIGHT_MESHES"]))
 def test_pixels_are_the_oracles(seed, shadows):
     scene = controlled(seed, 0.2, 1.8, 4, shadows=shadows)
-    oracle = Oracle(scene, Lattice(Prepared(random_scene(seed, 0.2, 1.8, 4)).soft.lattice.position))
+    oracle = Oracle(scene, Lattice(lattice(0.2, np.ones(1)).position))
     expected, sure = oracle.picture()
     np.testing.assert_allclose(combined(scene)[sure], expected[sure], rtol=1e-5, atol=1e-6)
     assert sure.mean() > 0.5
@@ -288,6 +285,18 @@ def test_only_its_blockers_shadow_a_light(shadows):
     assert (both <= S).all() and (S[away] > both[away]).any()
     alone = Prepared(with_objects(scene, box={"visible_shadow": False})).light_visibility(P, N)
     np.testing.assert_array_equal(S[away][:, [0, 2]], alone[away][:, [0, 2]])
+
+
+def test_too_many_different_links_are_refused_with_a_sentence():
+    ball = sphere(0.1, 6, 3)
+    parts = [Part(ball, GREY, f"ball {n}", [move(n, 0, 0)]) for n in range(110)]
+    lights = [point((0, 0, 5), blockers=(n,)) for n in range(110)]
+    scene = assemble(parts, look_down(0, 0, 4, 8), lights, settings())
+    with pytest.raises(SceneError, match=r"100 different sets .* share a collection"):
+        Prepared(scene)
+    shared = with_lights(scene, *(replace(light, blockers=(n % 3,)) for n, light in enumerate(lights)))
+    one = with_lights(scene, lights[0])
+    assert Prepared(shared).tracer.embree_scenes == Prepared(one).tracer.embree_scenes + 2
 
 
 # --- Glass ------------------------------------------------------------------------------------------------------
