@@ -116,15 +116,16 @@ class LightMeshes:
         self.store = NodeStore(max(1, self.count))
         self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.kI**3 + 4), 64, 16384))
 
-    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
-        """S, see the module."""
+    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
+                 probe: NDArray | None = None) -> NDArray[np.float32]:
+        """S, see the module. probe (n,4): filled with what the debug passes show, in the order of passes.DEBUG."""
         S = np.zeros((len(P), self.count, *self._channels), np.float32)
         soft = active & self._soft
         left = active.copy()  # what Ψ has no answer for goes to sharp shadows
         for i in range(0, len(P), self._batch):
             check()
             part = slice(i, i + self._batch)
-            m = self._average(P[part], N[part], soft[part], S[part], check)
+            m = self._average(P[part], N[part], soft[part], S[part], check, None if probe is None else probe[part])
             left[part][m > 0] &= ~self._soft
         self._stats.add(receivers=len(P))
         if left.any():
@@ -132,7 +133,7 @@ class LightMeshes:
         return S
 
     def _average(self, P: NDArray, N: NDArray, soft: NDArray[np.uint64], S: NDArray[np.float32],
-                 check: Check) -> NDArray[np.int32]:
+                 check: Check, probe: NDArray | None) -> NDArray[np.int32]:
         """Steps 1 to 5 for receivers with soft lights: S is filled; returns m (n,), 0 where the set is empty."""
         stats = self._stats
         with stats.stage("candidates"):
@@ -162,7 +163,10 @@ class LightMeshes:
             stats.add(short_rays=len(row))
         with stats.stage("average"):
             self._mean(start, candidate, weight, uniform, values, soft, P, N, position, m, S)
-        stats.add(candidates=len(candidate), empty_sets=int((soft.any(1) & (m == 0)).sum()))
+        empty = soft.any(1) & (m == 0)
+        stats.add(candidates=len(candidate), empty_sets=int(empty.sum()))
+        if probe is not None:
+            probe[:] = np.stack([np.diff(start), np.where(uniform, 0, m), empty, uniform], axis=1)
         return m
 
     def _partial(self, P: NDArray, row: NDArray, target: Targets, node: NDArray, N: NDArray) -> NDArray:
