@@ -55,7 +55,7 @@ def letters(name: str) -> str:
 
 def shadow_number(name: str) -> int | None:
     """3 of "Shadow 3", the pass of some lights' shadows; None of other passes."""
-    match = re.fullmatch(r"Shadow (0|[1-9][0-9]{0,8})", name)
+    match = re.fullmatch(r"Shadow (0|[1-9][0-9]{0,9})", name)
     return int(match[1]) if match else None
 
 
