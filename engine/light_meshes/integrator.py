@@ -21,7 +21,7 @@ _AT_FIRST: dict[str, Callable[[Prepared, Hits], NDArray]] = {
     "Position": lambda ready, hits: hits.P,
     "Normal": lambda ready, hits: hits.Ns,
     "UV": lambda ready, hits: np.concatenate([hits.uv, np.ones((len(hits.uv), 1))], axis=1),
-    "Object Index": lambda ready, hits: ready.object_index[ready.owner(hits), None],
+    "Object Index": lambda ready, hits: ready.object_index[ready.owner(hits.triangle), None],
     "Material Index": lambda ready, hits: ready.material_index[hits.material, None],
 }
 
@@ -119,7 +119,7 @@ def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
 
     Returns what is left, and the rays that go on.
     """
-    owner, alpha = ready.owner(hits), ready.glass.alpha(hits)[:, None]
+    owner, alpha = ready.owner(hits.triangle), ready.glass.alpha(hits)[:, None]
     holdout = ready.holdout[owner]
     catcher = np.flatnonzero(ready.catcher[owner] & ~holdout)
     tile.take_alpha(rays["pixel"][holdout], (rays["weight"] * alpha)[holdout])

@@ -119,9 +119,9 @@ class Prepared:
         surface(self.surfaces, triangle[hit], u[hit], v[hit], origin[hit], direction[hit], *hits)
         return hit, hits
 
-    def owner(self, hits: Hits) -> NDArray[np.int32]:
-        """The objects (n,) that the surfaces belong to."""
-        return self.scene.geometry.instance_object[self.surfaces.instance[hits.triangle]]
+    def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Objects (n,) that triangles (n,) belong to."""
+        return self.scene.geometry.instance_object[self.surfaces.instance[triangle]]
 
     def direct(self, hits: Hits, direction: NDArray, check: Callable[[], None], parts: bool = False,
                first: bool = False, work: NDArray | None = None) -> tuple[
