@@ -64,7 +64,7 @@ class Job:
         frame = self._folder / "frame"
         crop = border(render, engine.resolution_x, engine.resolution_y)
         size = (crop[2] - crop[0], crop[3] - crop[1]) if crop else (engine.resolution_x, engine.resolution_y)
-        picture = Picture(engine, size, self.depsgraph.view_layer_eval)
+        picture = Picture(engine, size, self.depsgraph)
         shown = time.monotonic()
 
         def on_event(event):

@@ -1,6 +1,8 @@
-"""The one list of render passes: registration, the engine's request and the picture all read it."""
+"""The one list of render passes: registration, the engine's request, the picture and the panel all read it."""
 
 from typing import NamedTuple
+
+import bpy
 
 
 class Pass(NamedTuple):
@@ -10,21 +12,89 @@ class Pass(NamedTuple):
     engine_name: str
     channel_ids: str
     kind: str  # what the compositor makes of it
-    switch: str  # the view layer's property that asks for it
+    switch: str = ""  # the property that asks for it: of the view layer,
+    own: bool = False  # or of its light_meshes, where Blender has none
 
     @property
     def channels(self) -> int:
         return len(self.channel_ids)
 
+    def owner(self, view_layer):
+        """What has the property `switch`."""
+        return view_layer.light_meshes if self.own else view_layer
 
-ALL = (
+
+def _since_5(new: str, old: str) -> str:
+    return new if bpy.app.version >= (5, 0) else old
+
+
+_ALL = (
     Pass("Combined", "Combined", "RGBA", 'COLOR', "use_pass_combined"),
     Pass("Depth", "Depth", "Z", 'VALUE', "use_pass_z"),
+    Pass("Position", "Position", "XYZ", 'VECTOR', "use_pass_position"),
     Pass("Normal", "Normal", "XYZ", 'VECTOR', "use_pass_normal"),
+    Pass("UV", "UV", "UVA", 'VECTOR', "use_pass_uv"),
+    Pass(_since_5("Object Index", "IndexOB"), "Object Index", "X", 'VALUE', "use_pass_object_index"),
+    Pass(_since_5("Material Index", "IndexMA"), "Material Index", "X", 'VALUE', "use_pass_material_index"),
+    Pass(_since_5("Diffuse Direct", "DiffDir"), "Diffuse", "RGB", 'COLOR', "use_pass_diffuse_direct"),
+    Pass(_since_5("Glossy Direct", "GlossDir"), "Glossy", "RGB", 'COLOR', "use_pass_glossy_direct"),
+    Pass(_since_5("Transmission Direct", "TransDir"), "Transmission", "RGB", 'COLOR', "use_pass_transmission_direct"),
+    Pass(_since_5("Emission", "Emit"), "Emission", "RGB", 'COLOR', "use_pass_emit"),
+    Pass(_since_5("Environment", "Env"), "Environment", "RGB", 'COLOR', "use_pass_environment"),
+    Pass("Ambient", "Ambient", "RGB", 'COLOR', "use_pass_ambient", own=True),
     Pass("Shadow", "Shadow", "RGB", 'COLOR', "use_pass_shadow"),
+    Pass("Debug Candidates", "Debug Candidates", "X", 'VALUE', "use_pass_debug_candidates", own=True),
+    Pass("Debug m", "Debug m", "X", 'VALUE', "use_pass_debug_m", own=True),
+    Pass("Debug Empty", "Debug Empty", "X", 'VALUE', "use_pass_debug_empty", own=True),
+    Pass("Debug Skipped", "Debug Skipped", "X", 'VALUE', "use_pass_debug_skipped", own=True),
 )
+ALL = {p.engine_name: p for p in _ALL}
+# As the panel groups them.
+DATA = ("Combined", "Depth", "Position", "Normal", "UV", "Object Index", "Material Index")
+LIGHT = ("Diffuse", "Glossy", "Transmission", "Emission", "Ambient", "Environment", "Shadow")
+DEBUG = ("Debug Candidates", "Debug m", "Debug Empty", "Debug Skipped")
 
 
-def wanted(view_layer) -> list[Pass]:
-    """The passes that `view_layer` asks for. Blender always has Combined."""
-    return [p for p in ALL if p.name == "Combined" or getattr(view_layer, p.switch)]
+def wanted(scene, view_layer) -> list[Pass]:
+    """The passes that `view_layer` asks for, and those of the lights of `scene`. Blender always has Combined."""
+    own = [p for p in _ALL if p.name == "Combined" or getattr(p.owner(view_layer), p.switch)]
+    return own + _shadow_passes(scene)
+
+
+def shadow_number(light) -> int:
+    """The number N of the engine's pass "Shadow N" of light data; −1 where the artist wants none.
+
+    It is Blender's number of the data for the session: names change, and may be anything.
+    """
+    return light.original.session_uid if light.light_meshes.shadow_pass else -1
+
+
+def lights(scene) -> list:
+    """The light data in `scene`, each once, by name; also what is in collections that are instanced."""
+    found, todo, done = {}, [scene.objects], set()
+    while todo:
+        for ob in todo.pop():
+            if ob.type == 'LIGHT':
+                found[ob.data.name_full] = ob.data
+            elif ob.instance_type == 'COLLECTION' and ob.instance_collection:
+                name = ob.instance_collection.name_full
+                if name not in done:
+                    done.add(name)
+                    todo.append(ob.instance_collection.all_objects)
+    return [found[name] for name in sorted(found)]
+
+
+def _shadow_passes(scene) -> list[Pass]:
+    if not any(light.light_meshes.shadow_pass for light in bpy.data.lights):
+        return []  # not worth a look at all objects
+    passes: dict[str, Pass] = {}
+    for light in lights(scene):
+        if light.light_meshes.shadow_pass:
+            # A dot would end the layer's name in a multilayer EXR. Blender cuts names at 63 bytes.
+            stem = f"Shadow {light.name_full}".replace(".", "_").encode()[:57].decode(errors="ignore")
+            name, n = stem, 1
+            while name in passes:
+                n += 1
+                name = f"{stem} ({n})"
+            passes[name] = Pass(name, f"Shadow {shadow_number(light)}", "RGB", 'COLOR')
+    return list(passes.values())

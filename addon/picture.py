@@ -11,8 +11,9 @@ from .session import EngineError
 class Picture:
     """The render result of one view layer, and the framebuffer that fills it."""
 
-    def __init__(self, engine, size: tuple[int, int], view_layer) -> None:
-        self.passes = passes.wanted(view_layer)
+    def __init__(self, engine, size: tuple[int, int], depsgraph) -> None:
+        view_layer = depsgraph.view_layer_eval
+        self.passes = passes.wanted(depsgraph.scene, view_layer)
         self._engine, self._size = engine, size
         # With a border, Blender counts from the border's corner.
         self._result = engine.begin_result(0, 0, *size, layer=view_layer.name)

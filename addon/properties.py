@@ -1,4 +1,4 @@
-"""What the artist sets: on the scene, on a light, on a material."""
+"""What the artist sets: on the scene, on a view layer, on a light, on a material."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty
@@ -8,6 +8,14 @@ def _changed(settings, context):
     # Without this Blender hands the old values to the render: an add-on's properties
     # reach evaluated data only when their owner is tagged.
     settings.id_data.update_tag()
+
+
+def _passes_changed(settings, context):
+    # Blender asks for the passes of an engine only when it is told to.
+    _changed(settings, context)
+    for scene in bpy.data.scenes:
+        for layer in scene.view_layers:
+            layer.update_render_passes()
 
 
 class LightMeshesScene(bpy.types.PropertyGroup):
@@ -111,7 +119,27 @@ class LightMeshesScene(bpy.types.PropertyGroup):
     )
 
 
+def _pass(name, description):
+    return BoolProperty(name=name, description=description, default=False, options=set(), update=_passes_changed)
+
+
+class LightMeshesViewLayer(bpy.types.PropertyGroup):
+    use_pass_ambient: _pass("Ambient", "Deliver the world's light on surfaces, which is there in shadow too")
+    use_pass_debug_candidates: _pass(
+        "Candidates", "Deliver how many nodes of the lattice were looked at, over all surfaces seen in the pixel")
+    use_pass_debug_m: _pass(
+        "Nodes (m)", "Deliver how many nodes of the lattice were averaged, over all surfaces seen in the pixel. "
+        "Where the visibility of nodes did not matter they are not counted")
+    use_pass_debug_empty: _pass(
+        "Empty Sets", "Deliver where no node of the lattice was found, so that the shadow is sharp")
+    use_pass_debug_skipped: _pass(
+        "Skipped", "Deliver where all nodes of the lattice agreed, so that their visibility did not matter")
+
+
 class LightMeshesLight(bpy.types.PropertyGroup):
+    shadow_pass: _pass(
+        "Shadow Pass", "Deliver a pass of its own that shows how much of this light reaches each surface: "
+        "1 in its full light, 0 in its shadow. Lights that share this data share the pass, as their mean")
     soft_shadows: BoolProperty(
         name="Soft Shadows",
         description="Let the shadows of this light have soft edges; without it they are sharp whatever the scene says",
@@ -189,6 +217,7 @@ class LightMeshesMaterial(bpy.types.PropertyGroup):
 
 _GROUPS = {
     bpy.types.Scene: LightMeshesScene,
+    bpy.types.ViewLayer: LightMeshesViewLayer,
     bpy.types.Light: LightMeshesLight,
     bpy.types.Material: LightMeshesMaterial,
 }

@@ -22,7 +22,7 @@ class LightMeshesEngine(bpy.types.RenderEngine):
     export_to: ClassVar[Path | None] = None  # export there and render nothing, as the headless driver may want
 
     def update_render_passes(self, scene=None, renderlayer=None):
-        for p in passes.wanted(renderlayer):
+        for p in passes.wanted(scene, renderlayer):
             self.register_pass(scene, renderlayer, p.name, p.channels, p.channel_ids, p.kind)
 
     def render(self, depsgraph):

@@ -2,13 +2,15 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 from light_meshes import snapshot
+from light_meshes.passes import PASSES
 from light_meshes.render import render_image
-from scenes import tabletop, with_settings
+from scenes import tabletop, with_lights, with_settings
 
 
 def run(*arguments):
@@ -23,9 +25,14 @@ def read(path):
     return pixels[::-1], list(file.spec().channelnames)
 
 
+def with_shadow_pass():
+    scene = tabletop(40)
+    return with_lights(scene, *(replace(light, shadow_pass=3) for light in scene.lights))
+
+
 @pytest.fixture
 def folder(tmp_path):
-    snapshot.write(tabletop(40), tmp_path / "scene")
+    snapshot.write(with_shadow_pass(), tmp_path / "scene")
     return tmp_path
 
 
@@ -33,10 +40,12 @@ def test_an_exr_has_the_linear_picture_and_all_passes(folder):
     done = run("render", folder / "scene", "-o", folder / "out.exr")
     assert done.returncode == 0 and done.stderr == ""
     pixels, names = read(folder / "out.exr")
-    expected = render_image(tabletop(40), ("Combined", "Depth", "Normal", "Shadow")).passes
-    np.testing.assert_array_equal(pixels[..., [names.index(c) for c in "RGBA"]], expected["Combined"])
-    np.testing.assert_array_equal(pixels[..., names.index("Depth.Z")], expected["Depth"][..., 0])
-    np.testing.assert_array_equal(pixels[..., names.index("Normal.X")], expected["Normal"][..., 0])
+    expected = render_image(with_shadow_pass(), (*PASSES, "Shadow 3")).passes
+    channels = {name: "RGBA" if name == "Combined" else [f"{name}.{c}" for c in PASSES.get(name, "RGB")]
+                for name in expected}
+    assert len(names) == sum(map(len, channels.values())) and {"Depth.Z", "UV.A", "Shadow 3.R"} < set(names)
+    for name, found in channels.items():
+        np.testing.assert_array_equal(pixels[..., [names.index(c) for c in found]], expected[name], err_msg=name)
 
 
 def test_a_png_is_srgb(folder):
@@ -99,7 +108,6 @@ def test_debug_shows_the_traceback(folder):
 
 
 def test_warnings_of_the_scene_are_passed_on(folder):
-    from dataclasses import replace
     snapshot.write(replace(tabletop(8), warnings=("Material 'Jelly': Subsurface is left out",)), folder / "scene")
     done = run("render", folder / "scene", "-o", folder / "out.png")
     assert done.returncode == 0 and "Jelly" in done.stderr

@@ -22,7 +22,7 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], **overrid
     scene = depsgraph.scene_eval
     frame = camera.frame(engine, scene, depsgraph, report)
     materials = Materials(report, folder, depsgraph)
-    geometry = Geometry(materials, report, check)
+    geometry = Geometry(materials, report, check, depsgraph.view_layer_eval)
     lamps = []
     for instance in depsgraph.object_instances:
         check()

@@ -31,9 +31,10 @@ class _Mesh:
 class Geometry:
     """Collects instances; every mesh once, however many instances it has."""
 
-    def __init__(self, materials: Materials, report: Report, check: Callable[[], None]) -> None:
+    def __init__(self, materials: Materials, report: Report, check: Callable[[], None], view_layer) -> None:
         self.objects: list[dict] = []
         self._materials, self._report, self._check = materials, report, check
+        self._view_layer = view_layer
         self._meshes: list[_Mesh] = []
         self._mesh_of: dict[tuple, int | None] = {}  # None: nothing to see
         self._mesh_of_object: dict[tuple, int | None] = {}
@@ -74,7 +75,7 @@ class Geometry:
         counts = np.array([(len(m.vertices), len(m.triangles)) for m in meshes], np.int64).reshape(-1, 2)
         starts = np.cumsum(counts, axis=0) - counts
         uvs = []
-        if self._materials.images:
+        if self._materials.images or self._materials.every_uv:
             uvs = [np.zeros((len(m.triangles), 3, 2), np.float32) if m.uvs is None else m.uvs for m in meshes]
         return {
             "vertices": _joined([m.vertices for m in meshes], (3,), np.float32),
@@ -91,15 +92,17 @@ class Geometry:
     def _object(self, ob, parent) -> int:
         """Number of a new entry of `objects`: what is seen of `ob`, and of its instancer if it has one."""
         seen = [ob] if parent is None or parent == ob else [ob, parent]
-        if any(o.is_holdout for o in seen):
-            self._report.warn(f"Object '{ob.name}': holdout is not translated; it is rendered as any object")
-        if any(o.is_shadow_catcher for o in seen):
-            self._report.warn(f"Object '{ob.name}': shadow catchers are not translated; it is rendered as any object")
+        # Collections are holdouts, or for indirect light only, in a view layer; as in Cycles a hole shows either way.
+        holdout = any(o.is_holdout or o.holdout_get(view_layer=self._view_layer) for o in seen)
+        hidden = not holdout and any(o.indirect_only_get(view_layer=self._view_layer) for o in seen)
         self.objects.append({
             "name": ob.name,
-            "visible_camera": all(o.visible_camera for o in seen),
+            "visible_camera": all(o.visible_camera for o in seen) and not hidden,
             "visible_reflection": all(o.visible_glossy for o in seen),
             "visible_shadow": all(o.visible_shadow for o in seen),
+            "holdout": holdout,
+            "shadow_catcher": any(o.is_shadow_catcher for o in seen),
+            "index": ob.pass_index,
         })
         return len(self.objects) - 1
 
@@ -139,12 +142,14 @@ class Geometry:
         return _Mesh(vertices, triangles, normals[loops], triangle_materials, self._uvs(ob, mesh, materials, loops))
 
     def _uvs(self, ob, mesh, materials: tuple[int, ...], loops: np.ndarray) -> np.ndarray | None:
-        """(T,3,2) where a material has an image."""
+        """(T,3,2) where a material has an image, or the UV pass is asked for."""
         name = self._materials.uv_map(materials)
-        if name is None:
+        if name is None and not self._materials.every_uv:
             return None
         layers = mesh.uv_layers
         layer = layers.get(name) if name else next((a for a in layers if a.active_render), None)
+        if layer is None and name is None:
+            return None
         if layer is None:
             wanted = f"no UV map '{name}'" if name else "no UV map"
             self._report.warn(f"Object '{ob.name}' has {wanted}; its image texture shows a single point of the image")

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from ..passes import shadow_number
 from .nodes import Nodes, uses_nodes
 from .report import Report
 
@@ -26,6 +27,7 @@ def light(ob, matrix_world, report: Report) -> dict:
         "direction": (-z).tolist() if z.any() else [0.0, 0.0, -1.0],
         "soft_shadows": lamp.light_meshes.soft_shadows,
         "cast_shadow": lamp.use_shadow,
+        "shadow_pass": shadow_number(lamp),
     }
     factor, own = _SHAPES[lamp.type](lamp, lengths, x, y, report)
     power = factor * lamp.energy * _exposure(lamp)

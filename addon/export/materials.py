@@ -20,6 +20,7 @@ class Materials:
         self.descriptions: list[dict] = []
         self._images = Images(report, folder)
         self._report = report
+        self.every_uv = depsgraph.view_layer_eval.use_pass_uv  # the UV pass wants them, with images or without
         self._depsgraph = depsgraph
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
@@ -50,7 +51,8 @@ class Materials:
         overrides = material.light_meshes if material else None
         if overrides:
             description |= _overrides(overrides) | {
-                "priority": overrides.priority, "transparent_shadow": material.use_transparent_shadow}
+                "priority": overrides.priority, "transparent_shadow": material.use_transparent_shadow,
+                "index": material.pass_index}
         if surface.image and not (overrides and overrides.override_Od):
             description["image"] = self._images.index(surface.image)
         if surface.alpha_image and not (overrides and overrides.override_alpha):

@@ -135,11 +135,11 @@ def _render(arguments: argparse.Namespace) -> None:
 
 
 def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple[list[str], dict[str, Any]]:
-    from . import film, render
+    from . import film, passes, render
 
     scene = _changed(_read(arguments.file), arguments.set)
-    passes = tuple(film.PASSES) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
-    done = render.render(scene, film.Framebuffer.create(scene, passes), progress=progress)
+    names = passes.all_of(scene) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
+    done = render.render(scene, film.Framebuffer.create(scene, names), progress=progress)
     film.write(done.frame, arguments.output)
     return [*scene.warnings, *done.warnings], done.statistics
 

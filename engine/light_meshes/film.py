@@ -10,12 +10,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from .passes import letters
 from .scene import Scene, SceneError
-
-# The one list of passes: name → channels. Combined is RGB and alpha, premultiplied; Depth 1e10 where nothing is
-# hit; Normal is the shading normal in the world; Shadow is the mean of S over the lights, three times.
-PASSES = {"Combined": 4, "Depth": 1, "Normal": 3, "Shadow": 3}
-NO_DEPTH = 1e10  # as Cycles writes it
 
 
 @dataclass(frozen=True)
@@ -32,9 +28,7 @@ class Framebuffer:
         x0, y0, x1, y1 = crop_of(scene)
         arrays = {}
         for name in passes:
-            if name not in PASSES:
-                raise SceneError(f"there is no pass '{name}'; there are {', '.join(PASSES)}")
-            shape = (y1 - y0, x1 - x0, PASSES[name])
+            shape = (y1 - y0, x1 - x0, len(letters(name)))
             if folder is None:
                 arrays[name] = np.zeros(shape, np.float32)
             else:
@@ -66,7 +60,7 @@ def write(frame: Framebuffer, path: Path) -> None:
     """
     if path.suffix.lower() == ".exr":
         channels = [f"{name}.{c}" if name != "Combined" else c
-                    for name, a in frame.passes.items() for c in _LETTERS[name][:a.shape[2]]]
+                    for name in frame.passes for c in letters(name)]
         pixels = np.concatenate(list(frame.passes.values()), axis=2)
         spec = oiio.ImageSpec(frame.width, frame.height, len(channels), oiio.FLOAT)
         spec.channelnames = tuple(channels)
@@ -83,9 +77,6 @@ def write(frame: Framebuffer, path: Path) -> None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")
     if not (out.open(str(path), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()):
         raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
-
-
-_LETTERS = {"Combined": "RGBA", "Depth": "Z", "Normal": "XYZ", "Shadow": "RGB"}
 
 
 def to_srgb(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -9,11 +9,21 @@ from numpy.typing import NDArray
 
 from . import interfaces, shading
 from .camera import camera_rays, depth
-from .compiled import kernel
-from .film import NO_DEPTH
+from .geometry import Hits
+from .passes import REFLECTED, TRANSMITTED, Tile
 from .prepared import Prepared
 
 Rays = dict[str, NDArray]  # pixel, weight, origin, direction, …: the rows of each array belong together
+
+# The passes of the first surface that a camera ray sees: (n, channels).
+_AT_FIRST: dict[str, Callable[[Prepared, Hits], NDArray]] = {
+    "Depth": lambda ready, hits: depth(ready.scene.camera, hits.P)[:, None],
+    "Position": lambda ready, hits: hits.P,
+    "Normal": lambda ready, hits: hits.Ns,
+    "UV": lambda ready, hits: np.concatenate([hits.uv, np.ones((len(hits.uv), 1))], axis=1),
+    "Object Index": lambda ready, hits: ready.object_index[ready.owner(hits.triangle), None],
+    "Material Index": lambda ready, hits: ready.material_index[hits.material, None],
+}
 
 
 def radiance(ready: Prepared, box: tuple[int, int, int, int], check: Callable[[], None]) -> dict[str, NDArray]:
@@ -23,74 +33,113 @@ def radiance(ready: Prepared, box: tuple[int, int, int, int], check: Callable[[]
         origin, direction, far = camera_rays(scene.camera, box, ready.offsets)
     reach: NDArray | None = far
     n = len(origin)
-    film = {"Combined": np.zeros((n, 4)), "Depth": np.full((n, 1), NO_DEPTH), "Normal": np.zeros((n, 3)),
-            "Shadow": np.zeros((n, 3))}
-    film["Combined"][:, 3] = 1
+    tile = Tile(ready.passes, n)
     rays: Rays = {"pixel": np.arange(n), "weight": np.ones((n, 3)), "origin": origin, "direction": direction,
                   "depth": np.zeros(n, np.int16)}
     if ready.plan.transparent:
         # Straight through all surfaces so far; the media it is in, −1: none.
         rays |= {"clear": np.ones(n, np.bool_), "media": np.full((n, interfaces.MEDIA), -1, np.int32)}
+    if tile.parts:
+        rays["part"] = np.zeros(n, np.int8)  # DIRECT
     ready.stats.add(camera_rays=n)
     waves: dict[str, Rays] = {"camera": rays}
     while waves:
         next_waves: dict[str, list[Rays]] = {}
         for kind, rays in waves.items():
             check()
-            for child_kind, child in _wave(ready, kind, rays, reach, film, check):
+            for child_kind, child in _wave(ready, kind, rays, reach, tile, check):
                 next_waves.setdefault(child_kind, []).append(child)
                 ready.stats.add(secondary_rays=len(child["pixel"]))
             reach = None
         waves = {kind: _joined(children) for kind, children in next_waves.items()}
-    return {name: _developed(name, film[name], box, len(ready.offsets)) for name in ready.passes}
+    return {name: tile.developed(name, box, len(ready.offsets)) for name in ready.passes}
 
 
-def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, film: dict[str, NDArray],
+def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, tile: Tile,
           check: Callable[[], None]) -> list[tuple[str, Rays]]:
     """Trace and shade rays of one kind; returns the rays that go on, by kind."""
-    settings, combined = ready.scene.settings, film["Combined"]
+    settings, plan = ready.scene.settings, ready.plan
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         hit, hits = ready.closest(kind, rays["origin"], rays["direction"], rays.get("normal"), reach)
     rays = {name: a for name, a in rays.items() if name not in ("origin", "normal")}  # done with
-    miss = _rows({name: rays[name] for name in ("pixel", "weight", "clear") if name in rays}, ~hit)
+    miss = _rows({name: rays[name] for name in ("pixel", "weight", "clear", "part") if name in rays}, ~hit)
     if settings.film_transparent and kind == "camera":
         lost = miss["clear"] if "clear" in miss else np.ones(len(miss["pixel"]), np.bool_)
-        _deposit(combined[:, 3:], miss["pixel"][lost], -miss["weight"][lost].mean(1, keepdims=True), np.ones(1))
+        tile.take_alpha(miss["pixel"][lost], miss["weight"][lost])
         miss = _rows(miss, ~lost)
-    _deposit(combined, miss["pixel"], miss["weight"], np.array(ready.scene.world_color))
+    world = np.array(ready.scene.world_color)
+    tile.add_light(miss, miss["weight"], world, {"Environment": world})
     rays = _rows(rays, hit)
-    if not ready.plan.transparent:
-        colour, shadow = ready.direct(hits, rays["direction"], check)
-        _deposit(combined, rays["pixel"], rays["weight"], colour)
+    children: list[tuple[str, Rays]] = []
+    if kind == "camera" and (plan.holdouts or plan.catchers):
+        rays, hits, children = _not_there(ready, rays, hits, tile, check)
+    if not plan.transparent:
+        seen = _shade(ready, kind, rays, rays["weight"], hits, tile, check)
         if kind == "camera":
-            _first(ready, film, rays["pixel"], hits, shadow)
-        if not ready.plan.reflections:
-            return []
-        bounced = rays["weight"] * ready.materials.mirror[hits.material]
-        return _going(ready, "reflection", rays, hits, bounced, None, 1)
+            _first(ready, tile, rays["pixel"], hits, seen)
+        if plan.reflections:
+            bounced = rays["weight"] * ready.materials.mirror[hits.material]
+            children += _going(ready, "reflection", _as(REFLECTED, rays), hits, bounced, None, 1)
+        return children
     alpha = ready.glass.alpha(hits)
     face = ready.glass.interface(hits, rays)
     solid = np.flatnonzero((alpha > 0) & face.real)
-    colour, shadow = ready.direct(hits.at(solid), rays["direction"][solid], check)
     share = rays["weight"] * np.where(face.real, alpha, 0)[:, None]
-    _deposit(combined, rays["pixel"][solid], share[solid], colour)
-    seen = rays["clear"][solid] & (alpha[solid] >= 0.5) & (film["Depth"][rays["pixel"][solid], 0] == NO_DEPTH)
-    _first(ready, film, rays["pixel"][solid][seen], hits.at(solid[seen]), shadow[seen])
+    shadows = _shade(ready, kind, _rows(rays, solid), share[solid], hits.at(solid), tile, check)
+    first = rays["clear"][solid] & (alpha[solid] >= 0.5) & ~tile.seen[rays["pixel"][solid]]
+    _first(ready, tile, rays["pixel"][solid][first], hits.at(solid[first]),
+           {name: values[first] for name, values in shadows.items()})
     # What is not there: cut-outs, and interfaces inside a medium of higher priority.
     unseen = rays | {"media": np.where(face.real[:, None], rays["media"], face.media)}
-    children = _going(ready, kind, unseen, hits, rays["weight"] - share, rays["direction"], 0)
-    through = rays | {"media": face.media, "clear": np.zeros_like(rays["clear"])}
+    children += _going(ready, kind, unseen, hits, rays["weight"] - share, rays["direction"], 0)
+    through = _as(TRANSMITTED, rays) | {"media": face.media, "clear": np.zeros_like(rays["clear"])}
     straight = ~face.bends
     passed = share * face.kt
     children += _going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays["direction"], 0)
     children += _going(ready, "reflection", through, hits, np.where(straight[:, None], 0, passed), face.refracted, 1)
-    if ready.plan.reflections:
-        bounced = rays | {"clear": np.zeros_like(rays["clear"])}
+    if plan.reflections:
+        bounced = _as(REFLECTED, rays) | {"clear": np.zeros_like(rays["clear"])}
         children += _going(ready, "reflection", bounced, hits, share * face.mirror, None, 1)
     return children
 
 
-def _going(ready: Prepared, kind: str, rays: Rays, hits, weight: NDArray, direction: NDArray | None,
+def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
+           check: Callable[[], None]) -> dict[str, NDArray]:
+    """Add the light of surfaces that rays hit; returns the shadow passes there."""
+    work = tile.work(len(weight))
+    colour, terms, shadows = ready.direct(hits, rays["direction"], check, tile.parts, kind == "camera", work)
+    tile.add_light(rays, weight, colour, terms)
+    tile.add_work(rays["pixel"], work)
+    return shadows
+
+
+def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
+               check: Callable[[], None]) -> tuple[Rays, Hits, list[tuple[str, Rays]]]:
+    """Take out the camera rays that meet a holdout, and those that meet a shadow catcher, which go straight on, dimmed.
+
+    Returns what is left, and the rays that go on.
+    """
+    owner, alpha = ready.owner(hits.triangle), ready.glass.alpha(hits)[:, None]
+    holdout = ready.holdout[owner]
+    catcher = np.flatnonzero(ready.catcher[owner] & ~holdout)
+    tile.take_alpha(rays["pixel"][holdout], (rays["weight"] * alpha)[holdout])
+    left = np.zeros_like(rays["weight"])
+    if len(catcher):
+        work = tile.work(len(catcher))
+        left[catcher] = ready.shadow_ratio(hits.at(catcher), rays["direction"][catcher], check, work)
+        tile.add_work(rays["pixel"][catcher], work)
+    gone = ready.holdout[owner] | ready.catcher[owner]
+    weight = rays["weight"] * (1 - alpha + alpha * left)  # cut-outs let pass
+    children = _going(ready, "camera", _rows(rays, gone), hits.at(gone), weight[gone], rays["direction"][gone], 0)
+    return _rows(rays, ~gone), hits.at(~gone), children
+
+
+def _as(part: int, rays: Rays) -> Rays:
+    """Rays that go on as `part`, if they have not been one yet."""
+    return rays | {"part": np.where(rays["part"] == 0, np.int8(part), rays["part"])} if "part" in rays else rays
+
+
+def _going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray | None,
            step: int) -> list[tuple[str, Rays]]:
     """The rays that go on with `weight`: mirrored where direction is None, else through the surface."""
     settings = ready.scene.settings
@@ -108,11 +157,14 @@ def _going(ready: Prepared, kind: str, rays: Rays, hits, weight: NDArray, direct
                            "depth": rays["depth"] + np.int16(step)})]
 
 
-def _first(ready: Prepared, film: dict[str, NDArray], pixel: NDArray, hits, shadow: NDArray) -> None:
+def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dict[str, NDArray]) -> None:
     """The passes of the first surface that a camera ray sees."""
-    film["Depth"][pixel, 0] = depth(ready.scene.camera, hits.P)
-    film["Normal"][pixel] = hits.Ns
-    film["Shadow"][pixel] = shadow[:, None]
+    tile.seen[pixel] = True
+    for name, samples in tile.samples.items():
+        if name in _AT_FIRST:
+            samples[pixel] = _AT_FIRST[name](ready, hits)
+        elif name in shadows:
+            samples[pixel] = shadows[name]
 
 
 def _rows(rays: Rays, rows: NDArray) -> Rays:
@@ -123,28 +175,3 @@ def _joined(children: list[Rays]) -> Rays:
     if len(children) == 1:
         return children[0]
     return {name: np.concatenate([c[name] for c in children]) for name in children[0]}
-
-
-def _deposit(film: NDArray, pixel: NDArray, weight: NDArray, colour: NDArray) -> None:
-    """film[pixel] += weight·colour."""
-    _add(film, pixel, weight, np.broadcast_to(colour, weight.shape))
-
-
-@kernel
-def _add(film, pixel, weight, colour):
-    for n in range(len(pixel)):  # several rays may belong to one pixel: they add up in their order
-        for c in range(weight.shape[1]):
-            film[pixel[n], c] += weight[n, c] * colour[n, c]
-
-
-def _developed(name: str, samples: NDArray, box: tuple[int, int, int, int], per_pixel: int) -> NDArray:
-    """The mean of a pixel's samples, added in order; Depth is that of the sample nearest to the centre."""
-    pixels = samples.reshape(-1, per_pixel, samples.shape[1])
-    if name == "Depth":
-        total = pixels[:, 0]
-    else:
-        total = pixels[:, 0].copy()
-        for s in range(1, per_pixel):
-            total += pixels[:, s]
-        total /= per_pixel
-    return total.reshape(box[3] - box[1], box[2] - box[0], -1)

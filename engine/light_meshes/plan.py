@@ -8,6 +8,7 @@ import numpy as np
 
 from .casters import Casters, union
 from .interfaces import Interfaces
+from .passes import DEBUG
 from .scene import Scene
 
 
@@ -22,6 +23,8 @@ class Plan:
     uniform_skip: bool = False
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
+    holdouts: bool = False  # the camera sees holes
+    catchers: bool = False  # the camera sees some surfaces by the shadows on them only
     reasons: dict[str, str] = field(default_factory=dict)
 
 
@@ -105,6 +108,15 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
     decide("accelerators", "one" if not hidden else "one a kind of ray", f"{hidden} objects are hidden from some rays")
     if len(lights) < len(scene.lights):
         decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
-    if "Shadow" in passes and p.shadows == "NONE":
-        decide("Shadow pass", "lit sides", "nothing casts a shadow")
+    holdouts, catchers = (sum(getattr(o, flag) and o.visible_camera for o in scene.objects)
+                          for flag in ("holdout", "shadow_catcher"))
+    p.holdouts, p.catchers = holdouts > 0, catchers > 0
+    if holdouts:
+        decide("holdouts", holdouts, "camera rays end there")
+    if catchers:
+        decide("shadow catchers", catchers, "camera rays pass them, dimmed by the shadows there")
+    if any(name.startswith("Shadow") for name in passes) and p.shadows == "NONE":
+        decide("shadow passes", "lit sides", "nothing casts a shadow")
+    if any(name in passes for name in DEBUG) and p.shadows != "LIGHT_MESHES":
+        decide("debug passes", "empty", "without light meshes nothing is counted")
     return p

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from .geometry import Hits, flatten, surface
 from .interfaces import Interfaces
 from .lattice import lattice
 from .optics import DEPTH
+from .passes import shadow_number
 from .plan import plan
 from .refraction import RefractedPaths
 from .scene import Scene
@@ -51,7 +52,14 @@ class Prepared:
         self.plan = plan(self.scene, self.glass, self.casters, self.passes)
         self.lights = shading.light_arrays(scene.lights)
         self.linked = shading.linked(scene)
+        groups = np.array([light.shadow_pass for light in scene.lights], np.int64)
+        self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
+                               for name in self.passes if name.startswith("Shadow")}
         self.materials = shading.material_arrays(scene.materials)
+        self.material_index = np.array([m.index for m in scene.materials], np.float64)
+        self.object_index = np.array([o.index for o in scene.objects], np.float64)
+        self.holdout = np.array([o.holdout for o in scene.objects], np.bool_)
+        self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
         self.refraction = self._refraction()
         self.visibility = self._visibility()
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
@@ -152,34 +160,84 @@ class Prepared:
         hit, hits = self.closest("camera", origin, direction, None, reach)
         return direction[hit], hits
 
-    def direct(self, hits: Hits, direction: NDArray, check: Callable[[], None]) -> tuple[NDArray, NDArray]:
-        """Ia·ka·Od + Σ S·Ω + emission (n,3), and the mean S (n,), of hits of rays with `direction`."""
-        m, settings, lights = self.materials, self.scene.settings, len(self.scene.lights)
+    def direct(self, hits: Hits, direction: NDArray, check: Callable[[], None], parts: bool = False,
+               first: bool = False, work: NDArray | None = None) -> tuple[
+                   NDArray, dict[str, NDArray], dict[str, NDArray]]:
+        """Ia·ka·Od + Σ S·Ω + emission (n,3), of hits of rays with `direction`.
+
+        And its terms, by the passes that show them, where `parts`; and the shadow passes, (n,3), where `first`. work
+        (n,4): filled with what the debug passes show.
+        """
+        m, settings = self.materials, self.scene.settings
         Od = m.Od[hits.material]
         if self.textures:
             image = m.image[hits.material]
             for i, texture in enumerate(self.textures):
                 if texture is not None:
                     texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
-        ambient = settings.ambient * np.array(self.scene.world_color)
-        colour = m.emission[hits.material] + m.ka[hits.material][:, None] * Od * ambient
-        shadow = np.zeros(len(hits.P))
+        emission = m.emission[hits.material]
+        ambient = m.ka[hits.material][:, None] * Od * (settings.ambient * np.array(self.scene.world_color))
+        colour = emission + ambient
+        terms = {"Emission": emission, "Ambient": ambient, "Diffuse": np.zeros_like(colour),
+                 "Glossy": np.zeros_like(colour)} if parts else {}
+        shadows = {name: np.zeros_like(colour) for name in self._shadow_lights if first}
+        for part, omega, S in self._lit(hits, direction, m, Od, bool(shadows), check, work):
+            with self.stats.stage("shading"):
+                shading.gather(S, omega, colour[part])
+                if terms:
+                    matt, _ = self._omega(hits, part, direction, m._replace(ks=np.zeros_like(m.ks)), Od, False)
+                    shading.gather(S, matt, terms["Diffuse"][part])
+                    shading.gather(S, omega - matt, terms["Glossy"][part])
+                for name, shadow in shadows.items():
+                    lights = self._shadow_lights[name]
+                    shadow[part] = S[:, lights].sum(1, dtype=np.float64) / max(len(lights), 1)
+        return colour, terms, shadows
+
+    def shadow_ratio(self, hits: Hits, direction: NDArray, check: Callable[[], None],
+                     work: NDArray | None = None) -> NDArray[np.float64]:
+        """(Σ S·Ω + Ia)/(Σ Ω + Ia) (n,3): what shadows leave of the light that a white matt surface returns.
+
+        1 where no light comes. work: as in `direct`.
+        """
+        m = self.materials
+        white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
+        lit = np.empty((len(hits.P), 3))
+        lit[:] = self.scene.settings.ambient * np.array(self.scene.world_color)
+        full = lit.copy()
+        for part, omega, S in self._lit(hits, direction, white, np.ones_like(lit), False, check, work):
+            with self.stats.stage("shading"):
+                shading.gather(S, omega, lit[part])
+                shading.gather(np.ones_like(S), omega, full[part])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
+
+    def _lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
+             check: Callable[[], None], work: NDArray | None) -> Iterator[tuple[slice, NDArray, NDArray]]:
+        """(rows, Ω (n,L,3), S (n,L,C)) of the hits, batch by batch; none without lights."""
+        lights = len(self.scene.lights)
         step = max(64, SHADED // max(1, lights))
         for i in range(0, len(hits.P) if lights else 0, step):
             check()
             part = slice(i, min(i + step, len(hits.P)))
-            n = part.stop - part.start
-            out = np.empty((n, lights, 3), np.float32)
-            active = np.zeros((n, (lights + 63) // 64), np.uint64)
             with self.stats.stage("shading"):
-                shading.omega(self.lights, m, hits.P[part], hits.Ng[part], hits.Ns[part], direction[part], Od[part],
-                              hits.material[part], "Shadow" in self.passes, out, active)
-                if self.linked is not None:
-                    shading.unlink(self.linked, self.owner(hits.triangle[part]), out, active)
-            S = self.visibility(hits.P[part], hits.Ng[part], active, check, self._receives(hits.triangle[part]))
-            with self.stats.stage("shading"):
-                shading.gather(S.reshape(n, lights, -1), out, colour[part], shadow[part])
-        return colour, shadow
+                omega, active = self._omega(hits, part, direction, materials, Od, unlit)
+            receives = self._receives(hits.triangle[part])
+            if work is not None and isinstance(self.visibility, LightMeshes):
+                S = self.visibility(hits.P[part], hits.Ng[part], active, check, receives, work[part])
+            else:
+                S = self.visibility(hits.P[part], hits.Ng[part], active, check, receives)
+            yield part, omega, S.reshape(*S.shape[:2], -1)
+
+    def _omega(self, hits: Hits, part: slice, direction: NDArray, materials: shading.Materials, Od: NDArray,
+               unlit: bool) -> tuple[NDArray[np.float32], NDArray[np.uint64]]:
+        """Ω (n,L,3) of the hits in `part`, and the bits of the lights that count; see `shading.omega`."""
+        n, lights = part.stop - part.start, len(self.scene.lights)
+        out, active = np.empty((n, lights, 3), np.float32), np.zeros((n, (lights + 63) // 64), np.uint64)
+        shading.omega(self.lights, materials, hits.P[part], hits.Ng[part], hits.Ns[part], direction[part], Od[part],
+                      hits.material[part], unlit, out, active)
+        if self.linked is not None:
+            shading.unlink(self.linked, self.owner(hits.triangle[part]), out, active)
+        return out, active
 
 
 def measured_h(ready: Prepared) -> float:

@@ -94,6 +94,7 @@ class Light:
     reference_distance: float = 0.0  # LIGHT_SIZE: a, from the caster of a shadow to its receiver; 0: measured
     receivers: tuple[int, ...] | None = None  # objects that it lights; None: all
     blockers: tuple[int, ...] | None = None  # objects that cast shadows in its light; None: all
+    shadow_pass: int = -1  # the pass "Shadow N" shows what is seen of the lights that have this N; -1: none
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ The child says first
 where PATH is a new private folder (mode 0700) that parent and child share; the child owns it and removes it when
 it ends: on "quit", on a closed stdin (so nothing outlives the parent, however it died), on SIGTERM.
 
-Parent → child (paths are relative to the folder, or absolute):
+Parent → child (paths are relative to the folder, or absolute; passes.py lists the passes):
     {"command": "render", "id": 1, "snapshot": "scene", "framebuffer": "frame", "passes": ["Combined", "Depth"]}
     {"command": "measure", "id": 2, "snapshot": "scene"}     h that `auto_h` would take for this scene,
         and r of each light whose softness is LIGHT_SIZE

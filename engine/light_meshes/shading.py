@@ -85,7 +85,7 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
     """Ω(i,P) for hits of rays with `direction`; out (n,L,3) float32, active (n,W): the bits of ξ_i·Ω_i ≠ 0.
 
     unlit: lights that reach P (ξ_i·I_i·f_att ≠ 0) count as active even where the material returns nothing (the
-    Shadow pass wants them).
+    shadow passes want them).
     """
     for p in range(len(P)):
         m = material[p]
@@ -164,24 +164,22 @@ def unlink(linked, owner, out, active):
 
 
 @kernel
-def gather(S, out, colour, shadow):
-    """Adds U = Σ_i S_i·Ω_i, eqs. (2), (4) and (7), to colour (n,3); sets shadow (n,) = mean of S over the lights.
+def gather(S, out, colour):
+    """Adds U = Σ_i S_i·Ω_i, eqs. (2), (4) and (7), to colour (n,3).
 
     S is (n,L,C): one number a light, or RGB.
     """
     green, blue = S.shape[2] // 2, S.shape[2] - 1
     for p in range(len(S)):
-        r, g, b, s = 0.0, 0.0, 0.0, 0.0
+        r, g, b = 0.0, 0.0, 0.0
         for i in range(S.shape[1]):
             x, y, z = np.float64(S[p, i, 0]), np.float64(S[p, i, green]), np.float64(S[p, i, blue])
-            s += x if green == 0 else (x + y + z) / 3.0
             r += x * out[p, i, 0]
             g += y * out[p, i, 1]
             b += z * out[p, i, 2]
         colour[p, 0] += r
         colour[p, 1] += g
         colour[p, 2] += b
-        shadow[p] = s / max(S.shape[1], 1)
 
 
 @kernel

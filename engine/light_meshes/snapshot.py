@@ -81,6 +81,7 @@ _RANGES = {
     (Light, "radius"): (0.0, 1e30),
     (Light, "soft_radius"): (0.0, 1e30),
     (Light, "reference_distance"): (0.0, 1e30),
+    (Light, "shadow_pass"): (-1, 2**32 - 1),
     (Material, "nShiny"): (0.0, 1e9),
     (Material, "ior"): (0.01, 100.0),
     (Material, "alpha"): (0.0, 1.0),

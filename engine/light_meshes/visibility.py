@@ -121,8 +121,8 @@ class LightMeshes:
         self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.reach[-1]**3 + 4), 64, 16384))
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
-        """S, see the module."""
+                 receives: NDArray[np.bool_] | None = None, probe: NDArray | None = None) -> NDArray[np.float32]:
+        """S, see the module. probe (n,4): filled with what the debug passes show, in the order of passes.DEBUG."""
         S = np.zeros((len(P), self.count, *self._channels), np.float32)
         soft = active & self._soft
         if receives is not None:
@@ -130,7 +130,8 @@ class LightMeshes:
         for i in range(0, len(P), self._batch):
             check()
             part = slice(i, i + self._batch)
-            soft[part] = self._average(P[part], N[part], soft[part], S[part], check)
+            soft[part] = self._average(P[part], N[part], soft[part], S[part], check,
+                                       None if probe is None else probe[part])
         self._stats.add(receivers=len(P))
         dim(S, soft, self._edges, P, N, check)
         left = active & ~soft  # what Ψ has no answer for goes to sharp shadows
@@ -139,7 +140,7 @@ class LightMeshes:
         return S
 
     def _average(self, P: NDArray, N: NDArray, soft: NDArray[np.uint64], S: NDArray[np.float32],
-                 check: Check) -> NDArray[np.uint64]:
+                 check: Check, probe: NDArray | None) -> NDArray[np.uint64]:
         """Steps 1 to 5 for receivers' soft lights: S is filled; returns those (n,W) whose set is not empty."""
         stats = self._stats
         with stats.stage("candidates"):
@@ -172,7 +173,10 @@ class LightMeshes:
             self._mean(start, candidate, weight, uniform, values, soft, P, N, position, m, S)
         # Of the classes with a set the one with the smallest ball serves them all.
         answered = soft & np.where(m[:, -1:] > 0, self._serve[(m > 0).argmax(1)], np.uint64(0))
-        stats.add(candidates=len(candidate), empty_sets=int((soft & ~answered).any(1).sum()))
+        empty = (soft & ~answered).any(1)
+        stats.add(candidates=len(candidate), empty_sets=int(empty.sum()))
+        if probe is not None:  # of the largest ball
+            probe[:] = np.stack([start[:, -1] - start[:, 0], np.where(uniform, 0, m[:, -1]), empty, uniform], axis=1)
         return answered
 
     def _partial(self, P: NDArray, row: NDArray, target: Targets, node: NDArray, N: NDArray) -> NDArray:

@@ -144,7 +144,7 @@ def read_layers(path: Path) -> dict[str, np.ndarray]:
         parts = name.split(".")
         channels.setdefault(parts[-2], {})[parts[-1]] = pixels[:, :, i]
     return {
-        name: np.stack([found[c] for c in sorted(found, key="RGBXYZAV".index)], axis=-1)
+        name: np.stack([found[c] for c in sorted(found, key="RGBXYZUVA".index)], axis=-1)
         for name, found in channels.items()
     }
 

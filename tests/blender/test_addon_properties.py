@@ -9,7 +9,8 @@ GROUPS = ("Scene", "Light", "Material")
 def own_properties(addon):
     from light_meshes_addon import properties
 
-    for group in (properties.LightMeshesScene, properties.LightMeshesLight, properties.LightMeshesMaterial):
+    for group in (properties.LightMeshesScene, properties.LightMeshesViewLayer, properties.LightMeshesLight,
+                  properties.LightMeshesMaterial):
         yield from (p for p in group.bl_rna.properties if p.identifier not in {"rna_type", "name"})
 
 

@@ -17,7 +17,16 @@ pytestmark = [pytest.mark.slow, pytest.mark.parametrize("python", PYTHONS or [py
 # What differs most between versions: kinds of objects, instances, nodes, light settings, passes, file formats.
 SCRIPT = "import sys, bpy, light_meshes_addon\nlight_meshes_addon.register()\n" + SCENE + """
 layer = scene.view_layers[0]
-layer.use_pass_z = layer.use_pass_normal = layer.use_pass_shadow = True
+from light_meshes_addon import passes
+for p in passes.ALL.values():
+    setattr(p.owner(layer), p.switch, True)
+# What Cycles of this version calls its passes.
+from cycles.engine import list_render_passes
+cycles, ours = (set(map(tuple, found)) for found in (
+    list_render_passes(scene, layer), [(p.name, p.channel_ids, p.kind) for p in passes.wanted(scene, layer)]))
+assert {name for name, _, _ in ours - cycles} == {
+    "Ambient", "Shadow", "Debug Candidates", "Debug m", "Debug Empty", "Debug Skipped"}, ours - cycles
+sun.light_meshes.shadow_pass = True
 text = add(bpy.data.curves.new("Text", 'FONT'), location=(-3, 2.5, 0.5))
 text.data.body = "Light"
 cube = bpy.data.meshes.new("Cube")
@@ -67,7 +76,8 @@ def test_version(python, environment, tmp_path):
     output, blend = tmp_path / "picture.exr", tmp_path / "scene.blend"
     run([python, "-c", SCRIPT, output, blend], environment)
     found = read_layers(output)
-    assert set(found) == {"Combined", "Depth", "Normal", "Shadow"}
+    assert len(found) == 19 and {"Combined", "Depth", "Normal", "Shadow", "Shadow Sun", "UV", "Ambient"} < set(found)
+    assert found["Shadow Sun"][36, 32] == pytest.approx((1, 1, 1)) and found["UV"][36, 32, 2] == 1
     combined = found["Combined"]
     assert combined.shape == (48, 64, 4)
     assert combined[36, 32, :3] == pytest.approx((0.5, 0.5, 0.5), abs=2e-3)  # the plane, out of the spot

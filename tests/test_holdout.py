@@ -1,0 +1,157 @@
+"""Holdouts are holes for the camera, shadow catchers are nothing but the shadows on them; to all others both are there.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from light_meshes.passes import NO_DEPTH, PASSES
+from light_meshes.render import render_image
+from light_meshes.scene import Material
+from meshes import GREY, Part, assemble, box, look_at, look_down, rectangle, sphere
+from scenes import edge, point, settings, sun, tabletop, with_lights, with_settings
+
+WORLD = (0.3, 0.4, 0.6)
+MIRROR = Material("mirror", Od=(0, 0, 0), kd=0.0, ka=0.0, mirror=(1.0, 1.0, 1.0))
+
+
+def flagged(scene, name, **flags):
+    """`scene` with flags on the object `name`."""
+    return replace(scene, objects=tuple(replace(o, **flags) if o.name == name else o for o in scene.objects))
+
+
+def ball_on_a_mirror(**values):
+    """A ball over a floor whose left half mirrors; seen from above and aside."""
+    parts = [Part(rectangle((-3, -3), (0, 3), 0.0), MIRROR, "mirror"),
+             Part(rectangle((0, -3), (3, 3), 0.0), Material("floor"), "floor"),
+             Part(sphere(0.6, 32, 16), Material("ball", Od=(0.8, 0.3, 0.2), kt=values.pop("kt", (0, 0, 0))), "ball",
+                  [np.array([[1, 0, 0, -0.2], [0, 1, 0, 0], [0, 0, 1, 1.2], [0, 0, 0, 1]], float)])]
+    return assemble(parts, look_at((-3, -4, 3.5), (0, 0, 0.6), 40, 64, 64), [point((-2, -2, 5), 15.0)],
+                    settings(mode="WHITTED", h=0.08, **values), world_color=WORLD)
+
+
+@pytest.mark.parametrize("clear", [False, True])
+@pytest.mark.parametrize("glass", [False, True])
+def test_a_holdout_is_a_hole_and_nothing_else_changes(clear, glass):
+    """Its mirror image and its shadow stay. Also where the scene has glass, whose rays take another way."""
+    scene = ball_on_a_mirror(film_transparent=clear)
+    if glass:
+        scene = replace(scene, materials=(*scene.materials[:1], replace(scene.materials[1], alpha=0.999),
+                                          *scene.materials[2:]))
+    names = tuple(PASSES)
+    full = render_image(flagged(scene, "ball", index=5), names).passes
+    done = render_image(flagged(scene, "ball", index=5, holdout=True), names)
+    hole = full["Object Index"][..., 0] == 5
+    assert 0.05 < hole.mean() < 0.3 and done.statistics["plan"]["holdouts"].startswith("1")
+    for name, pixels in done.passes.items():
+        np.testing.assert_array_equal(pixels[hole], NO_DEPTH if name == "Depth" else 0, err_msg=name)
+        np.testing.assert_array_equal(pixels[~hole], full[name][~hole], err_msg=name)
+    assert (full["Glossy"][~hole] != np.float32(WORLD)).any(-1).sum() > 100  # the mirror image is there
+
+
+def test_holdouts_at_edges_behind_panes_and_with_holes_leave_their_share_open():
+    white = Material("white", Od=(0, 0, 0), ka=0.0, kd=0.0, emission=(1.0, 1.0, 1.0))
+    pane = Material("pane", Od=(0, 0, 0), ka=0.0, kd=0.0, kt=(0.5, 0.5, 0.5), emission=(0.25, 0.25, 0.25))
+    half = replace(white, name="half", alpha=0.25)
+    parts = [Part(rectangle((-9, -9), (9, 9), 0.0), white, "ground"),
+             Part(rectangle((-4, -4), (0, 4), 1.0), half, "hole", visible={"holdout": True}),
+             Part(rectangle((-4, 0), (4, 4), 2.0), pane, "pane")]
+    scene = assemble(parts, look_down(0, 0, 4, 32), [], settings())
+    picture = render_image(scene).passes["Combined"]
+    for x, y, expected in ((24, 8, [1, 1, 1, 1]), (8, 8, [0.75, 0.75, 0.75, 0.75]), (24, 24, [0.75, 0.75, 0.75, 1]),
+                           (8, 24, [0.625, 0.625, 0.625, 0.875])):
+        np.testing.assert_allclose(picture[y, x], expected, rtol=1e-6)
+    soft = render_image(with_settings(flagged(scene, "pane", visible_camera=False), samples=16, filter_size=1.5))
+    across = soft.passes["Combined"][8]
+    np.testing.assert_allclose(across[:, 3], across[:, 0], rtol=1e-6)
+    assert (np.diff(across[:, 3]) >= -1e-6).all() and len(np.unique(across[:, 3].round(4))) > 3
+
+
+def catching(scene, name="floor", **changes):
+    return with_settings(flagged(scene, name, shadow_catcher=True), **changes)
+
+
+def test_a_catcher_in_the_light_is_not_there():
+    scene = ball_on_a_mirror()
+    gone = flagged(scene, "floor", visible_camera=False)
+    names = tuple(n for n in PASSES if not n.startswith("Debug"))
+    found, expected = (render_image(s, names).passes for s in (catching(scene), gone))
+    shadow = (found["Combined"] != expected["Combined"]).any(-1)
+    assert 0.01 < shadow.mean() < 0.2
+    for name in names:
+        np.testing.assert_array_equal(found[name][~shadow], expected[name][~shadow], err_msg=name)
+    assert (found["Combined"][shadow] <= expected["Combined"][shadow]).all()
+    assert (found["Environment"][shadow] == found["Combined"][..., :3][shadow]).all()
+    np.testing.assert_array_equal(found["Position"], expected["Position"])  # it has no place
+
+
+@pytest.mark.parametrize("kI", [3.0, 1.0])  # with 1 many sets are empty
+def test_the_clear_film_under_a_catcher_has_the_shadow_as_alpha(kI):
+    """One light and no ambient light: the ratio is S itself, whatever the blur."""
+    scene = edge(kI=kI, h=0.1)
+    shadow = render_image(scene, ("Shadow",)).passes["Shadow"][..., 0]
+    picture = render_image(catching(scene, film_transparent=True)).passes["Combined"]
+    assert not picture[..., :3].any()
+    np.testing.assert_allclose(picture[..., 3], 1 - shadow, rtol=0, atol=1e-6)
+    assert len(np.unique(shadow)) > 4 and shadow.min() == 0 and shadow.max() == 1
+
+
+def test_the_ratio_is_that_of_the_light_that_arrives():
+    """Two coloured suns and ambient light: (Σ S·Ω + Ia)/(Σ Ω + Ia), whatever the catcher's own material."""
+    colours, directions = np.array([(2.0, 1.0, 0.0), (0.5, 1.0, 0.0)]), np.array([(0.6, 0, -0.8), (-0.28, 0, -0.96)])
+    lamps = [replace(sun(d), intensity=tuple(c), shadow_pass=n)
+             for n, (c, d) in enumerate(zip(colours.tolist(), directions, strict=True))]
+    black = Material("black", Od=(0.0, 0.1, 1.0), ka=0.1, kd=0.3, ks=0.9, nShiny=3.0)
+    glow = Material("deep", ka=0.0, kd=0.0, emission=(2.0, 3.0, 4.0))
+    parts = [Part(rectangle((-9, -9), (9, 9), 0.0), black, "floor"),
+             Part(box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.7)), GREY, "box", visible={"visible_camera": False}),
+             Part(rectangle((-9, -9), (9, 9), -1.0), glow, "deep")]
+    scene = assemble(parts, look_down(0, 0, 4, 48), lamps, settings(h=0.1, ambient=0.5), world_color=(0.2, 0.4, 0.6))
+    S = render_image(scene, ("Shadow 0", "Shadow 1")).passes
+    ambient = np.array([0.1, 0.2, 0.3])
+    full = -directions[:, 2:] * colours  # Ω of a white floor, (2,3)
+    lit = ambient + S["Shadow 0"] * full[0] + S["Shadow 1"] * full[1]
+    expected = np.array([2.0, 3.0, 4.0]) * lit / (ambient + full.sum(0))
+    found = render_image(catching(scene), ("Combined",)).passes["Combined"]
+    np.testing.assert_allclose(found[..., :3], expected, rtol=2e-6)
+    assert (found[..., 3] == 1).all() and (found[..., 2] == 4).all()  # no light is blue: no shadow is
+    assert np.ptp(found[..., 0]) > 1
+    clear = render_image(catching(flagged(scene, "deep", visible_camera=False), film_transparent=True))
+    np.testing.assert_allclose(clear.passes["Combined"][..., 3], 1 - (expected / (2, 3, 4)).mean(-1), atol=1e-6)
+
+
+def test_in_a_mirror_a_catcher_is_an_object():
+    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), Material("floor", Od=(0.9, 0.2, 0.1)), "floor"),
+             Part(rectangle((-3, -3), (3, 3), 4.0), MIRROR, "mirror")]
+    scene = assemble(parts, look_at((0, -3, 1), (0, 0, 4), 30, 24, 24), [point((0, 0, 3))], settings(mode="WHITTED"))
+    np.testing.assert_array_equal(render_image(catching(scene)).passes["Combined"],
+                                  render_image(scene).passes["Combined"])
+    assert render_image(scene).passes["Combined"][..., 0].mean() > 0.1
+
+
+def test_without_light_there_is_no_shadow():
+    scene = with_lights(ball_on_a_mirror(ambient=0.0))
+    found, expected = (render_image(s).passes["Combined"] for s in (
+        catching(scene), flagged(scene, "floor", visible_camera=False)))
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_catchers_of_coloured_glass_shadows_and_behind_each_other():
+    """Each catcher on the way dims once; a cut-out of one catches a part."""
+    pane = Material("pane", kt=(0.9, 0.5, 0.1))
+    parts = [Part(rectangle((-5, -5), (0, 5), 3.0), pane, "pane", visible={"visible_camera": False})]
+    parts += [Part(rectangle((-5, -5), (5, 5), z), replace(GREY, name=f"{z}", alpha=alpha), "catcher",
+                   visible={"shadow_catcher": True, "visible_shadow": False}) for z, alpha in ((0.0, 1.0), (1.0, 0.5))]
+    scene = assemble(parts, look_down(0, 0, 2, 32), [sun((0, 0, -1))], settings(h=0.05), world_color=(1, 1, 1))
+    picture = render_image(with_settings(scene, ambient=0.0)).passes["Combined"]
+    t = np.array([0.9, 0.5, 0.1])
+    np.testing.assert_allclose(picture[:, 2, :3], np.broadcast_to(t * (0.5 + 0.5 * t), (32, 3)), rtol=1e-6)
+    np.testing.assert_array_equal(picture[:, -2], 1)
+
+
+def test_neither_is_planned_where_no_camera_sees_one():
+    scene = tabletop(16)
+    for hidden in (scene, flagged(scene, "bar", holdout=True, shadow_catcher=True, visible_camera=False)):
+        assert not {"holdouts", "shadow catchers"} & set(render_image(hidden).statistics["plan"])
+    seen = render_image(flagged(scene, "bar", shadow_catcher=True)).statistics["plan"]
+    assert seen["shadow catchers"].startswith("1:")
