@@ -227,7 +227,7 @@ def _warm_up() -> None:
 
     triangle = np.array([[-9, -9, -2], [9, -9, -2], [0, 9, -2]], np.float32)
     geometry = Geometry(
-        triangle, np.array([[0, 1, 2]], np.int32), np.tile(np.float32([0, 0, 1]), (1, 3, 1)),
+        triangle, np.array([[0, 1, 2]], np.int32), np.full((1, 3, 3), 0.5, np.float32),
         np.zeros((0, 3, 2), np.float32), np.zeros(1, np.int32), np.array([[0, 3, 0, 1]]), np.zeros(1, np.int32),
         np.zeros(1, np.int32), np.eye(4)[None])
     lights = (Light("light", "POINT", (1.0, 1.0, 1.0)),)
