@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import light_size, shading, textures
+from . import light_size, reuse, shading, textures
 from .area_sampling import AreaSampling
 from .bits import has
 from .camera import camera_rays, depth, filter_offsets
@@ -20,7 +22,7 @@ from .optics import DEPTH
 from .passes import shadow_number
 from .plan import plan
 from .refraction import RefractedPaths
-from .scene import Scene
+from .scene import Camera, Scene
 from .semitransparent import Refraction, SemitransparentMeshes, SharpThrough
 from .statistics import Statistics
 from .tracing import Tracer
@@ -32,23 +34,38 @@ SHADED = 1 << 22  # receivers × lights held at once, at most
 class Prepared:
     """A scene made ready: triangles, accelerator, lights and the shadow method that its plan asks for."""
 
-    def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",)) -> None:
+    def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",), *, previous: Prepared | None = None,
+                 camera: Camera | None = None, check: Callable[[], None] = lambda: None) -> None:
+        """previous: what was prepared before, of which all that is still right is taken over (see `reuse`).
+
+        camera: of the rays, where it is not the scene's; h is measured by the scene's. `check` raises to give up.
+        """
+        began = time.perf_counter()
         self.stats = Statistics()
         self.passes = tuple(passes)
         with self.stats.stage("geometry"):
-            self.surfaces, self.warnings = flatten(scene)
-        self.textures, sentences = textures.load(scene.images)  # none where no material has an image
-        self.warnings += sentences
-        self.glass = Interfaces(scene, self.surfaces, self.textures)
+            scene = reuse.shared_geometry(scene, previous)
+            self.surfaces, self.lost = reuse.surfaces(scene, previous) or flatten(scene)
+        check()
+        self.textures: list[textures.Texture | None]  # of all images
+        self.textures, sentences = textures.load(scene.images, previous.textures if previous else [])
+        self.warnings = [*self.lost, *sentences]
+        self.scene = scene
+        self.glass = reuse.interfaces(self, previous) or Interfaces(scene, self.surfaces, self.textures)
+        check()
         with self.stats.stage("accelerator"):
             full = scene.settings.refraction == "FULL" and scene.settings.shadows != "AREA_SAMPLING"
             bent = self.glass.bending & full
             self.casters = casters(scene, self.surfaces, bent)
-            self.tracer = Tracer(scene, self.surfaces, self.glass.lets_through, bent, self.casters.sets)
-        self.scene = scene
+            self.tracer = Tracer(scene, self.surfaces, self.glass.lets_through, bent, self.casters.sets,
+                                 reuse.tracer(self, previous))
+        check()
+        self.described = scene
         if scene.settings.auto_h:
-            settings = dataclasses.replace(scene.settings, h=measured_h(self))
+            settings = dataclasses.replace(scene.settings, h=reuse.measured_h(self, previous) or measured_h(self))
             self.scene = dataclasses.replace(scene, settings=settings)
+        if camera is not None:
+            self.scene = dataclasses.replace(self.scene, camera=camera)
         self.plan = plan(self.scene, self.glass, self.casters, self.passes)
         self.lights = shading.light_arrays(scene.lights)
         self.linked = shading.linked(scene)
@@ -60,9 +77,11 @@ class Prepared:
         self.object_index = np.array([o.index for o in scene.objects], np.float64)
         self.holdout = np.array([o.holdout for o in scene.objects], np.bool_)
         self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
-        self.refraction = self._refraction()
+        self.refraction = self._refraction(previous)
         self.visibility = self._visibility()
+        self.nodes_kept = reuse.nodes(self, previous)
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
+        self.seconds = time.perf_counter() - began
 
     def _visibility(self) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
         scene, s = self.scene, self.scene.settings
@@ -90,16 +109,23 @@ class Prepared:
                                          self.glass.cutouts)
         return LightMeshes(*needed, *how, self.plan.uniform_skip)
 
-    def _refraction(self) -> Refraction | None:
+    def _refraction(self, previous: Prepared | None) -> Refraction | None:
         if not self.plan.paths:
             return None
         s = self.scene.settings
-        solvers = {}
-        for n in sorted({g.casters for g in (*self.casters.whole, *self.casters.soft, *self.casters.sharp)}):
-            media = self.glass.media(self.casters.sets[n])
-            if media.solid.any():
-                solvers[n] = RefractedPaths(self.surfaces, media, self.lights.targets(), self.tracer, s.h, n)
+        solvers = reuse.solvers(self, previous)
+        if solvers is None:
+            solvers = {}
+            for n in sorted({g.casters for g in (*self.casters.whole, *self.casters.soft, *self.casters.sharp)}):
+                media = self.glass.media(self.casters.sets[n])
+                if media.solid.any():
+                    solvers[n] = RefractedPaths(self.surfaces, media, self.lights.targets(), self.tracer, s.h, n)
         return Refraction(solvers, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free)
+
+    @cached_property
+    def footprints(self) -> reuse.Footprints:
+        """The shadow casters as the next picture compares them with its own."""
+        return reuse.footprints(self)
 
     def path_warnings(self) -> list[str]:
         """A sentence a light whose paths were followed through fewer bends than usual, after a render."""
@@ -154,8 +180,8 @@ class Prepared:
         return hit, hits
 
     def coarse_view(self) -> tuple[NDArray[np.float64], Hits]:
-        """What the camera sees on a grid of 64 × 64 rays: directions (n,3) of those that hit, and where."""
-        camera = dataclasses.replace(self.scene.camera, width=64, height=64, crop=None)
+        """What the scene's own camera sees on a grid of 64 × 64 rays: directions (n,3) of those that hit, and where."""
+        camera = dataclasses.replace(self.described.camera, width=64, height=64, crop=None)
         origin, direction, reach = camera_rays(camera, (0, 0, 64, 64), np.zeros((1, 2)))
         hit, hits = self.closest("camera", origin, direction, None, reach)
         return direction[hit], hits
@@ -245,7 +271,7 @@ def measured_h(ready: Prepared) -> float:
 
     The median over the picture is not moved by a far horizon or a large ground. Two digits, so that it reads well.
     """
-    camera = ready.scene.camera
+    camera = ready.described.camera
     _, hits = ready.coarse_view()
     left, right, bottom, top = camera.window
     width = max(abs(right - left), abs(top - bottom))

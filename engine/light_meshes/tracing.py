@@ -45,10 +45,12 @@ class Tracer:
     """
 
     def __init__(self, scene: Scene, surfaces: Surfaces, glass: NDArray[np.bool_] | None = None,
-                 bending: NDArray[np.bool_] | None = None, casters: Sequence[NDArray[np.bool_]] = ()) -> None:
+                 bending: NDArray[np.bool_] | None = None, casters: Sequence[NDArray[np.bool_]] = (),
+                 old: Tracer | None = None) -> None:
         """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them. None: none do.
 
-        casters: sets of triangles (T,), of which the first stands for all.
+        casters: sets of triangles (T,), of which the first stands for all. old: a tracer of the same surfaces; its
+        Embree scenes are used again.
         """
         glass = np.zeros(len(surfaces.triangles), np.bool_) if glass is None else glass
         bending = np.zeros(len(surfaces.triangles), np.bool_) if bending is None else bending
@@ -56,7 +58,8 @@ class Tracer:
         self._surfaces = surfaces
         self._embree: dict[tuple[str, int], tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
         owner = scene.geometry.instance_object[surfaces.instance]
-        built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        self.built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        built = old.built if old else {}
         every = np.ones(len(owner), np.bool_)
         kinds: dict[str, tuple[str, NDArray[np.bool_]]] = {
             "camera": ("camera", every), "reflection": ("reflection", every), "shadow": ("shadow", every),
@@ -70,10 +73,10 @@ class Tracer:
                 flags = np.array([getattr(o, f"visible_{looks}") for o in scene.objects], np.bool_)
                 seen = flags[owner] & part & among if len(owner) else part
                 key = seen.tobytes()
-                if key not in built:
-                    built[key] = _build(surfaces, seen)
-                self._embree[kind, number] = built[key]
-        self.embree_scenes = len(built)
+                if key not in self.built:
+                    self.built[key] = built.get(key) or _build(surfaces, seen)
+                self._embree[kind, number] = self.built[key]
+        self.embree_scenes = len(self.built)
 
     def closest(
         self, kind: str, origin: NDArray[np.float64], direction: NDArray[np.float64],

@@ -127,11 +127,16 @@ class LightMeshes:
         soft = active & self._soft
         if receives is not None:
             soft[~receives] = 0
-        for i in range(0, len(P), self._batch):
+        lit = np.flatnonzero(soft.any(1))
+        for i in range(0, len(lit), self._batch):
             check()
-            part = slice(i, i + self._batch)
-            soft[part] = self._average(P[part], N[part], soft[part], S[part], check,
-                                       None if probe is None else probe[part])
+            row = lit[i:i + self._batch]
+            some = np.zeros((len(row), *S.shape[1:]), np.float32)
+            work = None if probe is None else np.zeros((len(row), probe.shape[1]))
+            soft[row] = self._average(P[row], N[row], soft[row], some, check, work)
+            S[row] = some
+            if probe is not None:
+                probe[row] = work
         self._stats.add(receivers=len(P))
         dim(S, soft, self._edges, P, N, check)
         left = active & ~soft  # what Ψ has no answer for goes to sharp shadows
@@ -214,6 +219,10 @@ class LightMeshes:
                     _collect(row, light, blocked, found[part])
                     self._stats.add(long_rays=len(row))
         return found
+
+    def take(self, old: LightMeshes) -> None:
+        """Take the nodes of `old` over, which are all right here."""
+        self.store = old.store
 
     def interpolation_set(self, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
         """DLM(P) (steps 1 to 4) of the largest radius: receiver p keeps nodes[start[p]:start[p+1]], start (n+1,)."""
