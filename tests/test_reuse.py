@@ -260,6 +260,38 @@ def test_flags_of_objects():
         assert 0 < kept["long_rays"] < 0.5 * fresh["long_rays"]
 
 
+def test_soft_and_sharp_casters_and_receivers():
+    first = room()
+    sharp = with_object(first, 1, cast_soft_shadows=False)
+    for one, other in ((first, sharp), (sharp, first)):
+        kept, fresh, *_ = after(one, other)
+        assert 0 < kept["long_rays"] < 0.5 * fresh["long_rays"]
+    kept, *_ = after(first, with_object(first, 0, receive_soft_shadows=False))
+    assert kept["long_rays"] == 0
+    all_sharp = with_material(first, 0, cast_soft_shadows=False)
+    for one, other in ((first, all_sharp), (all_sharp, first)):
+        after(one, other)
+
+
+def test_what_lights_are_linked_with():
+    first = room()
+    linked = with_light(first, 0, blockers=(1,))
+    for one, other in ((first, linked), (linked, first), (linked, with_light(first, 0, blockers=(2,)))):
+        kept, fresh, *_ = after(one, other)
+        assert 0 < kept["long_rays"] < fresh["long_rays"]
+    kept, *_ = after(first, with_light(first, 0, receivers=(0,)))
+    assert kept["long_rays"] == 0
+    after(linked, moved(linked, 1, (0.3, 0.1, 0.0)))
+
+
+@pytest.mark.parametrize("change", [{"softness": "RADIUS", "soft_radius": 0.15},
+                                    {"softness": "LIGHT_SIZE", "radius": 0.2}])
+def test_a_light_of_another_softness_has_the_same_column(change):
+    first = room(weights="SMOOTH")
+    kept, fresh, *_ = after(first, with_light(first, 0, **change))
+    assert kept["nodes_kept"] > 0 and kept["long_rays"] < 0.8 * fresh["long_rays"]
+
+
 def test_the_order_of_the_objects_says_nothing():
     first = room()
     g = first.geometry
@@ -329,7 +361,7 @@ def test_glass_that_bends(values):
     clear = len(bent.materials) - 1
     kept, _, before, now = after(bent, bent)
     assert kept["long_rays"] == 0 and kept["nodes_kept"] == kept["nodes"]
-    assert before.refraction is None or now.refraction.solver is before.refraction.solver
+    assert before.refraction is None or now.refraction.solvers is before.refraction.solvers
     for change in ({"kt": (0.4, 0.4, 0.4)}, {"ior": 1.3}, {"alpha": 0.5}):
         after(bent, with_material(bent, clear, **change))
     after(bent, moved(bent, 4, (0.1, 0.0, 0.1)))
