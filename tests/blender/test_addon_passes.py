@@ -133,6 +133,22 @@ def test_every_switch_shows_its_pass_in_the_compositor(scene, add_light, passes)
         assert sockets() == before, switch
 
 
+def test_a_switch_counts_from_the_next_render_on(scene, add_plane, add_light, render):
+    """Also where it is an add-on's property, which evaluated data would not have by itself."""
+    add_plane(5)
+    light = add_light('SUN', energy=1, angle=0)
+    light.data.name = "Sun"
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.color = (0.5, 0.5, 0.5)
+    assert set(render(scene)) == {"Combined"}
+    scene.view_layers[0].light_meshes.use_pass_ambient = light.data.light_meshes.shadow_pass = True
+    found = render(scene)
+    assert set(found) == {"Combined", "Ambient", "Shadow Sun"}
+    assert (found["Shadow Sun"][24, 32] == 1).all() and found["Ambient"][24, 32, 0] > 0.01
+    scene.view_layers[0].light_meshes.use_pass_ambient = light.data.light_meshes.shadow_pass = False
+    assert set(render(scene)) == {"Combined"}
+
+
 def test_switches_survive_save_and_load(scene, add_light, tmp_path):
     scene.view_layers[0].light_meshes.use_pass_ambient = True
     add_light().data.light_meshes.shadow_pass = True
