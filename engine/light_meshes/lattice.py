@@ -166,7 +166,11 @@ def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
 
 @kernel
 def _claim(table, keys, count, nodes, need, known, pending, rows, todo):
-    """Rows of `nodes`, new ones appended; todo = lights that nobody has asked for yet. Returns the new count."""
+    """Rows of `nodes`, new ones appended; todo = lights that nobody has asked for yet.
+
+    Returns the new count, and whether all that is needed is known.
+    """
+    settled = True
     for n in range(len(nodes)):
         slot = _find(table, keys, nodes[n, 0], nodes[n, 1], nodes[n, 2])
         row = table[slot]
@@ -177,10 +181,13 @@ def _claim(table, keys, count, nodes, need, known, pending, rows, todo):
             count += 1
         rows[n] = row
         for w in range(need.shape[1]):
-            t = need[n, w] & ~(known[row, w] | pending[row, w])
-            todo[n, w] = t
-            pending[row, w] |= t
-    return count
+            missing = need[n, w] & ~known[row, w]
+            todo[n, w] = missing
+            if missing:
+                settled = False
+                todo[n, w] &= ~pending[row, w]
+                pending[row, w] |= missing
+    return count, settled
 
 
 @kernel
@@ -304,20 +311,22 @@ class NodeStore:
         with self._ready:
             while 2 * (self.count + len(nodes)) > len(self._table):
                 self._allocate(2 * len(self._keys))
-            self.count = _claim(
+            self.count, settled = _claim(
                 self._table, self._keys, self.count, nodes, need, self._known, self._pending, rows, todo)
+            if settled:
+                return self._value[rows]
         try:
-            wanted = todo.any(1)
-            found: NDArray = np.zeros((len(nodes), self._width), self._kind)
-            if wanted.any():
-                found[wanted] = evaluate(nodes[wanted], todo[wanted])
+            wanted = np.flatnonzero(todo.any(1))
+            found: NDArray = np.zeros((len(wanted), self._width), self._kind)
+            if len(wanted):
+                found[:] = evaluate(nodes[wanted], todo[wanted])
         except BaseException:
             with self._ready:
                 self._broken = True  # whoever waits for these nodes would wait for ever
                 self._ready.notify_all()
             raise
         with self._ready:
-            _settle(rows, todo, found, self._known, self._pending, self._value)
+            _settle(rows[wanted], todo[wanted], found, self._known, self._pending, self._value)
             self._ready.notify_all()
             while not _settled(rows, need, self._known):
                 if self._broken:
