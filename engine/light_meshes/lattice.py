@@ -130,6 +130,7 @@ def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
     o0, o1, o2 = lattice.origin[0], lattice.origin[1], lattice.origin[2]
     most = len(off)
     total = start[p]
+    passed = np.empty(most, np.int64)
     while p < len(P) and total + most <= len(candidate) and count + most <= len(nodes):
         x, y, z = (P[p, 0] - o0) / h, (P[p, 1] - o1) / h, (P[p, 2] - o2) / h
         q0 = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
@@ -143,12 +144,14 @@ def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
         if abs(b0) < 2e9 and abs(b1) < 2e9 and abs(b2) < 2e9:
             f0, f1, f2 = q0 - b0, q1 - b1, q2 - b2
             i0, i1, i2 = np.int32(b0), np.int32(b1), np.int32(b2)
-            for c in range(most):
+            kept = 0
+            for c in range(most):  # without a branch, which no processor could foretell
                 d0, d1, d2 = off[c, 0] - f0, off[c, 1] - f1, off[c, 2] - f2
-                if d0 * d0 + d1 * d1 + d2 * d2 > kI2:  # step 1
-                    continue
-                if d0 * n0 + d1 * n1 + d2 * n2 <= TAU:  # step 2
-                    continue
+                near = d0 * d0 + d1 * d1 + d2 * d2 <= kI2  # step 1
+                above = d0 * n0 + d1 * n1 + d2 * n2 > TAU  # step 2
+                passed[kept] = c
+                kept += near & above
+            for c in passed[:kept]:
                 i, j, k = i0 + np.int32(off[c, 0]), i1 + np.int32(off[c, 1]), i2 + np.int32(off[c, 2])
                 slot = _find(table, nodes, i, j, k)
                 row = table[slot]
