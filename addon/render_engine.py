@@ -10,6 +10,8 @@ from . import observers, passes, session, step
 from .export import ExportError
 from .job import Cancelled, Job
 
+_SLOT = "Snapshot"  # of the render result: what is exported without being rendered leaves an empty picture
+
 
 class LightMeshesEngine(bpy.types.RenderEngine):
     bl_idname = 'LIGHT_MESHES'
@@ -28,8 +30,7 @@ class LightMeshesEngine(bpy.types.RenderEngine):
     def render(self, depsgraph):
         try:
             with Job(self, depsgraph) as job:
-                h = step.for_frame(job)
-                job.export(h, self.export_to)
+                job.export(step.for_frame(job), self.export_to)
                 if not self.export_to:
                     job.render()
         except Cancelled:
@@ -47,6 +48,31 @@ class LightMeshesEngine(bpy.types.RenderEngine):
         self.report({'ERROR'}, message)  # exit code 1
         self.error_set(message)  # in the picture's window
         observers.notify(event="error", message=message)
+
+
+def export_frame(scene, folder: Path) -> None:
+    """Export the current frame of `scene` as a render sees it into `folder`, and render nothing.
+
+    Through a render, because only a render sees the objects and modifiers that are meant for it. It must not touch
+    the artist's last picture, nor write files.
+    """
+    render = scene.render
+    before = render.use_compositing, render.use_sequencer
+    slots = bpy.data.images["Render Result"].render_slots if "Render Result" in bpy.data.images else None
+    shown = slots.active_index if slots else 0
+    try:
+        render.use_compositing = render.use_sequencer = False
+        if slots:
+            if _SLOT not in slots:
+                slots.new(name=_SLOT)
+            slots.active_index = slots.find(_SLOT)
+        LightMeshesEngine.export_to = folder
+        bpy.ops.render.render(scene=scene.name)
+    finally:
+        LightMeshesEngine.export_to = None
+        render.use_compositing, render.use_sequencer = before
+        if slots:
+            slots.active_index = shown
 
 
 def register() -> None:

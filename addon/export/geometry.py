@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .linking import identity
 from .materials import Materials
 from .report import Report
 
@@ -33,6 +34,7 @@ class Geometry:
 
     def __init__(self, materials: Materials, report: Report, check: Callable[[], None]) -> None:
         self.objects: list[dict] = []
+        self.owners: list[tuple[int, int]] = []  # of each object, as `linking` wants them
         self._materials, self._report, self._check = materials, report, check
         self._meshes: list[_Mesh] = []
         self._mesh_of: dict[tuple, int | None] = {}  # None: nothing to see
@@ -63,6 +65,7 @@ class Geometry:
         key = (source.as_pointer(), parent.as_pointer() if parent else 0)
         if key not in self._object_of:
             self._object_of[key] = self._object(ob, parent)
+            self.owners.append((identity(source), identity(parent) if parent else 0))
         m = instance.matrix_world
         self._instance_mesh.append(mesh)
         self._instance_object.append(self._object_of[key])
@@ -100,6 +103,8 @@ class Geometry:
             "visible_camera": all(o.visible_camera for o in seen),
             "visible_reflection": all(o.visible_glossy for o in seen),
             "visible_shadow": all(o.visible_shadow for o in seen),
+            "cast_soft_shadows": all(o.light_meshes.cast_soft_shadows for o in seen),
+            "receive_soft_shadows": all(o.light_meshes.receive_soft_shadows for o in seen),
         })
         return len(self.objects) - 1
 
