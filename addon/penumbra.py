@@ -77,5 +77,7 @@ def length(scene, value: float) -> str:
     units = scene.unit_settings
     if units.system == 'NONE':
         return f"{value:.4g}"
+    if units.length_unit == 'METERS':
+        return f"{value * units.scale_length:.4g} m"
     return bpy.utils.units.to_string(units.system, 'LENGTH', value * units.scale_length, precision=4,
                                      split_unit=units.use_separate)

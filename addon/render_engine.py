@@ -63,9 +63,7 @@ def export_frame(scene, folder: Path) -> None:
     try:
         render.use_compositing = render.use_sequencer = False
         if slots:
-            if _SLOT not in slots:
-                slots.new(name=_SLOT)
-            slots.active_index = slots.find(_SLOT)
+            slots.active = next((s for s in slots if s.name == _SLOT), None) or slots.new(name=_SLOT)
         LightMeshesEngine.export_to = folder
         bpy.ops.render.render(scene=scene.name)
     finally:

@@ -3,7 +3,7 @@
 import bpy
 
 from . import last_render, light, material, object, render, view_layer
-from .panel import ENGINE
+from .panel import ENGINE, LightMeshesPanel
 
 _CLASSES = (*render.CLASSES, *last_render.CLASSES, *view_layer.CLASSES, *light.CLASSES, *object.CLASSES,
             *material.CLASSES)
@@ -36,7 +36,7 @@ def register() -> None:
 
 def unregister() -> None:
     for panel in bpy.types.Panel.__subclasses__():
-        if panel not in _CLASSES:
+        if not issubclass(panel, LightMeshesPanel):
             getattr(panel, "COMPAT_ENGINES", set()).discard(ENGINE)
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
