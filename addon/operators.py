@@ -162,7 +162,9 @@ class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
         job = Job(_Watcher(context.scene.render), depsgraph, session.MEASURE)
         lights = {ob.name: {"softness": 'LIGHT_SIZE'} for ob in depsgraph.objects if ob.type == 'LIGHT'}
         try:
-            job.export({"settings": {"shadows": 'LIGHT_MESHES'}, "lights": lights})
+            # Of a light without any shadow in sight the engine says the scene's own r.
+            settings = {"shadows": 'LIGHT_MESHES', "auto_h": True, "kI": USUAL * penumbra.AUTO_STEPS}
+            job.export({"settings": settings, "lights": lights})
         except BaseException:
             job.__exit__()
             session.discard(session.MEASURE)

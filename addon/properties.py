@@ -142,7 +142,7 @@ class LightMeshesLight(bpy.types.PropertyGroup):
     radius: FloatProperty(
         name="Edge Radius",
         description="Half the width of the edges of this light's shadows. Larger makes them softer, and rendering "
-                    "slower where it is many steps (h) long; 0 makes them sharp",
+                    "slower where it is many steps (h) long: it may have 16. 0 makes them sharp",
         subtype='DISTANCE', unit='LENGTH', min=0.0, soft_max=10.0, default=0.15, precision=4, update=_changed,
     )
     reference_distance: FloatProperty(

@@ -47,10 +47,11 @@ def rows(s: dict, scene) -> list[tuple[str, str]]:
         result += [
             ("Lattice", f"h {penumbra.length(scene, s['h'])}, kI {s['kI']:.3g}, r {penumbra.length(scene, s['r'])}"),
             ("Nodes", f"{s['nodes']:,}, {s['node_share']:.1%} of the lattice, {s['long_rays']:,} rays to lights"),
-            ("Points", f"{s['receivers']:,}, of which {share(s['uniform_skips'], s['receivers'])} skipped the "
-                       f"{s['short_rays']:,} short rays"),
+            ("Points", f"{s['receivers']:,}; {share(s['uniform_skips'], s['receivers'])} needed no short rays, "
+                       f"the others {s['short_rays']:,}"),
             ("Without Node", f"{count(s['empty_sets'], 'point')}, with sharp shadows"),
         ]
+    result += [(name, f"r {penumbra.length(scene, r)}") for name, r in [*s.get("radii", {}).items()][:10]]
     if "refracted_paths" in s:
         result.append(("Refracted Paths", f"{s['refracted_paths']:,}, {s['path_rays']:,} rays"))
     if s.get("peak_memory"):
