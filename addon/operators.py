@@ -1,5 +1,6 @@
 """What an artist can have done: presets of quality, a suggested step, a snapshot for a bug report."""
 
+import contextlib
 import statistics
 import threading
 from pathlib import Path
@@ -216,12 +217,13 @@ class LIGHT_MESHES_OT_keep_snapshot(bpy.types.Operator):
         while folder.exists():
             folder, n = parent / f"snapshot-{name}-{n + 1}", n + 1
         try:
+            folder.mkdir(parents=True)
             export_frame(scene, folder)
-        except RuntimeError as e:
-            self.report({'ERROR'}, str(e).strip())
-            return {'CANCELLED'}
-        if not (folder / "scene.json").is_file():
-            self.report({'ERROR'}, f"{folder} has not been written: is there room, and permission?")
+        except (OSError, RuntimeError) as e:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+            self.report({'ERROR'}, f"{folder} cannot be made: {e.strerror}" if isinstance(e, OSError) else
+                        str(e).strip().removeprefix("Error: "))
             return {'CANCELLED'}
         self.report({'INFO'}, f"The snapshot is in {folder}. Render it again with: "
                               f"light-meshes render \"{folder}\" -o picture.png")

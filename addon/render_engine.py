@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import bpy
+from bpy.app.handlers import persistent
 
 from . import observers, passes, session, step
 from .export import ExportError
@@ -73,12 +74,19 @@ def export_frame(scene, folder: Path) -> None:
             slots.active_index = shown
 
 
+@persistent
+def _forget(*_):
+    session.statistics = {}  # they were of the file before
+
+
 def register() -> None:
     bpy.utils.register_class(LightMeshesEngine)
+    bpy.app.handlers.load_post.append(_forget)
     step.register()
 
 
 def unregister() -> None:
     step.unregister()
+    bpy.app.handlers.load_post.remove(_forget)
     bpy.utils.unregister_class(LightMeshesEngine)
     session.end()

@@ -114,16 +114,10 @@ def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: i
 def measure(scene: Scene) -> dict[str, Any]:
     """h that `auto_h` takes for the scene, and r of its lights whose softness is LIGHT_SIZE, by name."""
     ready = Prepared(scene)
-    s = ready.scene.settings
-    return {"h": s.h if s.auto_h else measured_h(ready), "radii": _radii(ready)}
-
-
-def _radii(ready: Prepared) -> dict[str, float]:
-    """r of the lights whose softness is LIGHT_SIZE, by name."""
-    s, sized = ready.scene.settings, {i: light.name for i, light in enumerate(ready.scene.lights)
-                                      if light.softness == "LIGHT_SIZE"}
-    own = own_radii(ready) if sized else {}
-    return {name: own.get(i, s.h * s.kI) for i, name in sized.items()}
+    s, own = ready.scene.settings, own_radii(ready)
+    radii = {light.name: own.get(i, s.h * s.kI) for i, light in enumerate(scene.lights)
+             if light.softness == "LIGHT_SIZE"}
+    return {"h": s.h if s.auto_h else measured_h(ready), "radii": radii}
 
 
 def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seconds: float) -> dict[str, Any]:
@@ -147,9 +141,11 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         box = np.ptp(vertices.astype(np.float64), axis=0) * ready.surfaces.scale if len(vertices) else np.zeros(3)
         lattice_nodes = float(np.prod((box + 2 * s.h * s.kI) / s.h))  # all that any receiver can reach
         report |= {
-            "h": s.h, "kI": s.kI, "r": s.h * s.kI, "radii": _radii(ready), "receivers": counts["receivers"],
-            "candidates": counts["candidates"], "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
-            "node_bytes": lit.store.bytes, "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
+            "h": s.h, "kI": s.kI, "r": s.h * s.kI,
+            "radii": {ready.scene.lights[i].name: r for i, r in own_radii(ready).items()},
+            "receivers": counts["receivers"], "candidates": counts["candidates"],
+            "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes, "node_bytes": lit.store.bytes,
+            "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
         }
     if ready.plan.paths:
