@@ -234,7 +234,7 @@ def blender_environment(blender_path, tmp_path_factory):
 @pytest.fixture
 def run_blender(blender_path, blender_environment):
     """(arguments…) → the finished process of a real `blender -b`; extra environment as keywords."""
-    def run(*arguments, **environment):
+    def run(*arguments, timeout=180, **environment):
         return subprocess.run([blender_path, "-b", *map(str, arguments)], env=blender_environment | environment,
-                              capture_output=True, text=True, timeout=180)
+                              capture_output=True, text=True, timeout=timeout)
     return run

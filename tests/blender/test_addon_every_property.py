@@ -37,7 +37,8 @@ def test_in_other_versions(python, environment, tmp_path):  # noqa: F811
 
 @pytest.mark.slow
 def test_in_blender(run_blender, tmp_path):
-    check(run_blender("--python-exit-code", "3", "-P", every_property.__file__, "--", tmp_path / "all.blend"))
+    check(run_blender("--python-exit-code", "3", "-P", every_property.__file__, "--", tmp_path / "all.blend",
+                      timeout=600))
 
 
 def check(done):
