@@ -26,7 +26,7 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides
     frame = camera.frame(engine, scene, depsgraph, report)
     materials = Materials(report, folder, depsgraph)
     geometry = Geometry(materials, report, check)
-    lamps, linked = [], []
+    lamps, links = [], linking.Links()
     for instance in depsgraph.object_instances:
         check()
         if not instance.show_self:
@@ -34,10 +34,10 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides
         ob = instance.object
         if ob.type == 'LIGHT':
             lamps.append(lights.light(ob, instance.matrix_world, report) | overrides["lights"].get(ob.name, {}))
-            linked.append(linking.collections(ob))
+            links.add(ob)
         else:
             geometry.add(instance, ob)
-    linking.link(lamps, linked, geometry.owners)
+    links.link(lamps, geometry.owners)
     write(folder, geometry.arrays(), {
         "camera": frame,
         "lights": lamps,
