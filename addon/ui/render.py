@@ -11,7 +11,6 @@ from .panel import LightMeshesPanel, table
 
 class LIGHT_MESHES_PT_method(LightMeshesPanel, bpy.types.Panel):
     bl_label = "Method"
-    bl_order = -2  # before Blender's own
 
     def fill(self, layout, context):
         settings = context.scene.light_meshes
@@ -27,7 +26,6 @@ class LIGHT_MESHES_PT_method(LightMeshesPanel, bpy.types.Panel):
 
 class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
     bl_label = "Shadows"
-    bl_order = -1
 
     @classmethod
     def poll(cls, context):

@@ -415,3 +415,5 @@ if __name__ == "__main__":
         from light_meshes_addon.headless import leave
 
         leave(0)
+    elif not bpy.app.background:  # Blender crashes when it is told to quit while it still starts
+        bpy.app.timers.register(bpy.ops.wm.quit_blender, first_interval=1, persistent=True)
