@@ -1,9 +1,9 @@
 """Light Meshes: a Blender render engine with noise-free soft shadows from point lights."""
 
-from . import preferences, properties, render_engine, ui
+from . import operators, preferences, properties, render_engine, ui
 
-# Properties before the panels that show them, the engine last: it may render as soon as it is known.
-_MODULES = (preferences, properties, ui, render_engine)
+# Properties before the operators and panels that use them, the engine last: it may render as soon as it is known.
+_MODULES = (preferences, properties, operators, ui, render_engine)
 
 
 def register() -> None:

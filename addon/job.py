@@ -22,8 +22,9 @@ class Cancelled(Exception):  # noqa: N818  no error: it is what the artist wants
 class Job:
     """Used as a context, which leaves no files behind."""
 
-    def __init__(self, engine, depsgraph) -> None:
+    def __init__(self, engine, depsgraph, purpose: str = session.RENDER) -> None:
         self.engine, self.depsgraph = engine, depsgraph
+        self._purpose = purpose
         self._session: session.Session | None = None
         self._folder: Path | None = None
         self._snapshots = 0
@@ -41,22 +42,22 @@ class Job:
             self.engine.report({'WARNING'}, sentence)
             observers.notify(event="warning", message=sentence)
 
-    def export(self, h: float | None, folder: Path | None = None) -> None:
-        """Write the snapshot of the current frame, with step `h`; None: as the scene says."""
+    def export(self, overrides: dict[str, dict], folder: Path | None = None) -> None:
+        """Write the snapshot of the current frame; `overrides` as `export.export` takes them."""
         if not folder:
             # Never over an older one, which the engine may have mapped.
             self._snapshots += 1
             folder = self._shared_folder() / f"scene-{self._snapshots}"
         self._say("Exporting the scene")
         self._snapshot = folder
-        overrides = {} if h is None else {"auto_h": False, "h": h}
-        report = export(self.engine, self.depsgraph, folder, self.check, **overrides)
+        report = export(self.engine, self.depsgraph, folder, self.check, overrides)
         self._warnings.update(dict.fromkeys(report.sentences))
 
-    def measure(self) -> float:
-        """The step that the engine finds for the exported snapshot."""
+    def measure(self) -> dict:
+        """What the engine finds for the exported snapshot: the step "h", and the "radii" of the lights by name."""
         self._say("Measuring the scene")
-        return self._carry_out(lambda event: None, "measure", snapshot=str(self._snapshot))["h"]
+        found = self._carry_out(lambda event: None, "measure", snapshot=str(self._snapshot))
+        return {"h": found["h"], "radii": found.get("radii", {})}
 
     def render(self) -> None:
         """Have the exported snapshot rendered, and show it."""
@@ -98,7 +99,7 @@ class Job:
         """A folder of our own in the one shared with the engine, which is started if need be."""
         if not self._folder:
             self._say("Starting the engine")
-            self._session = session.current()
+            self._session = session.current(self._purpose)
             while not self._session.folder:
                 self._poll()
             self._folder = self._session.new_folder()
@@ -127,11 +128,12 @@ class Job:
         try:
             return self._session.poll(ASK_SECONDS)
         except session.EngineError:
-            session.discard()
+            session.discard(self._purpose)
             raise
 
     def _finish(self, done: dict) -> None:
-        session.statistics = done["statistics"]
+        scene = self.depsgraph.scene
+        session.statistics = {"scene": scene.name_full, "frame": scene.frame_current} | done["statistics"]
         self._warnings.update(dict.fromkeys(done["warnings"]))
         observers.notify(event="statistics", frame=self.depsgraph.scene.frame_current, statistics=done["statistics"])
         line = summary(done["statistics"])

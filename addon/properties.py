@@ -1,4 +1,4 @@
-"""What the artist sets: on the scene, on a view layer, on a light, on a material."""
+"""What the artist sets: on the scene, on a view layer, on a light, on an object, on a material."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty
@@ -35,7 +35,7 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         items=(
             ('SHARP', "Sharp", "Every shadow has a hard edge", 0),
             ('LIGHT_MESHES', "Light Meshes", "Soft edges without noise: light is looked up at the nodes of a lattice "
-             "around each point. Their width is set by the step and the quality below, not by the light's size", 1),
+             "around each point. Their width is set by the step and the quality below, or by each light", 1),
             ('AREA_SAMPLING', "Area Sampling", "Soft edges from the light's own size, by many shadow rays. "
              "Noisy or slow: a reference to compare with", 2),
         ),
@@ -60,6 +60,17 @@ class LightMeshesScene(bpy.types.PropertyGroup):
                     "their gradation finer, and takes longer; below 1.225 some points find no node "
                     "and get sharp shadows",
         min=0.5, max=8.0, soft_min=1.225, soft_max=6.0, default=3.0, update=_changed,
+    )
+    weights: EnumProperty(
+        name="Node Weights",
+        description="How the nodes around a point are averaged",
+        items=(
+            ('UNIFORM', "Uniform", "All count the same: the method as published. With few nodes the gradation of "
+             "shadow edges shows fine steps", 0),
+            ('SMOOTH', "Smooth", "Nodes count less the farther they are: no steps, and edges that look "
+             "a little narrower at the same radius", 1),
+        ),
+        default='UNIFORM', update=_changed,
     )
     refraction: EnumProperty(
         name="Refraction",
@@ -145,6 +156,49 @@ class LightMeshesLight(bpy.types.PropertyGroup):
         description="Let the shadows of this light have soft edges; without it they are sharp whatever the scene says",
         default=True, update=_changed,
     )
+    softness: EnumProperty(
+        name="Softness",
+        description="What sets the width of the edges of this light's shadows",
+        items=(
+            ('SCENE', "Scene", "The scene's step and quality, as for all lights", 0),
+            ('RADIUS', "Own Radius", "A radius of this light's own", 1),
+            ('LIGHT_SIZE', "Light Size", "The size of the light: edges as wide as a lamp of that size casts them "
+             "at one distance", 2),
+        ),
+        default='SCENE', update=_changed,
+    )
+    radius: FloatProperty(
+        name="Edge Radius",
+        description="Half the width of the edges of this light's shadows. Larger makes them softer, and rendering "
+                    "slower where it is many steps (h) long: it may have 16. 0 makes them sharp",
+        subtype='DISTANCE', unit='LENGTH', min=0.0, soft_max=10.0, default=0.15, precision=4, update=_changed,
+    )
+    reference_distance: FloatProperty(
+        name="Distance",
+        description="How far the shadow falls from what casts it, where the edges shall be as wide as the light's size "
+                    "makes them: farther is wider. 0 measures it from what the camera sees",
+        subtype='DISTANCE', unit='LENGTH', min=0.0, soft_max=100.0, default=0.0, precision=4, update=_changed,
+    )
+
+
+def _surface_switches(whose: str, other: str) -> dict:
+    """The two switches of an object, and of a material."""
+    return {
+        "cast_soft_shadows": BoolProperty(
+            name="Cast Soft Shadows",
+            description=f"Let the shadows that {whose} casts have soft edges. Without it they are sharp. "
+                        f"They are soft where {other} allows it too",
+            default=True, update=_changed),
+        "receive_soft_shadows": BoolProperty(
+            name="Receive Soft Shadows",
+            description=f"Let shadows that fall on {whose} have soft edges. Without it they are sharp. "
+                        f"They are soft where {other} allows it too",
+            default=True, update=_changed),
+    }
+
+
+class LightMeshesObject(bpy.types.PropertyGroup):
+    __annotations__ = _surface_switches("this object", "its material")
 
 
 def _override_switched(name):
@@ -207,7 +261,7 @@ PRIORITY = IntProperty(
 
 
 class LightMeshesMaterial(bpy.types.PropertyGroup):
-    __annotations__ = PARAMETERS | {"priority": PRIORITY} | {
+    __annotations__ = PARAMETERS | {"priority": PRIORITY} | _surface_switches("this material", "the object") | {
         f"override_{name}": BoolProperty(
             name="Override", description="Use the value here instead of the one translated from the nodes",
             default=False, update=_override_switched(name))
@@ -219,6 +273,7 @@ _GROUPS = {
     bpy.types.Scene: LightMeshesScene,
     bpy.types.ViewLayer: LightMeshesViewLayer,
     bpy.types.Light: LightMeshesLight,
+    bpy.types.Object: LightMeshesObject,
     bpy.types.Material: LightMeshesMaterial,
 }
 

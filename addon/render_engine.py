@@ -5,10 +5,13 @@ from pathlib import Path
 from typing import ClassVar
 
 import bpy
+from bpy.app.handlers import persistent
 
 from . import observers, passes, session, step
 from .export import ExportError
 from .job import Cancelled, Job
+
+_SLOT = "Snapshot"  # of the render result: what is exported without being rendered leaves an empty picture
 
 
 class LightMeshesEngine(bpy.types.RenderEngine):
@@ -28,8 +31,7 @@ class LightMeshesEngine(bpy.types.RenderEngine):
     def render(self, depsgraph):
         try:
             with Job(self, depsgraph) as job:
-                h = step.for_frame(job)
-                job.export(h, self.export_to)
+                job.export(step.for_frame(job), self.export_to)
                 if not self.export_to:
                     job.render()
         except Cancelled:
@@ -49,12 +51,42 @@ class LightMeshesEngine(bpy.types.RenderEngine):
         observers.notify(event="error", message=message)
 
 
+def export_frame(scene, folder: Path) -> None:
+    """Export the current frame of `scene` as a render sees it into `folder`, and render nothing.
+
+    Through a render, because only a render sees the objects and modifiers that are meant for it. It must not touch
+    the artist's last picture, nor write files.
+    """
+    render = scene.render
+    before = render.use_compositing, render.use_sequencer
+    slots = bpy.data.images["Render Result"].render_slots if "Render Result" in bpy.data.images else None
+    shown = slots.active_index if slots else 0
+    try:
+        render.use_compositing = render.use_sequencer = False
+        if slots:
+            slots.active = next((s for s in slots if s.name == _SLOT), None) or slots.new(name=_SLOT)
+        LightMeshesEngine.export_to = folder
+        bpy.ops.render.render(scene=scene.name)
+    finally:
+        LightMeshesEngine.export_to = None
+        render.use_compositing, render.use_sequencer = before
+        if slots:
+            slots.active_index = shown
+
+
+@persistent
+def _forget(*_):
+    session.statistics = {}  # they were of the file before
+
+
 def register() -> None:
     bpy.utils.register_class(LightMeshesEngine)
+    bpy.app.handlers.load_post.append(_forget)
     step.register()
 
 
 def unregister() -> None:
     step.unregister()
+    bpy.app.handlers.load_post.remove(_forget)
     bpy.utils.unregister_class(LightMeshesEngine)
     session.end()

@@ -1,6 +1,6 @@
-"""The automatic step: measured once for a whole animation, always at its first frame.
+"""What is measured once for a whole animation, always at its first frame: the automatic step, the lights' radii.
 
-So all frames have the same one, in whichever order and on however many machines they are rendered.
+So all frames have the same, in whichever order and on however many machines they are rendered.
 """
 
 import bpy
@@ -11,30 +11,40 @@ _MOVING = {
     'BUILD', 'CLOTH', 'DYNAMIC_PAINT', 'EXPLODE', 'FLUID', 'MESH_CACHE', 'MESH_SEQUENCE_CACHE', 'NODES', 'OCEAN',
     'PARTICLE_INSTANCE', 'PARTICLE_SYSTEM', 'SOFT_BODY', 'VOLUME_TO_MESH', 'WAVE',
 }
-_measured: dict[tuple, float] = {}  # of the render job that is going on
+_measured: dict[tuple, dict] = {}  # of the render job that is going on
 
 
-def for_frame(job) -> float | None:
-    """The step to render the current frame of `job` with, or None: what the snapshot says by itself is right."""
+def for_frame(job) -> dict[str, dict]:
+    """The overrides to export the current frame of `job` with. Empty: what the snapshot says by itself is right."""
     scene = job.depsgraph.scene
     own = job.depsgraph.scene_eval.light_meshes
-    if not own.auto_h or own.shadows != 'LIGHT_MESHES' or own.mode == 'LOCAL':
-        return None
+    if own.shadows != 'LIGHT_MESHES' or own.mode == 'LOCAL' or not (own.auto_h or _sized_lights(job.depsgraph)):
+        return {}
     engine, frame, subframe = job.engine, scene.frame_current, scene.frame_subframe
     here = frame == scene.frame_start and not subframe
     if (here and not engine.is_animation) or not may_move(job.depsgraph):
-        return None  # the engine measures what it renders
+        return {}  # the engine measures what it renders
     key = (scene.name_full, job.depsgraph.view_layer.name)
     if key not in _measured:
         try:
             if not here:
                 engine.frame_set(scene.frame_start, 0.0)
-            job.export(None)
+            job.export({})
             _measured[key] = job.measure()
         finally:
             if not here:
                 engine.frame_set(frame, subframe)
-    return _measured[key]
+    found = _measured[key]
+    return {
+        "settings": {"auto_h": False, "h": found["h"]} if own.auto_h else {},
+        "lights": {name: {"softness": 'RADIUS', "soft_radius": r} for name, r in found["radii"].items()},
+    }
+
+
+def _sized_lights(depsgraph) -> bool:
+    """Whether the size of any light is to set the width of its shadows' edges."""
+    return any(isinstance(block, bpy.types.Light) and block.light_meshes.softness == 'LIGHT_SIZE'
+               for block in depsgraph.ids)
 
 
 def may_move(depsgraph) -> bool:

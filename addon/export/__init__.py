@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from . import camera, lights, world
+from . import camera, lights, linking, world
 from .camera import border
 from .geometry import Geometry
 from .materials import Materials
@@ -13,26 +13,31 @@ from .snapshot import write
 __all__ = ["ExportError", "Report", "border", "export", "settings"]
 
 
-def export(engine, depsgraph, folder: Path, check: Callable[[], None], **overrides) -> Report:
+def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides: dict[str, dict] | None = None,
+           ) -> Report:
     """Write what `depsgraph` holds into `folder`; `check` is called often, and ends the export by raising.
 
-    `engine` is the RenderEngine, which knows the size of the picture; `overrides` replace settings.
+    `engine` is the RenderEngine, which knows the size of the picture. `overrides` replace what was found: "settings"
+    by name, "lights" by the light object's name and then by name.
     """
+    overrides = {"settings": {}, "lights": {}} | (overrides or {})
     report = Report()
     scene = depsgraph.scene_eval
     frame = camera.frame(engine, scene, depsgraph, report)
     materials = Materials(report, folder, depsgraph)
     geometry = Geometry(materials, report, check, depsgraph.view_layer_eval)
-    lamps = []
+    lamps, links = [], linking.Links()
     for instance in depsgraph.object_instances:
         check()
         if not instance.show_self:
             continue
         ob = instance.object
         if ob.type == 'LIGHT':
-            lamps.append(lights.light(ob, instance.matrix_world, report))
+            lamps.append(lights.light(ob, instance.matrix_world, report) | overrides["lights"].get(ob.name, {}))
+            links.add(ob)
         else:
             geometry.add(instance, ob)
+    links.link(lamps, geometry.owners)
     write(folder, geometry.arrays(), {
         "camera": frame,
         "lights": lamps,
@@ -40,7 +45,7 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], **overrid
         "images": materials.images,
         "objects": geometry.objects,
         "world_color": world.color(scene.world, report),
-        "settings": settings(scene) | overrides,
+        "settings": settings(scene) | overrides["settings"],
         "warnings": report.sentences,
     })
     return report
@@ -50,7 +55,7 @@ def settings(scene) -> dict:
     """The engine's settings, from the scene's properties."""
     own = scene.light_meshes
     return {name: getattr(own, name) for name in (
-        "mode", "shadows", "h", "kI", "auto_h", "samples", "light_samples", "max_depth", "ambient",
+        "mode", "shadows", "h", "kI", "auto_h", "weights", "samples", "light_samples", "max_depth", "ambient",
         "refraction", "glass", "caustics", "leak_free")} | {
         # The engine's filter is never wider than 10 pixels; Blender's slider goes on.
         "filter_size": min(scene.render.filter_size, 10.0),

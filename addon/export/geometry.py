@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .linking import identity
 from .materials import Materials
 from .report import Report
 
@@ -33,6 +34,7 @@ class Geometry:
 
     def __init__(self, materials: Materials, report: Report, check: Callable[[], None], view_layer) -> None:
         self.objects: list[dict] = []
+        self.owners: list[tuple[int, int]] = []  # of each object, as `linking` wants them
         self._materials, self._report, self._check = materials, report, check
         self._view_layer = view_layer
         self._meshes: list[_Mesh] = []
@@ -64,6 +66,7 @@ class Geometry:
         key = (source.as_pointer(), parent.as_pointer() if parent else 0)
         if key not in self._object_of:
             self._object_of[key] = self._object(ob, parent)
+            self.owners.append((identity(source), identity(parent) if parent else 0))
         m = instance.matrix_world
         self._instance_mesh.append(mesh)
         self._instance_object.append(self._object_of[key])
@@ -103,6 +106,8 @@ class Geometry:
             "holdout": holdout,
             "shadow_catcher": any(o.is_shadow_catcher for o in seen),
             "index": ob.pass_index,
+            "cast_soft_shadows": all(o.light_meshes.cast_soft_shadows for o in seen),
+            "receive_soft_shadows": all(o.light_meshes.receive_soft_shadows for o in seen),
         })
         return len(self.objects) - 1
 

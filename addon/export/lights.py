@@ -28,12 +28,12 @@ def light(ob, matrix_world, report: Report) -> dict:
         "soft_shadows": lamp.light_meshes.soft_shadows,
         "cast_shadow": lamp.use_shadow,
         "shadow_pass": shadow_number(lamp),
+        "softness": lamp.light_meshes.softness,
+        "soft_radius": lamp.light_meshes.radius,
+        "reference_distance": lamp.light_meshes.reference_distance,
     }
     factor, own = _SHAPES[lamp.type](lamp, lengths, x, y, report)
     power = factor * lamp.energy * _exposure(lamp)
-    linking = ob.light_linking
-    if linking.receiver_collection or linking.blocker_collection:
-        report.warn(f"Light '{ob.name}': light linking is not translated; it lights and is blocked by everything")
     description["intensity"] = [power * c for c in _color(lamp, report)]
     return description | own
 

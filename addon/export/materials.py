@@ -51,8 +51,8 @@ class Materials:
         overrides = material.light_meshes if material else None
         if overrides:
             description |= _overrides(overrides) | {
-                "priority": overrides.priority, "transparent_shadow": material.use_transparent_shadow,
-                "index": material.pass_index}
+                 name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
+            description |= {"transparent_shadow": material.use_transparent_shadow, "index": material.pass_index}
         if surface.image and not (overrides and overrides.override_Od):
             description["image"] = self._images.index(surface.image)
         if surface.alpha_image and not (overrides and overrides.override_alpha):

@@ -78,6 +78,7 @@ class Prepared:
         self.holdout = np.array([o.holdout for o in scene.objects], np.bool_)
         self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
         self.refraction = self._refraction(previous)
+        self.radii: dict[int, float] = {}  # r of lights that have one of their own
         self.visibility = self._visibility()
         self.nodes_kept = reuse.nodes(self, previous)
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
@@ -98,7 +99,8 @@ class Prepared:
         if self.plan.shadows == "AREA_SAMPLING":
             edges = sharp(self.casters.sharp) if self.casters.sharp else None
             return AreaSampling(*needed, self.casters, sharp(self.casters.whole), edges, s.light_samples, s.seed)
-        steps, sentences = light_size.steps(self, light_size.own_radii(self))
+        self.radii = light_size.own_radii(self)
+        steps, sentences = light_size.steps(self, self.radii)
         self.warnings += sentences
         soft = union(self.casters.soft, len(scene.lights))
         reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)])

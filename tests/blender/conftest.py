@@ -238,3 +238,33 @@ def run_blender(blender_path, blender_environment):
         return subprocess.run([blender_path, "-b", *map(str, arguments)], env=blender_environment | environment,
                               capture_output=True, text=True, timeout=180)
     return run
+
+
+@pytest.fixture(scope="session")
+def display():
+    """The name of a virtual screen of 1280×1000 pixels."""
+    if not shutil.which("Xvfb"):
+        pytest.skip("no Xvfb")
+    reading, writing = os.pipe()
+    process = subprocess.Popen(["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x1000x24", "+extension", "GLX",
+                                "-nolisten", "tcp"], pass_fds=[writing], stderr=subprocess.DEVNULL)
+    os.close(writing)
+    with os.fdopen(reading) as f:
+        name = f":{f.readline().strip()}"
+    yield name
+    process.terminate()
+    process.wait()
+
+
+@pytest.fixture
+def open_blender(blender_path, blender_environment, display, tmp_path):
+    """(arguments…) → what a real Blender with a window said, once it has quit."""
+    def run(*arguments, timeout=600):
+        environment = blender_environment | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(tmp_path)}
+        environment.pop("WAYLAND_DISPLAY", None)
+        log = tmp_path / "log.txt"  # no pipe, which what Blender leaves behind could hold open
+        with log.open("w") as f:
+            subprocess.run([blender_path, "--window-geometry", "0", "0", "1280", "1000", *map(str, arguments)],
+                           env=environment, stdout=f, stderr=f, timeout=timeout)
+        return log.read_text(errors="replace")
+    return run

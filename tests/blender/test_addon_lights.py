@@ -68,11 +68,6 @@ def test_hidden_and_instanced_lights(scene, add, add_light, snapshot):
     assert sorted(round(one.position[0]) for one in found.lights) == [1, 5]
 
 
-def test_light_linking_is_named(scene, add_light, snapshot):
-    add_light('POINT').light_linking.receiver_collection = bpy.data.collections.new("Some")
-    assert any("'Point'" in w and "linking" in w for w in snapshot(scene).warnings)
-
-
 def test_untranslated_nodes_are_named(scene, add_light, snapshot):
     light = add_light('POINT', energy=100).data
     light.use_nodes = True

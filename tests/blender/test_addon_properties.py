@@ -3,14 +3,11 @@
 import bpy
 import pytest
 
-GROUPS = ("Scene", "Light", "Material")
-
 
 def own_properties(addon):
     from light_meshes_addon import properties
 
-    for group in (properties.LightMeshesScene, properties.LightMeshesViewLayer, properties.LightMeshesLight,
-                  properties.LightMeshesMaterial):
+    for group in properties._GROUPS.values():
         yield from (p for p in group.bl_rna.properties if p.identifier not in {"rna_type", "name"})
 
 
@@ -79,6 +76,36 @@ def test_light_and_material_properties_reach_the_engine(scene, add_plane, add_li
     assert found.materials[0].mirror == pytest.approx((0.1, 0.2, 0.3))
 
 
+@pytest.mark.parametrize("name", ["cast_soft_shadows", "receive_soft_shadows"])
+def test_soft_shadows_of_an_object_and_of_what_instances_it(scene, add, add_plane, diffuse, snapshot, name):
+    """An instance has soft shadows where the object, its instancer and the material say so."""
+    curve = bpy.data.curves.new("Curve", 'CURVE')
+    curve.bevel_depth = 0.1
+    curve.splines.new('POLY').points.add(1)
+    curve.splines[0].points[1].co = (1, 0, 0, 1)
+    add(curve)
+    plane, inner = add_plane(), add_plane(name="Inner")
+    plane.data.materials.append(diffuse())
+    collection = bpy.data.collections.new("Collection")
+    collection.objects.link(inner)
+    scene.collection.objects.unlink(inner)
+    for one in ("First", "Second"):
+        add(None, one, instance_type='COLLECTION', instance_collection=collection)
+
+    def sharp():
+        found = snapshot(scene)
+        objects = sorted(o.name for o in found.objects if not getattr(o, name))
+        return objects, sorted(getattr(m, name) for m in found.materials)
+
+    assert sharp() == ([], [True, True])
+    for ob, names in (("Curve", ["Curve"]), ("Plane", ["Plane"]), ("Inner", ["Inner", "Inner"]), ("First", ["Inner"])):
+        setattr(bpy.data.objects[ob].light_meshes, name, False)
+        assert sharp()[0] == names, ob
+        setattr(bpy.data.objects[ob].light_meshes, name, True)
+    setattr(plane.data.materials[0].light_meshes, name, False)
+    assert sharp() == ([], [False, True])
+
+
 def test_an_override_starts_from_the_translated_value(scene, node_material):
     material = node_material("Red", 'ShaderNodeBsdfDiffuse', Color=(0.7, 0.1, 0.2, 1))
     material.light_meshes.override_Od = True
@@ -116,7 +143,9 @@ def test_panels(addon, scene, add_light, node_material):
 
     compatible = [p for p in bpy.types.Panel.__subclasses__() if ui.ENGINE in getattr(p, "COMPAT_ENGINES", ())]
     names = {p.__name__ for p in compatible}
-    assert {"RENDER_PT_output", "DATA_PT_lens", "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface"} <= names
+    assert {"RENDER_PT_output", "DATA_PT_lens", "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface",
+            "DATA_PT_camera_dof", "OBJECT_PT_visibility", "DATA_PT_custom_props_light"} <= names
+    assert {"OBJECT_PT_shading", "LIGHT_MESHES_PT_light_linking"} & names  # Blender's, or before 4.3 ours
     assert "DATA_PT_light" not in names and not any("freestyle" in n.lower() for n in names)
     addon.unregister()
     try:

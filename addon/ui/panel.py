@@ -1,0 +1,51 @@
+"""What all panels have in common."""
+
+import textwrap
+from typing import ClassVar
+
+ENGINE = 'LIGHT_MESHES'
+
+
+class LightMeshesPanel:
+    """A panel in the properties editor that is there while this engine is chosen."""
+
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+    bl_context = "render"
+    COMPAT_ENGINES: ClassVar = {ENGINE}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        self.fill(layout, context)
+
+
+def table(layout, context, rows: list[tuple[str, str]]) -> None:
+    """Names and what is said of them, as Blender aligns properties; long texts go on in the next line."""
+    column = layout.column(align=True)
+    for name, text in rows:
+        for n, line in enumerate(_lines(context, text, 0.58)):
+            split = column.split(factor=0.4)
+            left = split.row()
+            left.alignment = 'RIGHT'
+            left.label(text="" if n else name)
+            split.label(text=line)
+
+
+def paragraph(layout, context, text: str, icon: str = 'NONE') -> None:
+    """A text of several lines."""
+    column = layout.column(align=True)
+    for n, line in enumerate(_lines(context, text, 0.9)):
+        column.label(text=line, icon=icon if n == 0 else ('BLANK1' if icon != 'NONE' else 'NONE'))
+
+
+def _lines(context, text: str, share: float) -> list[str]:
+    """`text` in lines that fit into `share` of the region's width."""
+    letter = 6.5 * context.preferences.system.ui_scale  # on the average, pixels
+    width = context.region.width if context.region else 400
+    return textwrap.wrap(text, max(int(share * width / letter), 12)) or [""]

@@ -1,0 +1,105 @@
+"""Panels of the render properties: what is computed, and how."""
+
+from typing import ClassVar
+
+import bpy
+
+from .. import penumbra
+from ..operators import PRESETS
+from .panel import LightMeshesPanel, table
+
+
+class LIGHT_MESHES_PT_method(LightMeshesPanel, bpy.types.Panel):
+    bl_label = "Method"
+
+    def fill(self, layout, context):
+        settings = context.scene.light_meshes
+        row = layout.row(align=True)
+        for level, preset in PRESETS.items():
+            row.operator("light_meshes.preset", text=preset.name, depress=preset.is_set(settings)).level = level
+        layout.prop(settings, "mode")
+        layout.prop(settings, "samples")
+        if settings.mode == 'WHITTED':
+            layout.prop(settings, "max_depth")
+        layout.prop(settings, "ambient")
+
+
+class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
+    bl_label = "Shadows"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.scene.light_meshes.mode != 'LOCAL'
+
+    def fill(self, layout, context):
+        settings = context.scene.light_meshes
+        layout.prop(settings, "shadows")
+        if settings.shadows == 'LIGHT_MESHES':
+            layout.prop(settings, "auto_h")
+            if not settings.auto_h:
+                layout.prop(settings, "h")
+            layout.prop(settings, "kI")
+            layout.prop(settings, "weights")
+            table(layout, context, _meaning(context.scene))
+            layout.operator("light_meshes.suggest", icon='LIGHT')
+        elif settings.shadows == 'AREA_SAMPLING':
+            layout.prop(settings, "light_samples")
+
+
+def _meaning(scene) -> list[tuple[str, str]]:
+    """What the step and the quality come to."""
+    kI, h = scene.light_meshes.kI, penumbra.step(scene)
+    r = None if h is None else h * kI
+    rows = []
+    if scene.light_meshes.auto_h:
+        rows.append(("Step (h)", "measured when rendering" if h is None else
+                     f"{penumbra.length(scene, h)} in the last render"))
+    if r is not None:
+        rows += [("Radius r = h·kI", penumbra.length(scene, r)),
+                 ("Shadow Edges", f"{penumbra.length(scene, 2 * r)} wide")]
+    on_screen = penumbra.pixels(scene, r)
+    if on_screen:
+        rows.append(("" if r is not None else "Shadow Edges", "{:.0f} pixels {}".format(*on_screen)))
+    return [*rows, ("Gradation", f"{penumbra.nodes(kI)} nodes a point")]
+
+
+class LIGHT_MESHES_PT_glass(LightMeshesPanel, bpy.types.Panel):
+    bl_label = "Glass"
+    bl_options: ClassVar = {'DEFAULT_CLOSED'}
+
+    def fill(self, layout, context):
+        settings = context.scene.light_meshes
+        layout.prop(settings, "refraction")
+        soft = settings.mode != 'LOCAL' and settings.shadows == 'LIGHT_MESHES'
+        if soft:
+            layout.prop(settings, "glass")
+        if settings.refraction == 'FULL':
+            layout.prop(settings, "caustics")
+            if soft:
+                layout.prop(settings, "leak_free")
+
+
+class LIGHT_MESHES_PT_film(LightMeshesPanel, bpy.types.Panel):
+    bl_label = "Film"
+    bl_options: ClassVar = {'DEFAULT_CLOSED'}
+
+    def fill(self, layout, context):
+        layout.prop(context.scene.render, "filter_size")
+        layout.prop(context.scene.render, "film_transparent", text="Transparent")
+
+
+class LIGHT_MESHES_PT_performance(LightMeshesPanel, bpy.types.Panel):
+    bl_label = "Performance"
+    bl_options: ClassVar = {'DEFAULT_CLOSED'}
+
+    def fill(self, layout, context):
+        layout.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
+
+
+CLASSES = (
+    LIGHT_MESHES_PT_method,
+    LIGHT_MESHES_PT_shadows,
+    LIGHT_MESHES_PT_glass,
+    LIGHT_MESHES_PT_film,
+    LIGHT_MESHES_PT_performance,
+)

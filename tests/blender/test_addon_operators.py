@@ -1,0 +1,198 @@
+"""What the buttons do: presets, a suggested step, a kept snapshot; and what the panels say of h, kI and r."""
+
+import math
+
+import bpy
+import light_meshes.snapshot
+import numpy as np
+import pytest
+from light_meshes.render import render_image
+
+
+@pytest.fixture
+def lit(scene, add_plane, add_light):
+    """A plane seen straight from above, 10 away, across which 20·36/50·... scene units are seen; a sun."""
+    add_plane(20)
+    add_light('SUN', energy=math.pi, angle=0)
+    return scene
+
+
+def across(scene):
+    """Width of what the camera sees at distance 10."""
+    lens = scene.camera.data
+    return 10 * lens.sensor_width / lens.lens
+
+
+@pytest.mark.parametrize("level, nodes", [('DRAFT', 17), ('BALANCED', 57), ('FINE', 134)])
+def test_presets(scene, level, nodes):
+    from light_meshes_addon import operators, penumbra
+
+    own = scene.light_meshes
+    own.auto_h, own.h, own.kI = False, 0.1, 2.5
+    assert not any(p.is_set(own) for p in operators.PRESETS.values())
+    assert bpy.ops.light_meshes.preset(level=level) == {'FINISHED'}
+    assert [key for key, p in operators.PRESETS.items() if p.is_set(own)] == [level]
+    assert own.h * own.kI == pytest.approx(0.25)  # shadow edges stay as wide
+    assert penumbra.nodes(own.kI) == nodes
+
+
+def test_the_balanced_preset_is_the_default(scene):
+    from light_meshes_addon import operators
+
+    assert operators.PRESETS['BALANCED'].is_set(scene.light_meshes)
+
+
+def test_suggestion_without_sizes(lit):
+    """h of the automatic step, if the quality is 3."""
+    from light_meshes_addon import session
+
+    assert bpy.ops.light_meshes.suggest() == {'FINISHED'}
+    own = lit.light_meshes
+    assert not own.auto_h and own.kI == 3
+    assert own.h == pytest.approx(across(lit) / 200, rel=0.05)
+    assert session.MEASURE not in session._sessions
+
+
+def test_suggestion_from_the_light(lit, add_plane, render):
+    """Shadow edges as wide as those that a light of that size casts from there."""
+    add_plane(2, "Blocker", location=(0, 0, 1.5), visible_camera=False)
+    lit.objects["Sun"].data.angle = 2 * math.atan(0.05)
+    assert bpy.ops.light_meshes.suggest() == {'FINISHED'}
+    own = lit.light_meshes
+    assert own.h * own.kI == pytest.approx(1.12 * 0.05 * 1.5, rel=0.05)
+    assert own.shadows == 'LIGHT_MESHES' and lit.objects["Sun"].data.light_meshes.softness == 'SCENE'
+
+
+def test_suggestion_is_held_within_reason():
+    from light_meshes_addon.operators import NARROWEST, WIDEST, suggested
+
+    for radii, r, kI in (([5.0], WIDEST, 4), ([1e-5], NARROWEST, 2), ([0.0, 0.02, 0.02, 9.0], 0.02, 3), ([], 0.015, 3)):
+        found = suggested(1 / 200, radii)
+        assert found.h * found.kI == pytest.approx(r, rel=0.06) and found.kI == kI
+    assert "larger" in suggested(1 / 200, [5.0]).why and "no light" in suggested(1 / 200, [0.0]).why
+
+
+def test_suggestion_says_what_is_wrong(lit, monkeypatch):
+    monkeypatch.setenv("LIGHT_MESHES_PYTHON", "/no/such/python")
+    before = lit.light_meshes.h
+    with pytest.raises(RuntimeError, match="/no/such/python cannot be run"):
+        bpy.ops.light_meshes.suggest()
+    assert lit.light_meshes.auto_h and lit.light_meshes.h == before
+    lit.camera = None
+    assert not bpy.ops.light_meshes.suggest.poll()
+
+
+def test_a_kept_snapshot_is_what_is_rendered(lit, add_plane, render, tmp_path):
+    from light_meshes_addon.render_engine import LightMeshesEngine
+
+    add_plane(1, "Hidden", location=(0, 0, 1)).hide_viewport = True  # but not in renders
+    picture = render(lit)["Combined"]
+    for expected in ("snapshot-untitled-Scene-1", "snapshot-untitled-Scene-1-2"):
+        assert bpy.ops.light_meshes.keep_snapshot(directory=str(tmp_path)) == {'FINISHED'}
+        again = render_image(light_meshes.snapshot.read(tmp_path / expected)).passes["Combined"]
+        assert np.array_equal(again[::-1], picture)
+    assert LightMeshesEngine.export_to is None and lit.render.use_compositing and lit.render.use_sequencer
+
+
+def test_a_snapshot_that_cannot_be_kept(lit, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RuntimeError, match="file/snapshot-untitled-Scene-1 cannot be made"):
+        bpy.ops.light_meshes.keep_snapshot(directory=str(tmp_path / "file"))
+    lit.camera = None
+    with pytest.raises(RuntimeError, match="no camera"):
+        bpy.ops.light_meshes.keep_snapshot(directory=str(tmp_path))
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("kind", ['PERSP', 'ORTHO'])
+def test_the_panels_pixels_are_those_of_the_picture(lit, add_mesh, render, kind):
+    """A shadow's edge is as many pixels wide as the panel says, by its second moment."""
+    from light_meshes_addon import penumbra
+
+    lens = lit.camera.data
+    lens.type, lens.ortho_scale = kind, across(lit)
+    add_mesh("Blocker", [(0, -9, 1), (9, -9, 1), (9, 9, 1), (0, 9, 1)], [(0, 1, 2, 3)], visible_camera=False)
+    lit.render.resolution_x, lit.render.resolution_y, lit.render.resolution_percentage = 400, 20, 50
+    lit.render.filter_size = 0.01
+    own = lit.light_meshes
+    assert penumbra.step(lit) is None and penumbra.nodes(3) == 57  # not rendered yet
+    assert penumbra.pixels(lit, None)[0] == pytest.approx(2 * 3)  # r = 3·200/200
+    own.auto_h, own.h, own.kI = False, 0.15, 4
+    lens.dof.focus_distance = 10
+    row = render(lit)["Combined"][5, :, 0]
+    share = np.diff(row) / (row[-1] - row[0])
+    place = np.arange(len(share))
+    spread = math.sqrt((share * (place - (share * place).sum()) ** 2).sum())  # of smoothstep: its width/√20
+    assert penumbra.pixels(lit, 0.6)[0] == pytest.approx(spread * math.sqrt(20), rel=0.05)
+    assert penumbra.pixels(lit, 0.6)[1] == ("everywhere" if kind == 'ORTHO' else "at the focus distance, 10 m")
+
+
+def test_pixels_at_the_focus(lit, add):
+    from light_meshes_addon import penumbra
+
+    lens = lit.camera.data
+    lens.dof.use_dof, lens.dof.focus_distance = True, 5
+    near, where = penumbra.pixels(lit, 0.1)
+    assert "at the focus, 5 m" in where and near == pytest.approx(0.2 / across(lit) * 2 * 64)
+    lens.dof.focus_object = add(None, "Target", location=(3, 0, -10))
+    bpy.context.view_layer.update()
+    assert penumbra.pixels(lit, 0.1)[0] == pytest.approx(near / 4)
+    lit.camera = None
+    assert penumbra.pixels(lit, 0.1) is None
+
+
+def test_the_measured_step_is_shown(lit, render):
+    from light_meshes_addon import penumbra, session
+
+    render(lit)
+    assert penumbra.step(lit) == session.statistics["h"] == pytest.approx(across(lit) / 200, rel=0.05)
+    width, where = penumbra.pixels(lit, 3 * penumbra.step(lit))
+    assert width == pytest.approx(2 * 3 / 200 * 64) and where == "in the middle of what is seen"
+    other = bpy.data.scenes.new("Other")
+    assert penumbra.step(other) is None
+
+
+def test_a_lights_radius_is_shown(lit, add_plane, render):
+    from light_meshes_addon import penumbra
+
+    sun = lit.objects["Sun"].data
+    own = sun.light_meshes
+    lit.light_meshes.auto_h, lit.light_meshes.h = False, 0.05
+    assert penumbra.light_radius(lit, sun, "Sun") == pytest.approx(0.15)
+    own.softness, own.radius = 'RADIUS', 0.2
+    assert penumbra.light_radius(lit, sun, "Sun") == pytest.approx(0.2)
+    own.softness, own.reference_distance, sun.angle = 'LIGHT_SIZE', 2, 2 * math.atan(0.1)
+    add_plane(1, "Blocker", location=(0, 0, 1))
+    assert penumbra.light_radius(lit, sun, "Sun") is None
+    render(lit)
+    assert penumbra.light_radius(lit, sun, "Sun") == pytest.approx(1.12 * 0.1 * 2, rel=0.01)
+
+
+@pytest.mark.parametrize("system, unit, scale, text", [
+    ('METRIC', 'METERS', 1.0, "0.25 m"), ('METRIC', 'METERS', 0.01, "0.0025 m"), ('METRIC', 'ADAPTIVE', 1.0, "25 cm"),
+    ('IMPERIAL', 'INCHES', 1.0, "9.843\""), ('NONE', 'METERS', 1.0, "0.25"),
+])
+def test_lengths(scene, system, unit, scale, text):
+    from light_meshes_addon import penumbra
+
+    units = scene.unit_settings
+    units.system = system
+    if system != 'NONE':
+        units.length_unit = unit
+    units.scale_length = scale
+    assert penumbra.length(scene, 0.25).startswith(text)
+
+
+def test_the_statistics_are_readable(lit, render):
+    from light_meshes_addon import session
+    from light_meshes_addon.ui import last_render
+
+    lit.frame_set(7)
+    render(lit)
+    rows = dict(last_render.rows(session.statistics, lit))
+    assert rows["Picture"].startswith("Scene, frame 7, 64×48, 4 samples")
+    assert rows["Scene"] == "2 triangles, 1 light" and "12,288 camera" in rows["Rays"]
+    assert rows["Without Node"].startswith("0 points")
+    lit.light_meshes.shadows = 'SHARP'
+    render(lit)
+    assert "Nodes" not in dict(last_render.rows(session.statistics, lit))

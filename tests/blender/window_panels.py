@@ -1,0 +1,110 @@
+"""Run in Blender's window: opens every tab of the properties editor with all panels unfolded, and uses the buttons.
+
+Says "DREW panel" of each of our panels, "SAW …" of what the buttons did; errors in a panel are Blender's tracebacks.
+"""
+
+import sys
+import traceback
+from pathlib import Path
+
+import bpy
+
+OWN = next(name for name in sys.modules if name.endswith("light_meshes"))
+ui, session = sys.modules[f"{OWN}.ui"], sys.modules[f"{OWN}.session"]
+FOLDER = Path(sys.argv[-1])
+drawn = set()
+
+
+def scene():
+    """All kinds of objects whose properties have panels, and a small picture."""
+    bpy.context.scene.render.engine = 'LIGHT_MESHES'
+    bpy.context.scene.render.resolution_percentage = 5
+    for kind in ('SUN', 'SPOT', 'AREA'):
+        bpy.ops.object.light_add(type=kind, location=(0, 0, 5))
+        bpy.context.object.name = kind
+    bpy.data.lights[-1].light_meshes.softness = 'RADIUS'
+    unfold()
+    area = max(bpy.context.window_manager.windows[0].screen.areas, key=lambda a: a.width * a.height)
+    area.ui_type = 'PROPERTIES'
+
+
+def unfold():
+    ui.unregister()
+    visibility = bpy.types.OBJECT_PT_visibility  # Blender's own, in which one of ours lies
+    bpy.utils.unregister_class(visibility)
+    visibility.bl_options = set()
+    bpy.utils.register_class(visibility)
+    for panel in ui._CLASSES:
+        panel.bl_options = set()
+        panel.fill = noted(panel.__name__, panel.fill)
+    ui.register()
+
+
+def noted(name, fill):
+    def run(self, layout, context):
+        fill(self, layout, context)
+        if name not in drawn:
+            drawn.add(name)
+            print("DREW", name, flush=True)
+    return run
+
+
+def tab(name, active=None):
+    def run():
+        if active:
+            bpy.context.view_layer.objects.active = bpy.data.objects[active]
+        for area in bpy.context.window_manager.windows[0].screen.areas:
+            if area.ui_type == 'PROPERTIES':
+                area.spaces.active.context = name
+                area.tag_redraw()
+    return run
+
+
+def press(operator, call='EXEC_DEFAULT', **arguments):
+    def run():
+        window = bpy.context.window_manager.windows[0]
+        area = max(window.screen.areas, key=lambda a: a.width * a.height)
+        with bpy.context.temp_override(window=window, area=area, region=area.regions[-1]):
+            module, name = operator.split(".")
+            getattr(getattr(bpy.ops, module), name)(call, **arguments)
+    return run
+
+
+def suggested():
+    if bpy.context.scene.light_meshes.auto_h:
+        return "again"
+    print("SAW suggestion", list(session._sessions), flush=True)
+
+
+def rendered():
+    print("SAW render", session.statistics["width"], flush=True)
+
+
+def kept():
+    slots = bpy.data.images["Render Result"].render_slots
+    print("SAW snapshot", [p.name for p in FOLDER.iterdir()], slots.active_index, [s.name for s in slots][8:],
+          flush=True)
+
+
+STEPS = [
+    scene, tab('RENDER'), press("light_meshes.preset", level='DRAFT'), tab('RENDER'),
+    press("light_meshes.suggest", 'INVOKE_DEFAULT'), suggested, press("render.render"), rendered, tab('RENDER'),
+    press("light_meshes.keep_snapshot", directory=str(FOLDER)), kept,
+    *(tab(name) for name in ('OUTPUT', 'VIEW_LAYER', 'SCENE', 'WORLD')),
+    *(tab('DATA', light) for light in ('Light', 'SUN', 'SPOT', 'AREA')), tab('OBJECT', 'AREA'),
+    tab('DATA', 'Camera'), tab('OBJECT', 'Camera'), tab('OBJECT', 'Cube'), tab('MATERIAL', 'Cube'),
+    lambda: print("END", flush=True), lambda: bpy.ops.wm.quit_blender(),
+]
+
+
+def go():
+    try:
+        if STEPS[0]() != "again":
+            del STEPS[0]
+    except Exception:
+        traceback.print_exc()
+        del STEPS[0]
+    return 0.5 if STEPS else None
+
+
+bpy.app.timers.register(go, first_interval=1)
