@@ -24,6 +24,7 @@ class Job:
 
     def __init__(self, engine, depsgraph) -> None:
         self.engine, self.depsgraph = engine, depsgraph
+        self._purpose = session.PREVIEW if engine.is_preview else session.RENDER
         self._session: session.Session | None = None
         self._folder: Path | None = None
         self._snapshots = 0
@@ -37,6 +38,8 @@ class Job:
     def __exit__(self, *_) -> None:
         if self._folder:
             shutil.rmtree(self._folder, ignore_errors=True)
+        if self.engine.is_preview:
+            return  # the panel of a material shows what is not translated
         for sentence in self._warnings:
             self.engine.report({'WARNING'}, sentence)
             observers.notify(event="warning", message=sentence)
@@ -98,7 +101,7 @@ class Job:
         """A folder of our own in the one shared with the engine, which is started if need be."""
         if not self._folder:
             self._say("Starting the engine")
-            self._session = session.current()
+            self._session = session.current(self._purpose)
             while not self._session.folder:
                 self._poll()
             self._folder = self._session.new_folder()
@@ -127,10 +130,12 @@ class Job:
         try:
             return self._session.poll(ASK_SECONDS)
         except session.EngineError:
-            session.discard()
+            session.discard(self._purpose)
             raise
 
     def _finish(self, done: dict) -> None:
+        if self.engine.is_preview:
+            return
         session.statistics = done["statistics"]
         self._warnings.update(dict.fromkeys(done["warnings"]))
         observers.notify(event="statistics", frame=self.depsgraph.scene.frame_current, statistics=done["statistics"])
@@ -142,6 +147,8 @@ class Job:
     def _progress(self, fraction: float, stage: str) -> None:
         self.engine.update_progress(fraction)
         self._say(stage)
+        if self.engine.is_preview:
+            return
         observers.notify(event="progress", frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
 
     def _say(self, text: str) -> None:

@@ -205,8 +205,10 @@ def lacks_package(python: str, text: str) -> str:
             f"engine with '{python} -m pip install light-meshes', or choose another Python in the add-on's preferences")
 
 
+RENDER, PREVIEW = "render", "preview"  # what an engine is for; each has its own, as they are used by two threads
+
 _python = ""
-_session: Session | None = None
+_sessions: dict[str, Session] = {}
 statistics: dict = {}  # of the last render, as the engine gave them
 
 
@@ -229,31 +231,28 @@ def _environment(python: str) -> dict[str, str]:
     return environment
 
 
-def current() -> Session:
-    """The engine, started if need be. It may not be ready yet: poll it."""
-    global _session
+def current(purpose: str = RENDER) -> Session:
+    """The engine for `purpose`, started if need be. It may not be ready yet: poll it."""
     python = engine_python()
-    if _session and not (_session.usable and _session.python == python):
-        discard()
-    if not _session:
-        _session = Session(python)
-    return _session
+    session = _sessions.get(purpose)
+    if session and not (session.usable and session.python == python):
+        discard(purpose)
+    if purpose not in _sessions:
+        _sessions[purpose] = Session(python)
+    return _sessions[purpose]
 
 
-def discard() -> None:
-    """Give the engine up without waiting: a thread ends it."""
-    global _session
-    if _session:
-        threading.Thread(target=_session.kill).start()
-        _session = None
+def discard(purpose: str = RENDER) -> None:
+    """Give the engine for `purpose` up without waiting: a thread ends it."""
+    session = _sessions.pop(purpose, None)
+    if session:
+        threading.Thread(target=session.kill).start()
 
 
 def end() -> None:
-    """End the engine in good order."""
-    global _session
-    if _session:
-        _session.end()
-        _session = None
+    """End all engines in good order."""
+    while _sessions:
+        _sessions.popitem()[1].end()
 
 
 atexit.register(end)

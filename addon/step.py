@@ -18,13 +18,15 @@ def for_frame(job) -> float | None:
     """The step to render the current frame of `job` with, or None: what the snapshot says by itself is right."""
     scene = job.depsgraph.scene
     own = job.depsgraph.scene_eval.light_meshes
-    if not own.auto_h or own.shadows != 'LIGHT_MESHES' or own.mode == 'LOCAL':
-        return None
     engine, frame, subframe = job.engine, scene.frame_current, scene.frame_subframe
-    here = frame == scene.frame_start and not subframe
-    if (here and not engine.is_animation) or not may_move(job.depsgraph):
+    if not own.auto_h or own.shadows != 'LIGHT_MESHES' or own.mode == 'LOCAL' or engine.is_preview:
+        return None
+    moves = may_move(job.depsgraph)
+    here = (frame == scene.frame_start and not subframe) or not moves
+    alone = sum(layer.use for layer in scene.view_layers) == 1
+    if alone and here and not (moves and engine.is_animation):
         return None  # the engine measures what it renders
-    key = (scene.name_full, job.depsgraph.view_layer.name)
+    key = scene.name_full  # layers that are put together must have the same: the first one's
     if key not in _measured:
         try:
             if not here:

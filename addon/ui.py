@@ -95,6 +95,16 @@ class LIGHT_MESHES_PT_passes(_Panel, bpy.types.Panel):
             column.prop(context.view_layer, name)
 
 
+class LIGHT_MESHES_PT_override(_Panel, bpy.types.Panel):
+    bl_label = "Override"
+    bl_context = "view_layer"
+    bl_options: ClassVar = {'DEFAULT_CLOSED'}
+
+    def fill(self, layout, context):
+        for name in ("material_override", "world_override", "samples"):
+            layout.prop(context.view_layer, name)
+
+
 class LIGHT_MESHES_PT_light(_Panel, bpy.types.Panel):
     bl_label = "Light"
     bl_context = "data"
@@ -203,6 +213,7 @@ _CLASSES = (
     LIGHT_MESHES_PT_glass,
     LIGHT_MESHES_PT_film,
     LIGHT_MESHES_PT_passes,
+    LIGHT_MESHES_PT_override,
     LIGHT_MESHES_PT_light,
     LIGHT_MESHES_PT_light_shadow,
     LIGHT_MESHES_PT_ray_visibility,
@@ -212,10 +223,10 @@ _CLASSES = (
 _EXCLUDED = {
     "DATA_PT_light", "DATA_PT_spot", "DATA_PT_area", "DATA_PT_falloff_curve", "NODE_DATA_PT_light",
 }
-# Panels of EEVEE that show what this engine reads: shader nodes.
+# Panels of EEVEE that show what this engine reads: shader nodes, depth of field.
 _EEVEES = {
     "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
-    "EEVEE_WORLD_PT_surface",
+    "EEVEE_WORLD_PT_surface", "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture",
 }
 
 
