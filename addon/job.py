@@ -24,7 +24,7 @@ class Job:
 
     def __init__(self, engine, depsgraph, purpose: str = session.RENDER) -> None:
         self.engine, self.depsgraph = engine, depsgraph
-        self._purpose = purpose
+        self._purpose = session.PREVIEW if engine.is_preview else purpose
         self._session: session.Session | None = None
         self._folder: Path | None = None
         self._snapshots = 0
@@ -38,6 +38,8 @@ class Job:
     def __exit__(self, *_) -> None:
         if self._folder:
             shutil.rmtree(self._folder, ignore_errors=True)
+        if self.engine.is_preview:
+            return  # the panel of a material shows what is not translated
         for sentence in self._warnings:
             self.engine.report({'WARNING'}, sentence)
             observers.notify(event="warning", message=sentence)
@@ -132,6 +134,8 @@ class Job:
             raise
 
     def _finish(self, done: dict) -> None:
+        if self.engine.is_preview:
+            return
         scene = self.depsgraph.scene
         session.statistics = {"scene": scene.name_full, "frame": scene.frame_current} | done["statistics"]
         self._warnings.update(dict.fromkeys(done["warnings"]))
@@ -144,6 +148,8 @@ class Job:
     def _progress(self, fraction: float, stage: str) -> None:
         self.engine.update_progress(fraction)
         self._say(stage)
+        if self.engine.is_preview:
+            return
         observers.notify(event="progress", frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
 
     def _say(self, text: str) -> None:

@@ -17,7 +17,7 @@ _SLOT = "Snapshot"  # of the render result: what is exported without being rende
 class LightMeshesEngine(bpy.types.RenderEngine):
     bl_idname = 'LIGHT_MESHES'
     bl_label = "Light Meshes"
-    bl_use_preview = False
+    bl_use_preview = True
     bl_use_postprocess = True
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
@@ -44,6 +44,9 @@ class LightMeshesEngine(bpy.types.RenderEngine):
             self._fail(f"The Light Meshes add-on failed: {type(e).__name__}: {e}", traceback.format_exc())
 
     def _fail(self, message, log):
+        if self.is_preview:  # Blender shows no errors of previews
+            print(f"Light Meshes, preview: {message}", flush=True)
+            return
         if log:
             print(f"Light Meshes, the end of the log:\n{log}", flush=True)
         self.report({'ERROR'}, message)  # exit code 1

@@ -11,7 +11,7 @@ _MOVING = {
     'BUILD', 'CLOTH', 'DYNAMIC_PAINT', 'EXPLODE', 'FLUID', 'MESH_CACHE', 'MESH_SEQUENCE_CACHE', 'NODES', 'OCEAN',
     'PARTICLE_INSTANCE', 'PARTICLE_SYSTEM', 'SOFT_BODY', 'VOLUME_TO_MESH', 'WAVE',
 }
-_measured: dict[tuple, dict] = {}  # of the render job that is going on
+_measured: dict[str, dict] = {}  # of the render job that is going on
 
 
 def for_frame(job) -> dict[str, dict]:
@@ -21,10 +21,14 @@ def for_frame(job) -> dict[str, dict]:
     if own.shadows != 'LIGHT_MESHES' or own.mode == 'LOCAL' or not (own.auto_h or _sized_lights(job.depsgraph)):
         return {}
     engine, frame, subframe = job.engine, scene.frame_current, scene.frame_subframe
-    here = frame == scene.frame_start and not subframe
-    if (here and not engine.is_animation) or not may_move(job.depsgraph):
+    if engine.is_preview:
+        return {}
+    moves = may_move(job.depsgraph)
+    here = (frame == scene.frame_start and not subframe) or not moves
+    alone = sum(layer.use for layer in scene.view_layers) == 1
+    if alone and here and not (moves and engine.is_animation):
         return {}  # the engine measures what it renders
-    key = (scene.name_full, job.depsgraph.view_layer.name)
+    key = scene.name_full  # layers that are put together must have the same: the first one's
     if key not in _measured:
         try:
             if not here:

@@ -33,6 +33,16 @@ CASES = {
 }
 # Name → colour of a Transparent BSDF on the plate and the column.
 PANES = {"transparent, grey": (0.7, 0.7, 0.7, 1), "transparent, coloured": (0.9, 0.5, 0.3, 1)}
+# Name → the camera's type, and its depth of field.
+LENSES = {
+    "round": ('PERSP', {"focus_distance": 2.5, "aperture_fstop": 1 / 36}),
+    "round, focus behind": ('PERSP', {"focus_distance": 50.0, "aperture_fstop": 1 / 36}),
+    "triangle": ('PERSP', {"focus_distance": 2.5, "aperture_fstop": 1 / 40, "aperture_blades": 3,
+                           "aperture_rotation": 0.3}),
+    "anamorphic": ('PERSP', {"focus_distance": 2.5, "aperture_fstop": 1 / 40, "aperture_blades": 6,
+                             "aperture_rotation": 0.2, "aperture_ratio": 2.0}),
+    "orthographic": ('ORTHO', {"focus_distance": 2.5, "aperture_fstop": 1 / 16}),
+}
 
 
 def transparent(material, color):
@@ -74,9 +84,15 @@ def main(file, folder):
     scene = bpy.context.scene
     prepare(scene)
     scene.light_meshes.samples = scene.cycles.samples = 256
-    scene.render.filter_size = scene.cycles.filter_width = 1.5
-    scene.cycles.pixel_filter_type = 'BLACKMAN_HARRIS'
+    same_filter(scene)
     render(scene, folder, "edge")
+    for name, (kind, dof) in LENSES.items():
+        glowing_dot(kind, dof)
+        scene = bpy.context.scene
+        prepare(scene)
+        scene.light_meshes.samples, scene.cycles.samples = 1024, 4096
+        same_filter(scene)
+        render(scene, folder, f"lens, {name}")
     (folder / "cases.json").write_text(json.dumps(done))
 
 
@@ -87,11 +103,31 @@ def render(scene, folder, name):
         bpy.ops.render.render(write_still=True)
 
 
+def same_filter(scene):
+    scene.render.filter_size = scene.cycles.filter_width = 1.5
+    scene.cycles.pixel_filter_type = 'BLACKMAN_HARRIS'
+
+
 def glowing_edge():
     """A glow that ends along x = y/32, seen from above; a pixel is 1 wide."""
+    glow([(-1.25, -40, 0), (40, -40, 0), (40, 40, 0), (1.25, 40, 0)], 'ORTHO')
+
+
+def glowing_dot(kind, dof):
+    """A glow of 3×3 pixels, at a distance of 5; its circle of confusion has a radius of about 8 pixels."""
+    size = 1.5 if kind == 'ORTHO' else 0.15
+    x, y = (3.0, -2.0) if kind == 'ORTHO' else (0.3, -0.2)
+    camera = glow([(x + i * size, y + j * size, 0) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))], kind)
+    camera.dof.use_dof = True
+    for name, value in dof.items():
+        setattr(camera.dof, name, value)
+
+
+def glow(corners, kind):
+    """A scene with a glowing quadrilateral and a camera above it, which is returned."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    mesh = bpy.data.meshes.new("edge")
-    mesh.from_pydata([(-1.25, -40, 0), (40, -40, 0), (40, 40, 0), (1.25, 40, 0)], [], [(0, 1, 2, 3)])
+    mesh = bpy.data.meshes.new("glow")
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
     material = bpy.data.materials.new("glow")
     material.use_nodes = True
     nodes = material.node_tree.nodes
@@ -99,7 +135,7 @@ def glowing_edge():
     material.node_tree.links.new(glow.outputs[0], nodes["Material Output"].inputs["Surface"])
     mesh.materials.append(material)
     camera = bpy.data.cameras.new("camera")
-    camera.type, camera.ortho_scale = 'ORTHO', 32
+    camera.type, camera.ortho_scale = kind, 32
     scene = bpy.context.scene
     for data, z in ((mesh, 0), (camera, 5)):
         ob = bpy.data.objects.new(data.name, data)
@@ -107,6 +143,7 @@ def glowing_edge():
         scene.collection.objects.link(ob)
     scene.camera = ob
     scene.render.resolution_x = scene.render.resolution_y = 32
+    return camera
 
 
 def prepare(scene):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from cycles_pictures import CASES, PANES
+from cycles_pictures import CASES, LENSES, PANES
 
 pytestmark = [pytest.mark.slow,
               pytest.mark.skipif(not importlib.util.find_spec("bpy"), reason="bpy is not installed")]
@@ -99,3 +99,24 @@ def test_the_pixel_filter_is_as_wide_as_cycles(pictures):
         assert abs((step * middle).sum()) < 0.02
         widths.append(np.sqrt((step * middle**2).sum()))
     assert widths[0] == pytest.approx(widths[1], rel=0.05)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_what_is_out_of_focus_is_cycles_blur(pictures, name):
+    """A dot becomes the lens: where it lies, its size along and across, and which way its corners point."""
+    found = []
+    for picture in pictures(f"lens, {name}"):
+        light = picture[..., 0] / picture[..., 0].sum()
+        y, x = np.indices(light.shape)
+        centre = np.array([(light * x).sum(), (light * y).sum()])
+        x, y = x - centre[0], y - centre[1]
+        variance = [(light * x**2).sum(), (light * y**2).sum(), (light * x * y).sum()]
+        skew = [(light * x**(3 - k) * y**k).sum() for k in range(4)]
+        found.append((picture[..., 0].sum(), centre, variance, skew))
+    (energy, centre, variance, skew), cycles = found
+    size = np.mean(cycles[2][:2])
+    assert 4 < size < 40
+    assert energy == pytest.approx(cycles[0], rel=0.02)
+    assert centre == pytest.approx(cycles[1], abs=0.1)
+    assert variance == pytest.approx(cycles[2], abs=0.02 * size)
+    assert skew == pytest.approx(cycles[3], abs=0.04 * size**1.5)

@@ -90,6 +90,13 @@ def test_a_transparent_film_is_clear_where_nothing_is_hit():
     np.testing.assert_allclose(over, full[..., :3], rtol=1e-5, atol=1e-6)
 
 
+def test_where_all_is_hidden_from_the_camera_the_world_is_seen():
+    scene = four_lights(8)
+    hidden = replace(scene, objects=tuple(replace(o, visible_camera=False) for o in scene.objects))
+    assert np.array_equal(render_image(hidden).passes["Combined"], np.broadcast_to(
+        np.float32([*scene.world_color, 1]), (8, 8, 4)))
+
+
 def test_depth_and_normal_of_a_plane_are_exact():
     camera = look_at((1.0, -3.0, 2.0), (0.2, 0.1, 0.0), 50, 60, 40)
     scene = assemble([Part(rectangle((-90, -90), (90, 90), 0.0), GREY, "floor")], camera, [], settings())

@@ -1,4 +1,4 @@
-"""The camera, and which part of its frame is rendered."""
+"""The camera, its lens, and which part of its frame is rendered."""
 
 import numpy as np
 
@@ -28,17 +28,36 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
     if lens.type not in {'PERSP', 'ORTHO'}:
         report.warn(f"Camera '{camera.name}' is of type {lens.type.lower()}, which is not translated: "
                     "rendered as a perspective camera")
-    if lens.dof.use_dof:
-        report.warn(f"Camera '{camera.name}' has depth of field, which is not translated: everything is in focus")
-    if scene.render.use_motion_blur:
-        report.warn("Motion blur is not translated: moving things are sharp")
-    if scene.render.use_multiview:
-        report.warn("Stereoscopy is not translated: all views show what the camera itself sees")
-    return result | {
+    return result | _depth_of_field(camera, lens, depsgraph) | {
         "window": _window(scene.render, width, height, lens, lens.shift_x, lens.shift_y),
         "perspective": lens.type != 'ORTHO',
         "clip_start": lens.clip_start,
         "clip_end": lens.clip_end,
+    }
+
+
+def _depth_of_field(camera, lens, depsgraph) -> dict:
+    """The lens that blurs what is out of focus, with Cycles' numbers."""
+    dof = lens.dof
+    if not dof.use_dof:
+        return {}
+    focus = dof.focus_distance
+    if dof.focus_object:
+        target = dof.focus_object.evaluated_get(depsgraph)
+        matrix = target.matrix_world
+        bone = target.pose.bones.get(dof.focus_subtarget) if target.pose else None
+        if bone:
+            matrix = matrix @ bone.matrix
+        view = camera.matrix_world
+        focus = abs(view.col[2].xyz.normalized().dot(matrix.translation - view.translation))
+    # The focal length is in millimetres, whatever the scene's units; an orthographic camera has none.
+    length = 1.0 if lens.type == 'ORTHO' else lens.lens / 1000
+    return {
+        "lens_radius": length / (2 * max(dof.aperture_fstop, 1e-5)),
+        "focus_distance": max(focus, 1e-5),
+        "lens_blades": dof.aperture_blades,
+        "lens_rotation": dof.aperture_rotation,
+        "lens_ratio": dof.aperture_ratio,
     }
 
 

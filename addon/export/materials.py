@@ -22,6 +22,7 @@ class Materials:
         self._report = report
         self.every_uv = depsgraph.view_layer_eval.use_pass_uv  # the UV pass wants them, with images or without
         self._depsgraph = depsgraph
+        self._override = depsgraph.view_layer_eval.material_override
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
 
@@ -30,7 +31,11 @@ class Materials:
         return self._images.descriptions
 
     def index(self, material) -> int:
-        """Number of `material` (None: Blender's default), translated when first asked for."""
+        """Number of `material` (None: Blender's default), translated when first asked for.
+
+        The view layer may have one material instead of all.
+        """
+        material = self._override or material
         key = material.original.as_pointer() if material else 0
         if key not in self._indices:
             self._indices[key] = len(self.descriptions)

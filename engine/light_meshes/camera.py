@@ -1,8 +1,9 @@
-"""Camera rays, and where in a pixel's filter they go."""
+"""Camera rays: where in a pixel's filter they go, and through which point of the lens."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,11 +47,48 @@ def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
     return offsets[np.argsort((offsets**2).sum(1), kind="stable")]
 
 
+GOLDEN = (5**0.5 - 1) / 2
+ORDERS = 16  # of the lens's points that are tried
+
+
+def lens_points(camera: Camera, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n,2) of the lens that a pixel's n samples look through, in scene units from its centre, x right, y up.
+
+    The same for every pixel, as the samples' `offsets`: a point out of focus becomes n points, with the variance of
+    the whole lens. A sunflower spiral (Vogel 1979) fills the disk evenly, seen from any side; a lens with blades has
+    the same spiral, each circle drawn out to the polygon (its form as in Cycles). The first sample looks through the
+    point nearest to the centre, a single one through the centre.
+    """
+    n = len(offsets)
+    if camera.lens_radius == 0 or n == 1:
+        return np.zeros((n, 2))
+    k = np.arange(n)
+    angle = 2 * np.pi * (k * GOLDEN % 1)
+    if camera.lens_blades < 3:
+        outline = np.stack([np.cos(angle), np.sin(angle)])
+    else:
+        # A share of the circle becomes the same share of the polygon's outline: equal areas stay equal.
+        sector = 2 * np.pi / camera.lens_blades
+        blade, along = np.divmod(angle / sector, 1)
+        a, b = (np.stack([np.cos(v), np.sin(v)]) for v in (
+            (blade + side) * sector + camera.lens_rotation for side in (-0.5, 0.5)))
+        outline = a + along * (b - a)
+    points = camera.lens_radius * (np.sqrt((k + 0.5) / n) * outline).T / [camera.lens_ratio, 1]
+    # Place in the filter and place in the lens must have little to do with each other: of some orders, each by steps
+    # around the spiral that meet every point, the one in which they are least correlated.
+    steps = [m for m in range(-(-n // 4), n) if math.gcd(m, n) == 1]
+    orders = [k * m % n for m in steps[::-(-len(steps) // ORDERS)]]
+    return points[min(orders, key=lambda order: np.linalg.norm(offsets.T @ points[order]))]
+
+
 @kernel
-def rays(matrix, window, perspective, near, width, height, x0, y0, x1, y1, offsets, origin, direction, stretch):
+def rays(matrix, window, perspective, near, width, height, x0, y0, x1, y1, offsets, lens, tilt,
+         origin, direction, stretch):
     """Rays of the pixels x0..x1, y0..y1 (rows bottom-up), sample after sample within a pixel.
 
     Fills origin and direction (n,3), from depth `near` on, and stretch (n,): length along the ray for a depth of 1.
+    A sample passes its point of the `lens`, and goes sideways by its `tilt` (n,2) less for a depth of 1, so that
+    all that aim at one place meet in focus.
     """
     n = 0
     for y in range(y0, y1):
@@ -58,14 +96,14 @@ def rays(matrix, window, perspective, near, width, height, x0, y0, x1, y1, offse
             for s in range(len(offsets)):
                 u = window[0] + (window[1] - window[0]) * (x + 0.5 + offsets[s, 0]) / width
                 v = window[2] + (window[3] - window[2]) * (y + 0.5 + offsets[s, 1]) / height
+                ox, oy, dx, dy = lens[s, 0], lens[s, 1], -tilt[s, 0], -tilt[s, 1]
                 if perspective:
-                    length = np.sqrt(u * u + v * v + 1.0)
-                    ox, oy, oz = near * u, near * v, -near
-                    dx, dy, dz = u / length, v / length, -1.0 / length
+                    dx, dy = dx + u, dy + v
                 else:
-                    length = 1.0
-                    ox, oy, oz = u, v, -near
-                    dx, dy, dz = 0.0, 0.0, -1.0
+                    ox, oy = ox + u, oy + v
+                ox, oy, oz = ox + near * dx, oy + near * dy, -near
+                length = np.sqrt(dx * dx + dy * dy + 1.0)
+                dx, dy, dz = dx / length, dy / length, -1.0 / length
                 for r in range(3):
                     origin[n, r] = matrix[r, 0] * ox + matrix[r, 1] * oy + matrix[r, 2] * oz + matrix[r, 3]
                     direction[n, r] = matrix[r, 0] * dx + matrix[r, 1] * dy + matrix[r, 2] * dz
@@ -80,8 +118,9 @@ def camera_rays(
     x0, y0, x1, y1 = box
     n = (x1 - x0) * (y1 - y0) * len(offsets)
     origin, direction, stretch = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    lens = lens_points(camera, offsets)
     rays(camera.matrix, np.array(camera.window), camera.perspective, camera.clip_start, camera.width, camera.height,
-         x0, y0, x1, y1, offsets, origin, direction, stretch)
+         x0, y0, x1, y1, offsets, lens, lens / camera.focus_distance, origin, direction, stretch)
     return origin, direction, stretch * (camera.clip_end - camera.clip_start)
 
 

@@ -20,7 +20,8 @@ def describe(scene: Scene) -> str:
         ("triangles", f"{len(ready.surfaces.triangles):,} of {len(g.meshes):,} meshes in {len(g.instance_mesh):,} "
                       f"instances of {len(scene.objects):,} objects"),
         ("camera", f"{'perspective' if camera.perspective else 'orthographic'}, {camera.width} × {camera.height} "
-                   f"pixels" + (f", crop {camera.crop}" if camera.crop else "")),
+                   f"pixels" + (f", crop {camera.crop}" if camera.crop else "") +
+                   (f", in focus at {camera.focus_distance:g}" if camera.lens_radius else "")),
         ("world colour", _colour(scene.world_color)),
     ])
     lines += [f"Lights ({len(scene.lights)})"]

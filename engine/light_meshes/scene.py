@@ -56,7 +56,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole or orthographic; looks down its local −z, y up, as Blender's and OpenGL's."""
+    """Perspective or orthographic; looks down its local −z, y up, as Blender's and OpenGL's."""
 
     matrix: NDArray[np.float64]  # (4,4) camera to world, rigid
     window: tuple[float, float, float, float]  # left, right, bottom, top of the whole frame,
@@ -66,6 +66,11 @@ class Camera:
     perspective: bool = True
     clip_start: float = 1e-3  # depth along −z
     clip_end: float = 1e30
+    lens_radius: float = 0.0  # scene units; 0 is a pinhole, all is in focus
+    focus_distance: float = 1.0  # depth that is in focus
+    lens_blades: int = 0  # corners of the lens; below 3 it is round
+    lens_rotation: float = 0.0  # of the middle of a blade, counter-clockwise from x
+    lens_ratio: float = 1.0  # above 1 the lens is narrower along x, as anamorphic ones
     crop: tuple[int, int, int, int] | None = None  # x0, y0, x1, y1 in pixels, y up, ends excluded; None: all
 
 

@@ -102,7 +102,8 @@ class Tracer:
             hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
             triangle[part], u[part], v[part] = hit["primID"], hit["u"], hit["v"]
         if original is not None:
-            triangle = np.where(triangle >= 0, original[triangle], -1).astype(np.int32)
+            hit = triangle >= 0  # none where everything is hidden
+            triangle[hit] = original[triangle[hit]]
         return triangle, u, v
 
     def occluded(

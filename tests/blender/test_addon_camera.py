@@ -101,10 +101,49 @@ def test_no_camera_is_an_error(scene, add_plane, render):
 def test_warnings(scene, add_plane, snapshot):
     add_plane()
     scene.camera.data.type = 'PANO'
-    scene.camera.data.dof.use_dof = True
     scene.render.use_motion_blur = True
     warnings = snapshot(scene).warnings
-    assert [any(word in w for w in warnings) for word in ("pano", "depth of field", "Motion blur")] == [True] * 3
+    assert [any(word in w for w in warnings) for word in ("pano", "Motion Blur")] == [True] * 2
+    scene.view_layers[0].use_motion_blur = False
+    assert not any("Motion" in w for w in snapshot(scene).warnings)
+
+
+def test_depth_of_field(scene, add, add_plane, snapshot):
+    add_plane()
+    scene.light_meshes.samples = 16
+    lens = scene.camera.data
+    assert snapshot(scene).camera.lens_radius == 0
+    lens.dof.use_dof, lens.dof.aperture_fstop, lens.dof.focus_distance = True, 2.0, 3.0
+    lens.dof.aperture_blades, lens.dof.aperture_rotation, lens.dof.aperture_ratio = 5, 0.25, 1.5
+    lens.lens = 80
+    found = snapshot(scene)
+    assert not found.warnings
+    camera = found.camera
+    assert (camera.lens_radius, camera.focus_distance) == pytest.approx((0.02, 3))  # 80 mm/2 across
+    assert (camera.lens_blades, camera.lens_rotation, camera.lens_ratio) == pytest.approx((5, 0.25, 1.5))
+    lens.type = 'ORTHO'
+    assert snapshot(scene).camera.lens_radius == pytest.approx(0.25)
+    # The distance of an object is measured along the view, whatever the camera's scale.
+    scene.camera.scale = (2, 2, 2)
+    lens.dof.focus_object = add(None, "Focus", location=(5, 4, 3))
+    assert snapshot(scene).camera.focus_distance == pytest.approx(7)
+    armature = bpy.data.armatures.new("Armature")
+    rig = add(armature, location=(0, 0, 1))
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode='EDIT')
+    bone = armature.edit_bones.new("Bone")
+    bone.head, bone.tail = (1, 0, 3), (1, 0, 4)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    lens.dof.focus_object, lens.dof.focus_subtarget = rig, "Bone"
+    assert snapshot(scene).camera.focus_distance == pytest.approx(6)
+
+
+def test_depth_of_field_with_few_samples_is_a_warning(scene, add_plane, snapshot):
+    add_plane()
+    scene.camera.data.dof.use_dof = True
+    scene.light_meshes.samples = 15
+    (warning,) = snapshot(scene).warnings
+    assert "Depth of field" in warning and "Samples" in warning and "15" in warning
 
 
 def test_camera_of_the_frame(scene, add, add_plane, snapshot):
