@@ -42,6 +42,31 @@ def with_lights(scene: Scene, *lights: Light) -> Scene:
     return replace(scene, lights=lights)
 
 
+def placed(scene: Scene, size: float, offset: Sequence[float]) -> Scene:
+    """The scene grown by `size` and then moved by `offset`; its lattice, camera and lights' energy with it."""
+    T = move(*offset) @ scale(size, size, size)
+    camera, s = scene.camera, scene.settings
+    matrix = np.array(camera.matrix)
+    matrix[:3, 3] = at(T, matrix[:3, 3])
+    window = camera.window if camera.perspective else tuple(size * w for w in camera.window)
+    lights = [replace(
+        light, position=tuple(at(T, light.position).tolist()), radius=size * light.radius,
+        area_u=tuple(size * u for u in light.area_u), area_v=tuple(size * v for v in light.area_v),
+        soft_radius=size * light.soft_radius, reference_distance=size * light.reference_distance,
+        intensity=light.intensity if light.type == "SUN" else tuple(c * size**2 for c in light.intensity))
+        for light in scene.lights]
+    return replace(
+        scene, lights=tuple(lights),
+        camera=replace(camera, matrix=matrix, window=window, clip_start=camera.clip_start * size),
+        geometry=replace(scene.geometry, instance_matrix=T @ scene.geometry.instance_matrix),
+        settings=replace(s, h=s.h * size, lattice_origin=tuple(at(T, s.lattice_origin).tolist())))
+
+
+def at(T: np.ndarray, p: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Points (…,3) moved by the matrix T."""
+    return np.asarray(p, float) @ T[:3, :3].T + T[:3, 3]
+
+
 def point(position: Sequence[float], intensity: float = 10.0, name: str = "point", **more: Any) -> Light:
     return Light(name, "POINT", (intensity,) * 3, position=tuple(position), **more)
 
