@@ -44,13 +44,15 @@ class Hit(NamedTuple):
     shading: np.ndarray
     material: Material
     distance: float
+    triangle: int
 
 
 class Oracle:
     def __init__(self, scene: Scene, lattice: Lattice | None = None) -> None:
         self.scene, self.lattice = scene, lattice
-        self.h, self.r = scene.settings.h, scene.settings.h * scene.settings.kI
-        self.triangles, self.corner_normals, self.materials, self.casts = _world(scene)
+        self.h = scene.settings.h
+        self.triangles, self.corner_normals, self.materials, self.owner = _world(scene)
+        self.casts = self._agreed("visible_shadow")
         a, b, c = self.triangles.transpose(1, 0, 2)
         n = np.cross(b - a, c - a)
         self.area = np.linalg.norm(n, axis=1) / 2
@@ -61,10 +63,17 @@ class Oracle:
         self.extent = float(np.linalg.norm(high - low))
         self.margin = MARGIN * self.extent
 
+    def _agreed(self, name: str) -> np.ndarray:
+        """Per triangle: what its object says, and its material, where materials have such a flag."""
+        return np.array([getattr(self.scene.objects[o], name) and getattr(m, name, True)
+                         for o, m in zip(self.owner, self.materials, strict=True)])
+
     # --- Segments against all triangles -------------------------------------------------------------------
 
-    def blocked(self, A: np.ndarray, B: np.ndarray, N: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def blocked(self, A: np.ndarray, B: np.ndarray, N: np.ndarray | None = None,
+                casts: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(blocked, sure) of each segment A→B (n,3). With N, A lies on a surface of that normal, B above it."""
+        casts = self.casts if casts is None else casts
         a = self.triangles[:, 0]
         dA, dB = (np.einsum("nti,ti->nt", X[:, None] - a, self.n) for X in (A, B))
         length = np.linalg.norm(B - A, axis=1)[:, None]
@@ -78,8 +87,8 @@ class Oracle:
         beside = (dA > self.margin) & (dB > self.margin) | (dA < -self.margin) & (dB < -self.margin)
         low, high = self.triangles.min(1) - self.margin, self.triangles.max(1) + self.margin
         apart = ((np.minimum(A, B)[:, None] > high) | (np.maximum(A, B)[:, None] < low)).any(-1)
-        hit = crosses & (inside > margin)
-        miss = beside | apart | (crosses & (inside < -margin)) | ~self.casts
+        hit = crosses & (inside > margin) & casts
+        miss = beside | apart | (crosses & (inside < -margin)) | ~casts
         if N is not None:
             miss |= (np.abs(dA) <= self.margin) & (np.abs(self.n @ N) > 1 - 1e-9)
             hit &= ~miss
@@ -90,27 +99,44 @@ class Oracle:
         edge = self.triangles[:, (k + 1) % 3] - self.triangles[:, k]
         return np.cross(self.n, edge) / np.linalg.norm(edge, axis=1, keepdims=True)
 
-    def visible(self, X: np.ndarray, light: Light, N: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(visible, sure) of the light from each X."""
+    def visible(self, X: np.ndarray, light: Light, N: np.ndarray | None = None,
+                soft: bool | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(visible, sure) of the light from each X past its blockers; `soft`: past those that cast so, or do not."""
         if not light.cast_shadow:
             return np.ones(len(X), bool), np.ones(len(X), bool)
         far = X - 4 * self.extent * np.array(light.direction)
         end = far if light.type == "SUN" else np.broadcast_to(light.position, X.shape)
-        blocked, sure = self.blocked(X, end, N)
+        casts = self.casts.copy()
+        if light.blockers is not None:
+            casts &= np.isin(self.owner, light.blockers)
+        if soft is not None:
+            casts &= self._agreed("cast_soft_shadows") == soft
+        blocked, sure = self.blocked(X, end, N, casts)
         return ~blocked, sure
 
     # --- Ψ ------------------------------------------------------------------------------------------------
 
-    def interpolation_set(self, P: np.ndarray, N: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Steps 1 to 4: DLM(P) as lattice indices, and whether every decision was sure."""
+    def radius(self, light: Light) -> float:
+        """r of the light; of its size only for a sun whose distance is given: that one needs no measuring."""
+        if light.softness == "RADIUS":
+            return light.soft_radius
+        if light.softness == "LIGHT_SIZE":
+            assert light.type == "SUN" and light.reference_distance > 0
+            assert self.scene.settings.weights == "UNIFORM"
+            return np.sqrt(1.25) * light.reference_distance * np.tan(light.angle / 2)
+        return self.h * self.scene.settings.kI
+
+    def interpolation_set(self, P: np.ndarray, N: np.ndarray, r: float | None = None) -> tuple[np.ndarray, bool]:
+        """Steps 1 to 4: DLM(P) of radius r as lattice indices, and whether every decision was sure."""
+        r = self.h * self.scene.settings.kI if r is None else r
         assert self.margin < TAU * self.h, "the scene is too large for h: step 2 could not be decided"
-        nodes = self.lattice.ball(P, self.r)
+        nodes = self.lattice.ball(P, r)
         x = self.lattice.position(nodes)
         distance, height = np.linalg.norm(x - P, axis=1), (x - P) @ N
-        keep = (distance <= self.r) & (height > TAU * self.h)
-        near = (distance <= self.r + self.margin) & (height > TAU * self.h - self.margin)
+        keep = (distance <= r) & (height > TAU * self.h)
+        near = (distance <= r + self.margin) & (height > TAU * self.h - self.margin)
         sure = bool((keep == near).all() and
-                    ((distance <= self.r - self.margin) & (height > TAU * self.h + self.margin) == keep).all())
+                    ((distance <= r - self.margin) & (height > TAU * self.h + self.margin) == keep).all())
         nodes, x = nodes[keep], x[keep]
         hidden, certain = self.blocked(np.broadcast_to(P, x.shape), x, N)
         return nodes[~hidden], sure and bool(certain.all())
@@ -121,31 +147,52 @@ class Oracle:
         height = float(N @ to)
         return height > 0, abs(height) > self.margin
 
-    def soft(self, P: np.ndarray, N: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Smoothed visibility of each light: ξ times the share of DLM(P) that sees it; V at P without a set."""
-        nodes, sure = self.interpolation_set(P, N)
-        x = self.lattice.position(nodes)
-        values = []
-        for light in self.scene.lights:
-            xi, certain = self.faces(P, N, light)
-            sure &= certain
-            if not xi:
-                values.append(0.0)
-                continue
-            soft = light.soft_shadows and len(nodes) > 0
-            visible, certain = self.visible(x, light) if soft else self.visible(P[None], light, N)
-            sure &= bool(certain.all())
-            values.append(float(visible.mean()))
-        return np.array(values), sure
-
-    def sharp(self, P: np.ndarray, N: np.ndarray) -> tuple[np.ndarray, bool]:
+    def soft(self, P: np.ndarray, N: np.ndarray, triangle: int | None = None) -> tuple[np.ndarray, bool]:
+        """Smoothed visibility of each light: ξ times the share of DLM(P) that sees it past the soft casters, times V
+        at P past the sharp ones; V at P past all without a set, or where the triangle receives sharp shadows."""
+        receives = triangle is None or self._agreed("receive_soft_shadows")[triangle]
+        sets: dict[float, tuple[np.ndarray, bool]] = {}
         values, sure = [], True
         for light in self.scene.lights:
             xi, certain = self.faces(P, N, light)
+            sure &= certain
+            if not xi or not self.lit(light, triangle):
+                values.append(0.0)
+                continue
+            r, nodes = self.radius(light), np.zeros((0, 3))
+            if light.soft_shadows and receives and r > 0:
+                if r not in sets:
+                    sets[r] = self.interpolation_set(P, N, r)
+                nodes, certain = sets[r]
+                sure &= certain
+            if len(nodes):
+                x = self.lattice.position(nodes)
+                weight = np.ones(len(x))
+                if self.scene.settings.weights == "SMOOTH":
+                    weight = 1 - (np.linalg.norm(x - P, axis=1) / r) ** 2
+                visible, certain = self.visible(x, light, soft=True)
+                edge, clear = self.visible(P[None], light, N, soft=False)
+                values.append(float(weight @ visible / weight.sum() * edge[0]))
+                sure &= bool(certain.all() and clear[0])
+            else:
+                visible, certain = self.visible(P[None], light, N)
+                values.append(float(visible[0]))
+                sure &= bool(certain[0])
+        return np.array(values), sure
+
+    def sharp(self, P: np.ndarray, N: np.ndarray, triangle: int | None = None) -> tuple[np.ndarray, bool]:
+        values, sure = [], True
+        for light in self.scene.lights:
+            xi, certain = self.faces(P, N, light)
+            xi &= self.lit(light, triangle)
             visible, clear = self.visible(P[None], light, N)
             values.append(float(visible[0] and xi))
             sure &= certain and (not xi or bool(clear[0]))
         return np.array(values), sure
+
+    def lit(self, light: Light, triangle: int | None) -> bool:
+        """Whether the light lights the triangle's object."""
+        return triangle is None or light.receivers is None or int(self.owner[triangle]) in light.receivers
 
     # --- Light --------------------------------------------------------------------------------------------
 
@@ -185,7 +232,7 @@ class Oracle:
         bary = np.array([1 - u[k] - v[k], u[k], v[k]])
         smooth = side * bary @ self.corner_normals[k]
         return Hit(origin + t[k] * direction, side * self.n[k], smooth / np.linalg.norm(smooth),
-                   self.materials[k], float(t[k])), sure
+                   self.materials[k], float(t[k]), int(k)), sure
 
     def pixel(self, x: int, y: int) -> tuple[np.ndarray, bool]:
         """Radiance through the middle of a pixel, eq. (1) or (2), and whether it is sure."""
@@ -199,7 +246,7 @@ class Oracle:
         if hit is None:
             return world, sure
         visibility = self.soft if chosen.shadows == "LIGHT_MESHES" else self.sharp
-        S, certain = visibility(hit.P, hit.N)
+        S, certain = visibility(hit.P, hit.N, hit.triangle)
         m = hit.material
         total = chosen.ambient * m.ka * np.array(m.Od) * world + np.array(m.emission)
         total = total + S @ self.omega(hit, -direction)
@@ -216,12 +263,16 @@ class Oracle:
         return np.array([p[0] for p in pixels]).reshape(h, w, 3), np.array([p[1] for p in pixels]).reshape(h, w)
 
     def receivers(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """n points on the surfaces with a normal of either side: a closed mesh's inside must work too."""
+        """`places` without the triangles."""
+        return self.places(n, seed)[:2]
+
+    def places(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """n points on triangles with a normal of either side, as a closed mesh's inside must work too: (P, N, k)."""
         random = np.random.default_rng(seed)
         k = random.choice(len(self.triangles), n, p=self.area / self.area.sum())
         bary = random.dirichlet((1, 1, 1), n)
         side = np.where(random.random(n) < 0.8, 1.0, -1.0)
-        return np.einsum("nk,nki->ni", bary, self.triangles[k]), side[:, None] * self.n[k]
+        return np.einsum("nk,nki->ni", bary, self.triangles[k]), side[:, None] * self.n[k], k.astype(np.int32)
 
 
 def camera_ray(scene: Scene, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
@@ -257,9 +308,9 @@ def _arriving(light: Light, P: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _world(scene: Scene) -> tuple[np.ndarray, np.ndarray, list[Material], np.ndarray]:
-    """All triangles in world space, their corner normals, materials, and whether they cast shadows."""
+    """All triangles in world space, their corner normals, materials and objects."""
     g = scene.geometry
-    triangles, normals, materials, casts = [], [], [], []
+    triangles, normals, materials, owner = [], [], [], []
     for mesh, obj, matrix in zip(g.instance_mesh, g.instance_object, g.instance_matrix, strict=True):
         v0, _, t0, nt = g.meshes[mesh]
         local = g.vertices[v0 + g.triangles[t0:t0 + nt]].astype(np.float64)
@@ -270,5 +321,5 @@ def _world(scene: Scene) -> tuple[np.ndarray, np.ndarray, list[Material], np.nda
             turned = turned[:, ::-1]
         normals.append(turned)
         materials += [scene.materials[m] for m in g.triangle_materials[t0:t0 + nt]]
-        casts.append(np.full(nt, scene.objects[obj].visible_shadow))
-    return np.concatenate(triangles), np.concatenate(normals), materials, np.concatenate(casts)
+        owner.append(np.full(nt, obj))
+    return np.concatenate(triangles), np.concatenate(normals), materials, np.concatenate(owner)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .casters import Casters, union
 from .compiled import kernel
 from .scene import Light
 from .semitransparent import SharpThrough
 from .statistics import Statistics
 from .tracing import Targets, Tracer
-from .visibility import Check, Sharp, blocks, mask_of
+from .visibility import Check, Sharp, blocks, dim
 
 
 class AreaSampling:
@@ -20,12 +21,13 @@ class AreaSampling:
     """
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 sharp: Sharp | SharpThrough, samples: int, seed: int) -> None:
-        """sharp: V(P) of lights without a size, and of the segments to each sample."""
+                 casters: Casters, sharp: Sharp | SharpThrough, edges: Sharp | SharpThrough | None, samples: int,
+                 seed: int) -> None:
+        """sharp: V(P) of lights without a size, and of the segments to each sample; edges: V(P) past sharp casters."""
         self.count, self._targets, self._tracer, self._stats = len(lights), targets, tracer, stats
         self._samples, self._seed = samples, seed
-        self._sharp = sharp
-        self._soft = mask_of([light.soft_shadows and light.cast_shadow for light in lights])
+        self._sharp, self._edges = sharp, edges
+        self._groups, self._soft = casters.soft, union(casters.soft, self.count)
         rectangle = [light.type == "AREA" and not light.area_ellipse for light in lights]
         self._rectangle = np.array(rectangle, np.bool_)
         self._free = np.array([light.type != "AREA" for light in lights], np.bool_)  # turns to the receiver
@@ -34,23 +36,35 @@ class AreaSampling:
         self._u = np.array([light.area_u for light in lights], np.float64).reshape(-1, 3)
         self._v = np.array([light.area_v for light in lights], np.float64).reshape(-1, 3)
 
-    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
+                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
         """S, see the module."""
-        S = self._sharp(P, N, active & ~self._soft, check)
+        soft = active & self._soft
+        if receives is not None:
+            soft[~receives] = 0
+        hard = self._sharp(P, N, active & ~soft, check)
+        S = np.zeros_like(hard)
         with self._stats.stage("area sampling"):
-            for row, light in blocks(active & self._soft, self.count):
-                clear = np.zeros((len(row), *S.shape[2:]))
-                target = np.empty((len(row), 3))
-                directional = self._targets.directional[light]
-                order = np.arange(len(row), dtype=np.int32)
-                for s in range(self._samples):
-                    check()
-                    _sample(s, self._samples, self._seed, P, row, self._targets, light, self._free, self._rectangle,
-                            self._size, self._u, self._v, target)
-                    clear += self._sharp.segments(P, row, Targets(target, directional), order, N)
-                S[row, light] = (clear / self._samples).astype(np.float32)
-                self._stats.add(shadow_rays=len(row) * self._samples)
-        return S
+            for group in self._groups:
+                for row, light in blocks(soft & group.lights, self.count):
+                    S[row, light] = self._share(P, N, row, light, group.casters, check, S.shape[2:])
+        dim(S, soft, self._edges, P, N, check)
+        return S + hard  # disjoint bits: the sum is a choice
+
+    def _share(self, P: NDArray, N: NDArray, row: NDArray, light: NDArray, casters: int, check: Check,
+               channels: tuple[int, ...]) -> NDArray[np.float32]:
+        """How much (n, *channels) of light[k] P[row[k]] sees past `casters`."""
+        clear = np.zeros((len(row), *channels))
+        target = np.empty((len(row), 3))
+        directional = self._targets.directional[light]
+        order = np.arange(len(row), dtype=np.int32)
+        for s in range(self._samples):
+            check()
+            _sample(s, self._samples, self._seed, P, row, self._targets, light, self._free, self._rectangle,
+                    self._size, self._u, self._v, target)
+            clear += self._sharp.segments(P, row, Targets(target, directional), order, N, casters)
+        self._stats.add(shadow_rays=len(row) * self._samples)
+        return (clear / self._samples).astype(np.float32)
 
 
 @kernel

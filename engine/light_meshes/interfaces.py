@@ -55,12 +55,12 @@ class Interfaces:
         self.cutouts = bool(cut[material].any())
         self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())
 
-    def media(self) -> Media:
-        """What the solver of refracted paths needs of each triangle."""
+    def media(self, casters: NDArray[np.bool_]) -> Media:
+        """What the solver of refracted paths needs of each triangle, if only `casters` (T,) are there."""
         s = self._surfaces
         material = s.materials[s.source]
         alpha = self._alpha[material][:, None]
-        shown = self._in_shadow_paths
+        shown = self._in_shadow_paths & casters
         return Media(shown, shown & self.bending, self._ior[material], 1 - alpha + alpha * self._kt[material],
                      self._priority[material])
 

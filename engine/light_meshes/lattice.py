@@ -34,7 +34,7 @@ class Lattice(NamedTuple):
     """Node (i,j,k) lies at origin + h·R·(i,j,k)."""
 
     h: float
-    kI: float  # r = h·kI
+    reach: NDArray[np.float64]  # (K,) the radii of balls in steps, r/h, ascending; with one radius kI
     rotation: NDArray[np.float64]  # (3,3) R
     origin: NDArray[np.float64]  # (3,) world
     offsets: NDArray[np.float64]  # (c,3) all nodes that the ball around a point of the cell [0,1)³ may hold
@@ -46,19 +46,21 @@ class Lattice(NamedTuple):
         return out
 
 
-def lattice(h: float, kI: float, rotate: bool = True, origin: tuple[float, float, float] = (0, 0, 0)) -> Lattice:
-    """The lattice of step h; `rotate` turns and shifts it generically."""
+def lattice(h: float, reach: NDArray[np.float64], rotate: bool = True,
+            origin: tuple[float, float, float] = (0, 0, 0)) -> Lattice:
+    """The lattice of step h for balls of radii h·reach (K,), ascending; `rotate` turns and shifts it generically."""
     rotation = _generic_rotation() if rotate else np.eye(3)
     shift = rotation @ (h * (np.sqrt([2.0, 3.0, 5.0]) % 1)) if rotate else np.zeros(3)
-    reach = int(np.ceil(kI)) + 1
-    axis = np.arange(-reach, reach + 2, dtype=np.int32)
+    largest = reach[-1]
+    far = int(np.ceil(largest)) + 1
+    axis = np.arange(-far, far + 2, dtype=np.int32)
     cube = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
     outside = np.maximum(np.maximum(-cube, cube - 1), 0)  # distance from the cell, axis by axis
-    near = (outside.astype(np.float64) ** 2).sum(1) <= kI * kI
+    near = (outside.astype(np.float64) ** 2).sum(1) <= largest * largest
     cube = cube[near]
     # Nearest first: the first candidate is the likeliest to be seen, a witness that the set is not empty.
     order = np.argsort(((cube - 0.5) ** 2).sum(1), kind="stable")
-    return Lattice(h, kI, rotation, np.asarray(origin, np.float64) + shift, cube[order].astype(np.float64))
+    return Lattice(h, reach, rotation, np.asarray(origin, np.float64) + shift, cube[order].astype(np.float64))
 
 
 @kernel
@@ -102,20 +104,21 @@ def _fill(table, keys, count):
 def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
     """Steps 1 and 2 of Ψ for receivers P with unit geometric normals N, both (n,3).
 
-    Returns (start, candidate, nodes): the candidates of receiver p are
-    nodes[candidate[start[p]:start[p+1]]], nearest cells first; nodes (u,3) holds each node once.
+    Returns (start, candidate, nodes): the candidates of receiver p are nodes[candidate[start[p,0]:start[p,K]]]. Those
+    of start[p,g]:start[p,g+1] are its ring g: in ball g but in no smaller one, nearest cells first. nodes (u,3) holds
+    each node once.
     """
     most = len(lattice.offsets)
-    start = np.zeros(len(P) + 1, np.int64)
+    start = np.zeros((len(P), len(lattice.reach) + 1), np.int64)
     candidate = np.empty(most + len(P) * most // 3, np.int32)
     nodes = np.empty((most + 4096, 3), np.int32)
     table = np.full(1 << int(2 * len(nodes)).bit_length(), -1, np.int32)
-    p, count = 0, 0
+    p, count, total = 0, 0, 0
     while True:
-        p, count = _candidates(lattice, P, N, p, count, start, candidate, nodes, table)
+        p, count, total = _candidates(lattice, P, N, p, count, total, start, candidate, nodes, table)
         if p == len(P):
-            return start, candidate[:start[p]], nodes[:count]
-        if start[p] + most > len(candidate):
+            return start, candidate[:total], nodes[:count]
+        if total + most > len(candidate):
             candidate = np.concatenate([candidate, np.empty(len(candidate), np.int32)])
         else:
             nodes = np.concatenate([nodes, np.empty_like(nodes)])
@@ -124,12 +127,13 @@ def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64])
 
 
 @kernel
-def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
-    """Receivers from p on, until all are done or an array may be too short; returns the next p and the count."""
-    R, kI2, off, h = lattice.rotation, lattice.kI * lattice.kI, lattice.offsets, lattice.h
+def _candidates(lattice, P, N, p, count, total, start, candidate, nodes, table):
+    """Receivers from p on, until all are done or an array may be too short; returns next p, nodes, candidates."""
+    R, square, off, h = lattice.rotation, lattice.reach * lattice.reach, lattice.offsets, lattice.h
     o0, o1, o2 = lattice.origin[0], lattice.origin[1], lattice.origin[2]
-    most = len(off)
-    total = start[p]
+    most, rings = len(off), len(square)
+    largest = square[rings - 1]
+    ring, place = np.empty(most if rings > 1 else 0, np.int32), np.empty(rings, np.int64)
     while p < len(P) and total + most <= len(candidate) and count + most <= len(nodes):
         x, y, z = (P[p, 0] - o0) / h, (P[p, 1] - o1) / h, (P[p, 2] - o2) / h
         q0 = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
@@ -139,13 +143,15 @@ def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
         n1 = R[0, 1] * N[p, 0] + R[1, 1] * N[p, 1] + R[2, 1] * N[p, 2]
         n2 = R[0, 2] * N[p, 0] + R[1, 2] * N[p, 1] + R[2, 2] * N[p, 2]
         b0, b1, b2 = np.floor(q0), np.floor(q1), np.floor(q2)
+        start[p, 0] = total
         # Beyond 32 bits there are no nodes: such a receiver gets an empty set, and a sharp shadow.
         if abs(b0) < 2e9 and abs(b1) < 2e9 and abs(b2) < 2e9:
             f0, f1, f2 = q0 - b0, q1 - b1, q2 - b2
             i0, i1, i2 = np.int32(b0), np.int32(b1), np.int32(b2)
             for c in range(most):
                 d0, d1, d2 = off[c, 0] - f0, off[c, 1] - f1, off[c, 2] - f2
-                if d0 * d0 + d1 * d1 + d2 * d2 > kI2:  # step 1
+                distance = d0 * d0 + d1 * d1 + d2 * d2
+                if distance > largest:  # step 1
                     continue
                 if d0 * n0 + d1 * n1 + d2 * n2 <= TAU:  # step 2
                     continue
@@ -157,11 +163,32 @@ def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
                     nodes[row, 0], nodes[row, 1], nodes[row, 2] = i, j, k
                     table[slot] = row
                     count += 1
+                g = 0
+                if rings > 1:
+                    while distance > square[g]:
+                        g += 1
+                    ring[total - start[p, 0]] = g
                 candidate[total] = row
+                start[p, g + 1] += 1
                 total += 1
+        for g in range(rings):
+            start[p, g + 1] += start[p, g]
+        if rings > 1:
+            _by_ring(candidate[start[p, 0]:total], ring, start[p], place)
         p += 1
-        start[p] = total
-    return p, count
+    return p, count, total
+
+
+@kernel
+def _by_ring(candidate, ring, start, place):
+    """Sort a receiver's candidates by ring; within one they keep their order."""
+    unsorted = candidate.copy()
+    for g in range(len(place)):
+        place[g] = start[g] - start[0]
+    for c in range(len(candidate)):
+        g = ring[c]
+        candidate[place[g]] = unsorted[c]
+        place[g] += 1
 
 
 @kernel

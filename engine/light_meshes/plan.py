@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .casters import Casters, union
 from .interfaces import Interfaces
 from .scene import Scene
 
@@ -24,8 +25,8 @@ class Plan:
     reasons: dict[str, str] = field(default_factory=dict)
 
 
-def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",)) -> Plan:
-    """Decide what `scene`, with what is transparent in it, needs for `passes`."""
+def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, ...] = ("Combined",)) -> Plan:
+    """Decide what `scene`, with what is transparent in it and what shadows what, needs for `passes`."""
     s, p = scene.settings, Plan()
     used = scene.geometry.triangle_materials
     count = np.bincount(used, minlength=len(scene.materials)) if len(used) else np.zeros(len(scene.materials))
@@ -39,12 +40,26 @@ def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",
         decide("shadows", "none", "local illumination has none")
     elif not any(light.cast_shadow for light in lights):
         decide("shadows", "none", "no light casts any")
-    elif s.shadows != "SHARP" and not any(light.soft_shadows and light.cast_shadow for light in lights):
+    elif s.shadows != "SHARP" and not casters.soft:
         p.shadows = "SHARP"
-        decide("shadows", "sharp", "no light has soft shadows")
+        sharp = not any(light.soft_shadows and light.cast_shadow for light in lights)
+        nowhere = casters.receives is not None and not casters.receives.any()
+        decide("shadows", "sharp", "no light has soft shadows" if sharp else "no surface receives soft shadows"
+               if nowhere else "no light with a size has a caster of soft shadows")
     else:
         p.shadows = s.shadows
         decide("shadows", s.shadows.lower().replace("_", " "), "as set")
+    if p.shadows not in ("NONE", "SHARP"):
+        soft = sum(int(word).bit_count() for word in union(casters.soft, len(scene.lights)))
+        decide("soft lights", soft, f"of {len(scene.lights)}; the others need no soft shadow")
+        decide("casters", f"{len(casters.sets)} sets", "soft and sharp casters, or lights' blockers, come apart"
+               if len(casters.sets) > 1 else "all cast soft shadows of all lights")
+        if casters.receives is not None:
+            decide("receivers", f"{int(casters.receives.sum()):,} triangles soft",
+                   f"sharp shadows on the other {int((~casters.receives).sum()):,}")
+    if any(light.receivers is not None for light in lights):
+        decide("light linking", "yes", f"{sum(light.receivers is not None for light in lights)} lights light some "
+               "objects only")
     p.transparent = glass.transparent
     if glass.lets_through.any() and p.shadows != "NONE":
         p.channels = 3 if glass.coloured else 1

@@ -82,14 +82,16 @@ class Work(NamedTuple):
 class RefractedPaths:
     """The solver for one scene. Beams are made once a light, when first asked for; results do not depend on batches."""
 
-    def __init__(self, surfaces: Surfaces, media: Media, lights: Targets, opaque: Tracer, h: float) -> None:
+    def __init__(self, surfaces: Surfaces, media: Media, lights: Targets, opaque: Tracer, h: float,
+                 casters: int = 0) -> None:
         """`lights`: all lights of the scene. `opaque`: a tracer of the triangles that are not `media.transparent`.
 
-        h (world): detail that the answers need; beams are refined to h/4, Newton's method does the rest.
+        h (world): detail that the answers need; beams are refined to h/4, Newton's method does the rest. casters: the
+        tracer's set of what may stand in the way, which holds all of `media`.
         """
         self.glass = glass(surfaces, media)
         self._centre, self._scale, self._h = surfaces.centre, surfaces.scale, h / surfaces.scale
-        self._lights, self._opaque = lights, opaque
+        self._lights, self._opaque, self._casters = lights, opaque, casters
         self._any_opaque = not media.transparent.all()
         self._beams: dict[int, Beams] = {}
         self._lock = threading.Lock()
@@ -149,7 +151,8 @@ class RefractedPaths:
         """Which paths meet nothing opaque, and the number of rays: each path's segments from x back to the light."""
         index = np.arange(len(row), dtype=np.int32)
         last = points(np.ascontiguousarray(bends[index, k - 1]))
-        clear = ~self._opaque.occluded(x, row, last, index, normal, closed=False, kind="opaque")
+        clear = ~self._opaque.occluded(x, row, last, index, normal, closed=False, kind="opaque",
+                                       casters=self._casters)
         rays = len(row)
         for j in range(int(k.max()) - 1, -1, -1):
             going = index[clear & (k > j)]
@@ -157,7 +160,8 @@ class RefractedPaths:
             if j:
                 target, to = points(np.ascontiguousarray(bends[:, j - 1])), going
             origin = np.ascontiguousarray(bends[:, j])
-            clear[going] = ~self._opaque.occluded(origin, going, target, to, None, closed=False, kind="opaque")
+            clear[going] = ~self._opaque.occluded(origin, going, target, to, None, closed=False, kind="opaque",
+                                                  casters=self._casters)
             rays += len(going)
         return clear, rays
 

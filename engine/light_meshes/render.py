@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import threading
 import time
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from .film import Framebuffer, crop_of
 from .integrator import radiance
+from .light_size import own_radii
 from .prepared import Prepared, measured_h
 from .scene import Scene
 from .statistics import peak_memory
@@ -111,10 +111,13 @@ def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: i
     return render(scene, Framebuffer.create(scene, passes), threads=threads, tile_size=tile_size)
 
 
-def measure_h(scene: Scene) -> float:
-    """`measured_h` of a scene that is not prepared yet."""
-    return measured_h(Prepared(dataclasses.replace(scene, settings=dataclasses.replace(
-        scene.settings, auto_h=False, shadows="SHARP"))))
+def measure(scene: Scene) -> dict[str, Any]:
+    """h that `auto_h` takes for the scene, and r of its lights whose softness is LIGHT_SIZE, by name."""
+    ready = Prepared(scene)
+    s, own = ready.scene.settings, own_radii(ready)
+    radii = {light.name: own.get(i, s.h * s.kI) for i, light in enumerate(scene.lights)
+             if light.softness == "LIGHT_SIZE"}
+    return {"h": s.h if s.auto_h else measured_h(ready), "radii": radii}
 
 
 def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seconds: float) -> dict[str, Any]:

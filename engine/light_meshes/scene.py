@@ -82,9 +82,9 @@ class Light:
     spot_angle: float = np.pi / 4  # full cone
     spot_blend: float = 0.0  # 0 hard edge .. 1
     spread: float = np.pi  # AREA: full angle outside which nothing is sent
-    radius: float = 0.0  # AREA_SAMPLING: of the sphere (POINT, SPOT), scene units
-    angle: float = 0.0  # AREA_SAMPLING: full apparent angle of a SUN
-    area_u: RGB = (0.0, 0.0, 0.0)  # AREA_SAMPLING: half-axes of the rectangle or ellipse
+    radius: float = 0.0  # AREA_SAMPLING and LIGHT_SIZE: of the sphere (POINT, SPOT), scene units
+    angle: float = 0.0  # the same: full apparent angle of a SUN
+    area_u: RGB = (0.0, 0.0, 0.0)  # the same: half-axes of the rectangle or ellipse
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING

@@ -12,13 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .averaging import falloff, squared
+from .casters import Casters, Group, union
 from .compiled import kernel
 from .lattice import Lattice, NodeStore
 from .refraction import RefractedPaths
 from .scene import Light
 from .statistics import Statistics
 from .tracing import Targets, Tracer
-from .visibility import Check, LightMeshes, blocks, mask_of
+from .visibility import Check, LightMeshes, blocks
 
 Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
 
@@ -26,7 +28,7 @@ Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]],
 class Refraction(NamedTuple):
     """How refracted shadow paths are followed."""
 
-    solver: RefractedPaths
+    solvers: dict[int, RefractedPaths]  # of each set of casters whose glass bends shadow rays
     footprint: float | None  # FOCUS: radius within which no more light gathers than came in; None: PAPER, Σ Π t
     leak_free: bool
 
@@ -35,13 +37,14 @@ class Straight:
     """V(i,P) by Π t of the surfaces crossed, and in FULL the refracted paths beside it: v(i,x) of eq. (6)."""
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 factor: Factor, channels: int, refraction: Refraction | None) -> None:
+                 groups: tuple[Group, ...], factor: Factor, channels: int, refraction: Refraction | None) -> None:
         self.count, self.channels = len(lights), channels
         self._targets, self._tracer, self._stats = targets, tracer, stats
         self._factor, self._refraction = factor, refraction
-        self._casting = mask_of([light.cast_shadow for light in lights])
+        self._groups, self._casting = groups, union(groups, self.count)
 
-    def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+    def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
+                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
         """S (n,L,C) at receivers P with normals N, or at free points (N None)."""
         S = self.straight(P, N, active, check)
         focus = self._refraction is not None and self._refraction.footprint is not None
@@ -54,10 +57,11 @@ class Straight:
         """V (n,L,C): Π t of the straight segments, in FULL only where nothing bends them."""
         S = np.zeros((len(P), self.count, self.channels), np.float32)
         _set_one(active & ~self._casting, self.count, S)
-        for row, light in blocks(active & self._casting, self.count):
-            check()
-            S[row, light] = self.segments(P, row, self._targets, light, N)
-            self._stats.add(**{"shadow_rays" if N is not None else "long_rays": len(row)})
+        for group in self._groups:
+            for row, light in blocks(active & group.lights, self.count):
+                check()
+                S[row, light] = self.segments(P, row, self._targets, light, N, group.casters)
+                self._stats.add(**{"shadow_rays" if N is not None else "long_rays": len(row)})
         return S
 
     def paths(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> Iterator[
@@ -69,10 +73,12 @@ class Straight:
         """
         if self._refraction is None:
             return
-        solver, footprint, _ = self._refraction
+        solvers, footprint, _ = self._refraction
         for i in range(self.count):
-            wanted = np.flatnonzero((active & self._casting)[:, i >> 6] >> np.uint64(i & 63) & np.uint64(1))
-            if len(wanted):
+            word, bit = i >> 6, np.uint64(i & 63)
+            solver = next((solvers.get(g.casters) for g in self._groups if g.lights[word] >> bit & np.uint64(1)), None)
+            wanted = np.flatnonzero(active[:, word] >> bit & np.uint64(1))
+            if len(wanted) and solver is not None:
                 check()
                 found, work = solver.paths(i, P[wanted], None if N is None else N[wanted])
                 alpha = found.alpha if footprint is None else found.alpha * found.clamped(footprint)[:, None]
@@ -80,17 +86,18 @@ class Straight:
                                 path_seeds_not_converged=work.unconverged, paths_rejected=work.rejected)
                 yield wanted, i, found.start, alpha, found.P
 
-    def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray,
-                 N: NDArray | None) -> NDArray[np.float32]:
+    def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray | None,
+                 casters: int) -> NDArray[np.float32]:
         """Π t (n,C) of straight segments from P[row] to targets[target]."""
         return self._tracer.transmittance(P, row, targets, target, N, False, self._factor,
-                                          unbent=self._refraction is not None)[:, :self.channels]
+                                          unbent=self._refraction is not None, casters=casters)[:, :self.channels]
 
 
 class SharpThrough(Straight):
     """V_i(P) of receivers, timed as such."""
 
-    def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+    def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
+                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         with self._stats.stage("sharp shadows"):
             return super().__call__(P, N, active, check)
@@ -100,13 +107,17 @@ class SemitransparentMeshes(LightMeshes):
     """Eq. (7). BOUNDED: glass bounds the neighbourhood like any surface, v(x_l,P) = 1. PAPER: as printed."""
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 lattice: Lattice, uniform_skip: bool, factor: Factor, channels: int, refraction: Refraction | None,
-                 bounded: bool, cutouts: bool) -> None:
-        super().__init__(lights, targets, tracer, stats, lattice, uniform_skip)
+                 casters: Casters, lattice: Lattice, ring: NDArray[np.intp], smooth: bool, uniform_skip: bool,
+                 factor: Factor, channels: int, refraction: Refraction | None, bounded: bool, cutouts: bool) -> None:
+        super().__init__(lights, targets, tracer, stats, casters, lattice, ring, smooth, uniform_skip)
         self.channels, self._channels = channels, (channels,)
         self._factor, self._bounded, self._cutouts = factor, bounded, cutouts
-        self._nodes = Straight(lights, targets, tracer, stats, factor, channels, refraction)
-        self._sharp = SharpThrough(lights, targets, tracer, stats, factor, channels, refraction)
+        self._dims = casters.dims
+        through = factor, channels, refraction
+        self._nodes = Straight(lights, targets, tracer, stats, casters.soft, *through)
+        self._sharp = SharpThrough(lights, targets, tracer, stats, casters.whole, *through)
+        if casters.sharp:
+            self._edges = SharpThrough(lights, targets, tracer, stats, casters.sharp, *through)
         # Kept apart: what a path is worth at P depends on P. FOCUS: its cosine there; leak-free: ξ(P_j,P).
         self._focus = refraction is not None and refraction.footprint is not None
         self._apart = PathTable(channels) if refraction and (refraction.leak_free or self._focus) else None
@@ -115,22 +126,25 @@ class SemitransparentMeshes(LightMeshes):
         self.store = NodeStore(max(1, self.count), self._stride, np.float64 if self._apart else np.float32)
 
     def _agree(self, start: NDArray, candidate: NDArray, values: NDArray, soft: NDArray, uniform: NDArray) -> None:
-        _uniform_values(start, candidate, values, soft, self.channels, uniform)
+        _uniform_values(start, candidate, values, soft, self._ring, self.channels, uniform)
 
     def _mean(self, start: NDArray, candidate: NDArray, weight: NDArray, uniform: NDArray, values: NDArray,
               soft: NDArray, P: NDArray, N: NDArray, position: NDArray, m: NDArray, S: NDArray) -> None:
         alpha, ends = self._apart.rows if self._apart else PathTable.NONE
-        _mean(start, candidate, weight, uniform, values, soft, self.channels, P, N, self._targets, position,
-              alpha, ends, self._focus, m, S)
+        _mean(start, candidate, weight, uniform, values, soft, self._ring, self._smooth, self._radius, self.channels,
+              P, N, self._targets, position, alpha, ends, self._focus, m, S)
 
     def _partial(self, P: NDArray, row: NDArray, target: Targets, node: NDArray, N: NDArray) -> NDArray[np.float32]:
         """v(x_l,P) (n,C): 0 for nodes that step 3 drops."""
         if self._bounded and not self._cutouts:
             clear = ~self._tracer.occluded(P, row, target, node, N, closed=True)
             return np.repeat(clear[:, None], self.channels, axis=1).astype(np.float32)
-        through = self._tracer.transmittance(P, row, target, node, N, True, self._factor)
+        dims = 0 if self._bounded else self._dims
+        through = self._tracer.transmittance(P, row, target, node, N, True, self._factor, casters=dims)
         if self._bounded:  # what lets all through, as a cut-out does beside its leaf, bounds nothing
             through = np.repeat((through == 1).all(1)[:, None], 3, axis=1).astype(np.float32)
+        elif dims:
+            through[self._tracer.occluded(P, row, target, node, N, True, kind="opaque")] = 0
         return through[:, :self.channels]
 
     def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray:
@@ -209,48 +223,41 @@ def _add_paths(rows, start, alpha, ends, i, focus, P, N, targets, S):
 
 
 @kernel
-def _uniform_values(start, candidate, values, soft, channels, uniform):
+def _uniform_values(start, candidate, values, soft, ring, channels, uniform):
     for p in range(len(soft)):
-        agree, any_soft = start[p + 1] > start[p], False
+        begin, agree, any_soft = start[p, 0], True, False
         for i in range(values.shape[1] // channels):
-            if not soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
+            end = start[p, ring[i] + 1]
+            if end == begin or not soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
                 continue
             any_soft = True
             for k in range(i * channels, (i + 1) * channels):
-                first = values[candidate[start[p]], k] if agree else np.float32(0)
-                c = start[p] + 1
-                while agree and c < start[p + 1]:
+                first = values[candidate[begin], k]
+                c = begin + 1
+                while agree and c < end:
                     agree = values[candidate[c], k] == first
                     c += 1
         uniform[p] = agree and any_soft
 
 
 @kernel
-def _mean(start, candidate, weight, uniform, values, soft, channels, P, N, targets, position, alpha, ends, focus, m, S):
-    """Eq. (7) without Ω: S = (1/m) Σ_l v(x_l,P)·v(i,x_l) over the m nodes with v(x_l,P) > 0.
+def _mean(start, candidate, weight, uniform, values, soft, ring, smooth, radius, channels, P, N, targets, position,
+          alpha, ends, focus, m, S):
+    """Eq. (7) without Ω: S = (1/m) Σ_l v(x_l,P)·v(i,x_l) over the m nodes with v(x_l,P) > 0; smooth: Σ w_l… / Σ w_l.
 
     With the paths apart v(i,x_l) = V + Σ_j α_j·ξ(P_j,P), the end of paper §5. With focus each counts with its own
     cosine at P: α_j·(N·ω_j)/(N·L_i), as Ω has that of the straight way.
     """
     stride = values.shape[1] // S.shape[1]
     for p in range(len(soft)):
-        first, last = start[p], start[p + 1]
-        if uniform[p]:
-            m[p], last = 1, start[p] + 1  # all have the value of the first
-        else:
-            for c in range(first, last):
-                for k in range(channels):
-                    if weight[c, k] > 0.0:
-                        m[p] += 1
-                        break
-        if m[p] == 0:
-            continue
+        first = start[p, 0]
         for i in range(S.shape[1]):
-            if not soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
+            if m[p, ring[i]] == 0 or not soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
                 continue
+            last = first + 1 if uniform[p] else start[p, ring[i] + 1]  # uniform: all have the value of the first
             cosine = _cosine(targets, i, P[p], N[p])
             for k in range(channels):
-                total = 0.0
+                total, share_of_all, base = 0.0, 0.0, 0.0
                 for c in range(first, last):
                     w = 1.0 if uniform[p] else np.float64(weight[c, k])
                     value = np.float64(values[candidate[c], i * stride + k])
@@ -262,5 +269,23 @@ def _mean(start, candidate, weight, uniform, values, soft, channels, P, N, targe
                             else:
                                 share = 1.0 if _toward(ends[j], P[p], N[p]) > 0.0 else 0.0
                             value += share * alpha[j, k]
-                    total += w * value
-                S[p, i, k] = np.float32(total / m[p])
+                    if not smooth:
+                        total += w * value
+                        continue
+                    if not (uniform[p] or _kept(weight, c)):
+                        continue
+                    value *= w
+                    if share_of_all == 0.0:
+                        base = value
+                    w = falloff(squared(position[candidate[c]], P[p]) / (radius[ring[i]] * radius[ring[i]]))
+                    share_of_all += w
+                    total += w * (value - base)  # where all agree exactly 0
+                S[p, i, k] = np.float32(base + total / share_of_all if smooth else total / m[p, ring[i]])
+
+
+@kernel
+def _kept(weight, c):
+    some = False
+    for k in range(weight.shape[1]):
+        some = some or weight[c, k] > 0.0
+    return some

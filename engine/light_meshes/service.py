@@ -7,7 +7,8 @@ it ends: on "quit", on a closed stdin (so nothing outlives the parent, however i
 
 Parent → child (paths are relative to the folder, or absolute):
     {"command": "render", "id": 1, "snapshot": "scene", "framebuffer": "frame", "passes": ["Combined", "Depth"]}
-    {"command": "measure", "id": 2, "snapshot": "scene"}     h that `auto_h` would take for this scene
+    {"command": "measure", "id": 2, "snapshot": "scene"}     h that `auto_h` would take for this scene,
+        and r of each light whose softness is LIGHT_SIZE
     {"command": "cancel", "id": 1}                           ends that command at its next batch, or before it starts
     {"command": "quit"}
 Child → parent:
@@ -16,7 +17,7 @@ Child → parent:
     {"event": "progress", "id": 1, "fraction": 0.25, "stage": "Rendering"}
     {"event": "tile", "id": 1, "box": [x0, y0, x1, y1]}      these pixels are final
     {"event": "done", "id": 1, "statistics": {…}, "warnings": [sentence, …]}
-    {"event": "measured", "id": 2, "h": 0.05}
+    {"event": "measured", "id": 2, "h": 0.05, "radii": {"Sun": 0.12}}
     {"event": "cancelled", "id": 1}
     {"event": "error", "id": 1, "message": sentence}         the child lives on, unless the id is null
     {"event": "alive"}                                       every second, so that a stopped child is noticed
@@ -111,7 +112,7 @@ class Service:
         from . import render, snapshot
 
         scene = snapshot.read(self._path(message, "snapshot"))
-        self._send(event="measured", id=number, h=render.measure_h(scene))
+        self._send(event="measured", id=number, **render.measure(scene))
 
     def _path(self, message: dict[str, Any], key: str) -> Path:
         from .scene import SceneError

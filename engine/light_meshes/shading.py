@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
-from .scene import LIGHT_TYPES, Light, Material
+from .scene import LIGHT_TYPES, Light, Material, Scene
 from .tracing import Targets
 
 POINT, SUN, SPOT, AREA = range(len(LIGHT_TYPES))
@@ -138,6 +138,29 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
             out[p, i, 0], out[p, i, 1], out[p, i, 2] = r, g, b
             if unlit or r != 0.0 or g != 0.0 or b != 0.0:
                 active[p, i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+
+
+def linked(scene: Scene) -> NDArray[np.uint64] | None:
+    """(objects, W) bits of the lights that light each object; None where all light all."""
+    if all(light.receivers is None for light in scene.lights):
+        return None
+    lit = np.full((len(scene.objects), (len(scene.lights) + 63) // 64), ~np.uint64(0))
+    for i, light in enumerate(scene.lights):
+        if light.receivers is not None:
+            dark = np.setdiff1d(np.arange(len(scene.objects)), light.receivers)
+            lit[dark, i >> 6] &= ~(np.uint64(1) << np.uint64(i & 63))
+    return lit
+
+
+@kernel
+def unlink(linked, owner, out, active):
+    """Ω = 0 from lights that do not light the object owner[p]; out and active are those of `omega`."""
+    for p in range(len(owner)):
+        for w in range(active.shape[1]):
+            active[p, w] &= linked[owner[p], w]
+        for i in range(out.shape[1]):
+            if not linked[owner[p], i >> 6] >> np.uint64(i & 63) & np.uint64(1):
+                out[p, i, 0] = out[p, i, 1] = out[p, i, 2] = 0.0
 
 
 @kernel

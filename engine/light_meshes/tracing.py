@@ -7,7 +7,7 @@ cast last. Points are float64 in world space on this side of the module.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,17 +40,21 @@ class Tracer:
     """The triangles of a scene, ready to be traced; one Embree scene for each distinct set of visible objects.
 
     `kind` is who looks: "camera", "reflection" (and refraction) or "shadow"; shadow casters come apart as "opaque"
-    and "glass" (those that let light through), and as "stops" and "sheets" (those that let it through unbent).
+    and "glass" (those that let light through), and as "stops" and "sheets" (those that let it through unbent). These
+    four also come for each set of `casters`: only triangles in it count. 0: all.
     """
 
     def __init__(self, scene: Scene, surfaces: Surfaces, glass: NDArray[np.bool_] | None = None,
-                 bending: NDArray[np.bool_] | None = None) -> None:
-        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them. None: none do."""
+                 bending: NDArray[np.bool_] | None = None, casters: Sequence[NDArray[np.bool_]] = ()) -> None:
+        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them. None: none do.
+
+        casters: sets of triangles (T,), of which the first stands for all.
+        """
         glass = np.zeros(len(surfaces.triangles), np.bool_) if glass is None else glass
         bending = np.zeros(len(surfaces.triangles), np.bool_) if bending is None else bending
         self.centre, self.scale = surfaces.centre, surfaces.scale
         self._surfaces = surfaces
-        self._embree: dict[str, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        self._embree: dict[tuple[str, int], tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
         owner = scene.geometry.instance_object[surfaces.instance]
         built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
         every = np.ones(len(owner), np.bool_)
@@ -59,25 +63,28 @@ class Tracer:
             "opaque": ("shadow", ~glass), "glass": ("shadow", glass),
             "stops": ("shadow", ~glass | bending), "sheets": ("shadow", glass & ~bending),
         }
-        for kind, (looks, part) in kinds.items():
-            flags = np.array([getattr(o, f"visible_{looks}") for o in scene.objects], np.bool_)
-            seen = flags[owner] & part if len(owner) else part
-            key = seen.tobytes()
-            if key not in built:
-                built[key] = _build(surfaces, seen)
-            self._embree[kind] = built[key]
+        for number, among in enumerate(casters or [every]):
+            for kind, (looks, part) in kinds.items():
+                if number and kind in ("camera", "reflection", "shadow"):
+                    continue
+                flags = np.array([getattr(o, f"visible_{looks}") for o in scene.objects], np.bool_)
+                seen = flags[owner] & part & among if len(owner) else part
+                key = seen.tobytes()
+                if key not in built:
+                    built[key] = _build(surfaces, seen)
+                self._embree[kind, number] = built[key]
         self.embree_scenes = len(built)
 
     def closest(
         self, kind: str, origin: NDArray[np.float64], direction: NDArray[np.float64],
-        normal: NDArray[np.float64] | None = None, reach: NDArray[np.float64] | None = None,
+        normal: NDArray[np.float64] | None = None, reach: NDArray[np.float64] | None = None, casters: int = 0,
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
         """First triangle along each ray (−1: none) and its barycentrics u, v.
 
         origin, direction: (n,3), unit directions. normal (n,3): of the surface a ray leaves, on its side.
         reach (n,): hits beyond this world length do not count.
         """
-        embree, original = self._embree[kind]
+        embree, original = self._embree[kind, casters]
         n = len(origin)
         triangle = np.empty(n, np.int32)
         u, v = np.empty(n, np.float32), np.empty(n, np.float32)
@@ -98,6 +105,7 @@ class Tracer:
     def occluded(
         self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
         target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool, kind: str = "shadow",
+        casters: int = 0,
     ) -> NDArray[np.bool_]:
         """Whether anything that casts shadows lies between origin[origin_of[k]] and targets[target_of[k]].
 
@@ -105,7 +113,7 @@ class Tracer:
         and what touches them blocks. closed: what touches the target blocks too (lattice nodes); otherwise the
         ray ends just before it (lights).
         """
-        embree, _ = self._embree[kind]
+        embree, _ = self._embree[kind, casters]
         n = len(origin_of)
         blocked = np.empty(n, np.bool_)
         for i in range(0, n, CHUNK):
@@ -122,7 +130,7 @@ class Tracer:
         self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
         target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool,
         factor: Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]],
-        unbent: bool = False,
+        unbent: bool = False, casters: int = 0,
     ) -> NDArray[np.float32]:
         """Π t (n,3) of the surfaces crossed on the straight segments of `occluded`; 0 behind an opaque one.
 
@@ -131,9 +139,9 @@ class Tracer:
         """
         through = np.ones((len(origin_of), 3), np.float32)
         blocked = self.occluded(origin, origin_of, targets, target_of, normal, closed,
-                                kind="stops" if unbent else "opaque")
+                                kind="stops" if unbent else "opaque", casters=casters)
         through[blocked] = 0
-        embree, original = self._embree["sheets" if unbent else "glass"]
+        embree, original = self._embree["sheets" if unbent else "glass", casters]
         if original is not None and not len(original):
             return through
         s = self._surfaces

@@ -1,0 +1,172 @@
+"""Steps 4 and 5 of Ψ on a batch of receivers: which values and rays are needed, and the mean of what nodes see.
+
+`start` (n, K+1): the candidates of receiver p in ring g are rows start[p,g]:start[p,g+1] of `candidate`, as `lattice`
+makes them. A light of class k averages rings 0..k: serve (K,W) has for each ring the bits of the lights that count it,
+ring (L,) is each light's class, and m (n,K) the size of the set of each class. With one radius K = 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .compiled import kernel
+
+# How wide the blur is: a light of radius ρ seen past an edge has variance ρ²/4, the mean over the half-ball this
+# share of r².
+VARIANCE = {"UNIFORM": 1 / 5, "SMOOTH": 1 / 7}
+
+
+@kernel
+def falloff(square):
+    """SMOOTH: the weight of a node at |x − P|² = square·r²; 0 at r, but never 0: a node that counts alone counts."""
+    return max(1.0 - square, 1e-9)
+
+
+@kernel
+def ask(start, candidate, soft, serve, need):
+    """The lights (u,W) that each node is asked for: those of all receivers whose candidate it is."""
+    for p in range(len(soft)):
+        for w in range(soft.shape[1]):
+            for g in range(len(serve)):
+                s = soft[p, w] & serve[g, w]
+                if s:
+                    for c in range(start[p, g], start[p, g + 1]):
+                        need[candidate[c], w] |= s
+
+
+@kernel
+def agreement(start, candidate, values, soft, serve, uniform):
+    """Marks receivers all of whose candidates agree, for every soft light that counts them."""
+    rings = len(serve)
+    for p in range(len(soft)):
+        agree, any_soft = start[p, rings] > start[p, 0], False
+        for w in range(soft.shape[1]):
+            for g in range(rings):
+                s = soft[p, w] & serve[g, w]
+                if s == 0 or not agree or start[p, g + 1] == start[p, g]:
+                    continue
+                any_soft = True
+                # Of the innermost ring that has any: all lights with a set count it.
+                first = values[candidate[start[p, 0]], w] & s
+                for c in range(start[p, g], start[p, g + 1]):
+                    if values[candidate[c], w] & s != first:
+                        agree = False
+                        break
+        uniform[p] = agree and any_soft
+
+
+@kernel
+def listed(start, soft, serve, uniform):
+    """(receiver, index into candidate) of every short ray that is needed."""
+    total = 0
+    end = np.zeros(len(soft), np.int64)  # candidates behind it serve no light of the receiver
+    for p in range(len(soft)):
+        end[p] = start[p, 0]
+        if not uniform[p]:
+            for w in range(soft.shape[1]):
+                for g in range(len(serve)):
+                    if soft[p, w] & serve[g, w]:
+                        end[p] = max(end[p], start[p, g + 1])
+            total += end[p] - start[p, 0]
+    row, index = np.empty(total, np.int32), np.empty(total, np.int64)
+    n = 0
+    for p in range(len(soft)):
+        for c in range(start[p, 0], end[p]):
+            row[n], index[n] = p, c
+            n += 1
+    return row, index
+
+
+@kernel
+def sizes(start, keep, uniform, m):
+    """m (n,K): how many nodes step 3 keeps in each class's ball; keep (c,)."""
+    for p in range(len(m)):
+        total = 0
+        for g in range(m.shape[1]):
+            if uniform[p]:  # all agree, and the first is seen: any m gives the same quotients
+                total = 1 if start[p, g + 1] > start[p, 0] else 0
+            else:
+                for c in range(start[p, g], start[p, g + 1]):
+                    total += keep[c]
+            m[p, g] = total
+
+
+@kernel
+def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
+    """S = (number of kept nodes that see the light)/m, eq. (4).
+
+    The numbers of 64 lights are counted at once: plane b holds bit b of each light's number.
+    """
+    plane = np.zeros(32, np.uint64)
+    rings = len(serve)
+    for p in range(len(soft)):
+        if m[p, rings - 1] == 0:
+            continue
+        for w in range(soft.shape[1]):
+            if soft[p, w] == 0:
+                continue
+            planes = 0
+            if uniform[p]:
+                plane[0] = values[candidate[start[p, 0]], w]
+                planes = 1
+            else:
+                for g in range(rings):
+                    s = soft[p, w] & serve[g, w]
+                    if s == 0:
+                        continue
+                    for c in range(start[p, g], start[p, g + 1]):
+                        if not weight[c]:
+                            continue
+                        carry = values[candidate[c], w] & s
+                        b = 0
+                        while carry:
+                            if b == planes:
+                                plane[b] = 0
+                                planes += 1
+                            carry, plane[b] = carry & plane[b], carry ^ plane[b]
+                            b += 1
+            for i in range(64 * w, min(64 * w + 64, S.shape[1])):
+                bit = np.uint64(i & 63)
+                if soft[p, w] >> bit & np.uint64(1) and m[p, ring[i]]:
+                    number = np.uint64(0)
+                    for b in range(planes):
+                        number |= (plane[b] >> bit & np.uint64(1)) << np.uint64(b)
+                    S[p, i] = np.float32(np.float64(number) / m[p, ring[i]])
+
+
+@kernel
+def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P, position, m, S):
+    """S = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius (K,) world."""
+    lights = np.empty(S.shape[1], np.int64)
+    seen = np.empty(S.shape[1])
+    for p in range(len(soft)):
+        for k in range(len(radius)):
+            if m[p, k] == 0:
+                continue
+            count = 0
+            for i in range(S.shape[1]):
+                if ring[i] == k and soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
+                    lights[count], seen[count] = i, 0.0
+                    count += 1
+            if count == 0:
+                continue
+            total = 0.0
+            last = start[p, 0] + 1 if uniform[p] else start[p, k + 1]
+            for c in range(start[p, 0], last):
+                if not (uniform[p] or weight[c]):
+                    continue
+                node = candidate[c]
+                w = falloff(squared(position[node], P[p]) / (radius[k] * radius[k]))
+                total += w
+                for j in range(count):
+                    i = lights[j]
+                    if values[node, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
+                        seen[j] += w  # where all see it the same sum as `total`: exactly 1
+            for j in range(count):
+                S[p, lights[j]] = np.float32(seen[j] / total)
+
+
+@kernel
+def squared(a, b):
+    """|a − b|²."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
