@@ -31,7 +31,7 @@ def half_ball(s: np.ndarray, r: float, beta: float, weight: Callable[[np.ndarray
     z; each slice is a disc cut by a line.
     """
     s = np.asarray(s, float)
-    edges = np.linspace(0, 1, 401)
+    edges = np.linspace(0, 1, 101)
     drop = weight(edges[:-1]) - weight(edges[1:])
     parts = [*zip((edges[:-1] + edges[1:]) / 2, drop, strict=True), (1.0, float(weight(np.ones(1))[0]))]
     parts = [(a, share * a**3) for a, share in parts if share]
@@ -39,7 +39,7 @@ def half_ball(s: np.ndarray, r: float, beta: float, weight: Callable[[np.ndarray
 
 
 def _uniform_half_ball(s: np.ndarray, r: float, beta: float) -> np.ndarray:
-    nodes, weights = np.polynomial.legendre.leggauss(200)
+    nodes, weights = np.polynomial.legendre.leggauss(100)
     z, dz = r * (nodes + 1) / 2, weights * r / 2
     rho = np.sqrt(r * r - z * z)
     share = disc_share((s[..., None] - z / np.tan(beta)) / rho)

@@ -44,14 +44,23 @@ def with_lights(scene: Scene, *lights: Light) -> Scene:
 
 def placed(scene: Scene, size: float, offset: Sequence[float]) -> Scene:
     """The scene grown by `size` and then moved by `offset`; its lattice, camera and lights' energy with it."""
-    T = move(*offset) @ scale(size, size, size)
+    return moved(scene, move(*offset) @ scale(size, size, size), size)
+
+
+def moved(scene: Scene, T: np.ndarray, size: float = 1.0) -> Scene:
+    """The scene under T (4,4), which turns, mirrors and moves, and scales by `size`; only the lattice's axes stay.
+
+    Where T mirrors the camera does too: the picture's columns run backwards.
+    """
+    turn = T[:3, :3] / size
     camera, s = scene.camera, scene.settings
-    matrix = np.array(camera.matrix)
-    matrix[:3, 3] = at(T, matrix[:3, 3])
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn @ camera.matrix[:3, :3] @ np.diag([np.sign(np.linalg.det(turn)), 1, 1])
+    matrix[:3, 3] = at(T, camera.matrix[:3, 3])
     window = camera.window if camera.perspective else tuple(size * w for w in camera.window)
     lights = [replace(
-        light, position=tuple(at(T, light.position).tolist()), radius=size * light.radius,
-        area_u=tuple(size * u for u in light.area_u), area_v=tuple(size * v for v in light.area_v),
+        light, position=_triple(at(T, light.position)), direction=_triple(turn @ light.direction),
+        radius=size * light.radius, area_u=_triple(T[:3, :3] @ light.area_u), area_v=_triple(T[:3, :3] @ light.area_v),
         soft_radius=size * light.soft_radius, reference_distance=size * light.reference_distance,
         intensity=light.intensity if light.type == "SUN" else tuple(c * size**2 for c in light.intensity))
         for light in scene.lights]
@@ -59,7 +68,12 @@ def placed(scene: Scene, size: float, offset: Sequence[float]) -> Scene:
         scene, lights=tuple(lights),
         camera=replace(camera, matrix=matrix, window=window, clip_start=camera.clip_start * size),
         geometry=replace(scene.geometry, instance_matrix=T @ scene.geometry.instance_matrix),
-        settings=replace(s, h=s.h * size, lattice_origin=tuple(at(T, s.lattice_origin).tolist())))
+        settings=replace(s, h=s.h * size, lattice_origin=_triple(at(T, s.lattice_origin))))
+
+
+def _triple(v: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = np.asarray(v, float).tolist()
+    return x, y, z
 
 
 def at(T: np.ndarray, p: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -64,7 +64,7 @@ def test_figures():
         assert smooth.levels > uniform.levels
         assert smooth.step - smooth.limit_step < 0.3 * (uniform.step - uniform.limit_step)
         assert smooth.bend < 0.25 * uniform.bend
-        assert smooth.rmse < 1.1 * uniform.rmse  # at equal cost the smoothness is not paid for with an error
+        assert smooth.rmse < 1.02 * uniform.rmse  # at equal cost the smoothness is not paid for with an error
     assert smooth.step < 1.1 * smooth.limit_step  # at kI = 6 what is left is the penumbra itself
 
 
@@ -74,10 +74,10 @@ def test_the_error_is_the_quantisation_of_the_uniform_weight(kI):
 
 
 def test_on_a_plane_smooth_weights_leave_no_jump():
-    """With four times the pixels the largest step is a quarter: S is continuous. A uniform jump stays what it is."""
+    """With four times the pixels the largest step is a quarter: S is continuous. A node's uniform 1/m stays 1/m."""
     steps = {w: [np.abs(np.diff(penumbra(w, 2.0, pixels)[1])).max() for pixels in (60, 240)] for w in LIMITS}
     assert steps["SMOOTH"][1] < 0.35 * steps["SMOOTH"][0]
-    assert steps["UNIFORM"][1] > 0.7 * steps["UNIFORM"][0]
+    assert steps["UNIFORM"][1] > 0.5 * steps["UNIFORM"][0]
 
 
 @pytest.mark.parametrize("degrees", [30, 60, 120, 150])
@@ -98,7 +98,7 @@ def test_oblique_edges_are_the_weighted_half_ball_integral(degrees):
 
 def test_the_weighted_half_ball_of_an_upright_edge_is_smootherstep():
     u = np.linspace(-1.2, 1.2, 101)
-    np.testing.assert_allclose(half_ball(u, 1.0, np.pi / 2, lambda t: 1 - t * t), smootherstep(u), atol=1e-5)
+    np.testing.assert_allclose(half_ball(u, 1.0, np.pi / 2, lambda t: 1 - t * t), smootherstep(u), atol=1e-4)
     np.testing.assert_allclose(half_ball(u, 1.0, np.pi / 2), smoothstep(u), atol=1e-5)
 
 
