@@ -29,6 +29,8 @@ def test_an_object_of_slivers_is_named_and_rendered():
     (sentence,) = result.warnings
     assert "'hay': 8,000 of its triangles are long, thin and slanted" in sentence
     assert not render_image(with_floor(few)).warnings
+    ground = Part(rectangle((-900, -900), (900, 900), -1.0), GREY, "ground")
+    assert flatten(with_floor(Part(strips(8000), GREY, "hay"), ground))[1] == [sentence]  # though most rays miss it
 
 
 def test_the_number_is_that_of_boxes_on_a_rays_way():
@@ -36,13 +38,13 @@ def test_the_number_is_that_of_boxes_on_a_rays_way():
     scene = with_floor(Part(strips(8000), GREY, "hay"))
     surfaces, (sentence,) = flatten(scene)
     said = float(sentence.split("about ")[1].split(" ")[0].replace(",", ""))
-    corners = surfaces.vertices[surfaces.triangles].astype(float)
+    corners = surfaces.vertices[surfaces.triangles[surfaces.instance == 1]].astype(float)
     low, high = corners.min(1), corners.max(1)
     random = np.random.default_rng(1)
     d, o = random.normal(size=(4000, 3)), random.normal(size=(4000, 3))
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     o -= (o * d).sum(1, keepdims=True) * d
-    reach = np.linalg.norm(high.max(0) - low.min(0)) / 2  # even in a disc that covers the scene
+    reach = np.linalg.norm(high.max(0) - low.min(0)) / 2  # even in a disc that covers the object
     o *= reach * np.sqrt(random.uniform(size=(4000, 1))) / np.linalg.norm(o, axis=1, keepdims=True)
     o += (low.min(0) + high.max(0)) / 2
 
