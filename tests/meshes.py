@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -147,6 +147,21 @@ def assemble(parts: Sequence[Part], camera: Camera, lights: Sequence[Light],
     objects = tuple(Object(p.name, **p.visible) for p in parts)
     return Scene(camera, geometry, tuple(lights), materials or (GREY,), objects=objects,
                  settings=settings or Settings(), **more)
+
+
+def joined(a: Scene, b: Scene) -> Scene:
+    """Scene a with b's objects added."""
+    ga, gb = a.geometry, b.geometry
+    return replace(a, objects=a.objects + b.objects, materials=a.materials + b.materials, geometry=replace(
+        ga, vertices=np.concatenate([ga.vertices, gb.vertices]),
+        triangles=np.concatenate([ga.triangles, gb.triangles]),
+        corner_normals=np.concatenate([ga.corner_normals, gb.corner_normals]),
+        triangle_materials=np.concatenate([ga.triangle_materials,
+                                           gb.triangle_materials + np.int32(len(a.materials))]),
+        meshes=np.concatenate([ga.meshes, np.add(gb.meshes, (len(ga.vertices), 0, len(ga.triangles), 0))]),
+        instance_mesh=np.concatenate([ga.instance_mesh, gb.instance_mesh + np.int32(len(ga.meshes))]),
+        instance_object=np.concatenate([ga.instance_object, gb.instance_object + np.int32(len(a.objects))]),
+        instance_matrix=np.concatenate([ga.instance_matrix, gb.instance_matrix])))
 
 
 def _stack(arrays: list[np.ndarray], empty: tuple[int, ...], dtype: type) -> np.ndarray:

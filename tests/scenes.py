@@ -66,6 +66,45 @@ def combined(scene: Scene) -> np.ndarray:
     return render_image(scene).passes["Combined"][..., :3].astype(float)
 
 
+def placed(scene: Scene, size: float, offset: Sequence[float]) -> Scene:
+    """The scene grown by `size` and then moved by `offset`; its lattice, camera and lights' energy with it."""
+    return moved(scene, move(*offset) @ scale(size, size, size), size)
+
+
+def moved(scene: Scene, T: np.ndarray, size: float = 1.0) -> Scene:
+    """The scene under T (4,4), which turns, mirrors and moves, and scales by `size`; only the lattice's axes stay.
+
+    Where T mirrors the camera does too: the picture's columns run backwards.
+    """
+    turn = T[:3, :3] / size
+    camera, s = scene.camera, scene.settings
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn @ camera.matrix[:3, :3] @ np.diag([np.sign(np.linalg.det(turn)), 1, 1])
+    matrix[:3, 3] = at(T, camera.matrix[:3, 3])
+    window = camera.window if camera.perspective else tuple(size * w for w in camera.window)
+    lights = [replace(
+        light, position=_triple(at(T, light.position)), direction=_triple(turn @ light.direction),
+        radius=size * light.radius, area_u=_triple(T[:3, :3] @ light.area_u), area_v=_triple(T[:3, :3] @ light.area_v),
+        soft_radius=size * light.soft_radius, reference_distance=size * light.reference_distance,
+        intensity=light.intensity if light.type == "SUN" else tuple(c * size**2 for c in light.intensity))
+        for light in scene.lights]
+    return replace(
+        scene, lights=tuple(lights),
+        camera=replace(camera, matrix=matrix, window=window, clip_start=camera.clip_start * size),
+        geometry=replace(scene.geometry, instance_matrix=T @ scene.geometry.instance_matrix),
+        settings=replace(s, h=s.h * size, lattice_origin=_triple(at(T, s.lattice_origin))))
+
+
+def _triple(v: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = np.asarray(v, float).tolist()
+    return x, y, z
+
+
+def at(T: np.ndarray, p: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Points (…,3) moved by the matrix T."""
+    return np.asarray(p, float) @ T[:3, :3].T + T[:3, 3]
+
+
 def point(position: Sequence[float], intensity: float = 10.0, name: str = "point", **more: Any) -> Light:
     return Light(name, "POINT", (intensity,) * 3, position=tuple(position), **more)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from light_meshes.render import render_image
 from light_meshes.scene import SHADOWS, Camera, Light, SceneError
-from meshes import Mesh, Part, assemble, box, look_at, look_down, move, rectangle, scale, sphere
+from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, scale, sphere
 from scenes import GREY, WHITE, four_lights, point, settings, sun, tabletop, with_lights, with_settings
 
 PASSES = ("Combined", "Depth", "Normal", "Shadow")
@@ -202,7 +202,7 @@ def test_auto_h_is_not_moved_by_a_kilometre_of_ground():
     near = tabletop(64, auto_h=True)
     ground = Part(rectangle((-1000, -1000), (1000, 1000), -0.3), GREY, "ground")
     both = assemble([ground], near.camera, near.lights, near.settings)
-    h = {name: render_image(s).statistics["h"] for name, s in (("table", near), ("ground", _joined(near, both)))}
+    h = {name: render_image(s).statistics["h"] for name, s in (("table", near), ("ground", joined(near, both)))}
     assert h["ground"] == pytest.approx(h["table"], rel=0.5)
     small = replace(near, geometry=replace(near.geometry, instance_matrix=scale(1e-3, 1e-3, 1e-3)
                                            @ near.geometry.instance_matrix))
@@ -210,21 +210,6 @@ def test_auto_h_is_not_moved_by_a_kilometre_of_ground():
     camera[:3, 3] *= 1e-3
     small = replace(small, camera=replace(near.camera, matrix=camera, clip_start=1e-6))
     assert render_image(small).statistics["h"] == pytest.approx(h["table"] * 1e-3, rel=0.05)
-
-
-def _joined(a, b):
-    """Scene a with b's meshes added; b's material becomes a's first."""
-    ga, gb = a.geometry, b.geometry
-    meshes = np.add(gb.meshes, (len(ga.vertices), 0, len(ga.triangles), 0))
-    return replace(a, objects=a.objects + b.objects, geometry=replace(
-        ga, vertices=np.concatenate([ga.vertices, gb.vertices]),
-        triangles=np.concatenate([ga.triangles, gb.triangles]),
-        corner_normals=np.concatenate([ga.corner_normals, gb.corner_normals]),
-        triangle_materials=np.concatenate([ga.triangle_materials, 0 * gb.triangle_materials]),
-        meshes=np.concatenate([ga.meshes, meshes]),
-        instance_mesh=np.concatenate([ga.instance_mesh, gb.instance_mesh + len(ga.meshes)]).astype(np.int32),
-        instance_object=np.concatenate([ga.instance_object, gb.instance_object + len(a.objects)]).astype(np.int32),
-        instance_matrix=np.concatenate([ga.instance_matrix, gb.instance_matrix])))
 
 
 def test_a_pass_that_does_not_exist_is_named():

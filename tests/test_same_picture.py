@@ -1,4 +1,4 @@
-"""What must not change a picture: tiles, threads, runs, shortcuts, the order of lights, where in the world it is."""
+"""What must not change a picture: tiles, threads, runs, shortcuts, the order of lights."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from light_meshes.render import render_image
 from light_meshes.scene import SHADOWS
-from meshes import move, scale
+from meshes import move
 from scenes import four_lights, hall, tabletop, with_lights, with_settings
 
 PASSES = ("Combined", "Depth", "Normal", "Shadow")
@@ -110,29 +110,3 @@ def test_a_floor_on_a_plane_of_the_lattice_may_move_a_little(by):
         scene.geometry, instance_matrix=move(0, 0, by) @ scene.geometry.instance_matrix))
     np.testing.assert_allclose(render_image(moved).passes["Combined"], render_image(scene).passes["Combined"],
                                rtol=0, atol=1e-6)
-
-
-def placed(scene, size, offset):
-    """The scene grown by `size` and then moved by `offset`; h, the lattice and the light's energy with it."""
-    T = move(*offset) @ scale(size, size, size)
-    camera = np.array(scene.camera.matrix)
-    camera[:3, 3] = (T @ np.append(camera[:3, 3], 1))[:3]
-    grown = [replace(light, position=tuple((T @ np.append(light.position, 1))[:3].tolist()),
-                     intensity=light.intensity if light.type == "SUN"
-                     else tuple(c * size**2 for c in light.intensity)) for light in scene.lights]
-    s = scene.settings
-    return replace(
-        scene, camera=replace(scene.camera, matrix=camera, clip_start=scene.camera.clip_start * size),
-        geometry=replace(scene.geometry, instance_matrix=T @ scene.geometry.instance_matrix), lights=tuple(grown),
-        settings=replace(s, h=s.h * size, lattice_origin=tuple((T @ np.append(s.lattice_origin, 1))[:3].tolist())))
-
-
-@pytest.mark.parametrize("shadows", ["SHARP", "LIGHT_MESHES"])
-@pytest.mark.parametrize(("size", "offset"), [(1.0, (1e5, -1e5, 1e5)), (1e-4, (0, 0, 0)), (1e4, (0, 0, 0)),
-                                              (1e-4, (1.0, 2.0, -1.0)), (1e4, (1e5, 1e5, -1e5))])
-def test_size_and_place_in_the_world_do_not_matter(size, offset, shadows):
-    """H9."""
-    scene = four_lights(64, shadows=shadows)
-    here = render_image(scene).passes["Combined"]
-    there = render_image(placed(scene, size, offset)).passes["Combined"]
-    np.testing.assert_allclose(there, here, rtol=1e-5, atol=1e-5)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .compiled import kernel
 from .scene import Scene, SceneError
+from .slivers import sliver_warnings
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def _usable(vertices, triangles, out):
 
 
 def flatten(scene: Scene) -> tuple[Surfaces, list[str]]:
-    """World-space triangles of all instances in the tracer's frame, and a warning an object that lost triangles.
+    """World-space triangles of all instances in the tracer's frame, and a warning an object with bad triangles.
 
     Triangles without an area or with a vertex that is not finite are left out.
     """
@@ -111,6 +112,7 @@ def flatten(scene: Scene) -> tuple[Surfaces, list[str]]:
     if not usable.all():
         warnings = _lost(scene, vertices, triangles[~usable], instance[~usable])
         triangles, instance, source = triangles[usable], instance[usable], source[usable]
+    warnings += sliver_warnings(scene, vertices, triangles, instance)
     linear = np.ascontiguousarray(g.instance_matrix[:, :3, :3])
     determinant, normal_matrix = _cofactors(linear)
     return Surfaces(
