@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import bpy
 
-from . import observers, passes, session, step
+from . import observers, passes, session, step, viewport
 from .export import ExportError
 from .job import Cancelled, Job
 
@@ -18,6 +18,8 @@ class LightMeshesEngine(bpy.types.RenderEngine):
     bl_use_postprocess = True
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
+
+    _viewport: viewport.Viewport | None = None
 
     export_to: ClassVar[Path | None] = None  # export there and render nothing, as the headless driver may want
 
@@ -41,6 +43,19 @@ class LightMeshesEngine(bpy.types.RenderEngine):
         except Exception as e:  # the boundary: Blender itself would finish with an empty picture
             self._fail(f"The Light Meshes add-on failed: {type(e).__name__}: {e}", traceback.format_exc())
 
+    def view_update(self, context, depsgraph):
+        if not self._viewport:
+            self._viewport = viewport.Viewport(self)
+        self._viewport.update(context, depsgraph)
+
+    def view_draw(self, context, depsgraph):
+        if self._viewport:
+            self._viewport.draw(context, depsgraph)
+
+    def __del__(self):
+        if self._viewport:  # the view is closed, or shaded in another way
+            self._viewport.end()
+
     def _fail(self, message, log):
         if log:
             print(f"Light Meshes, the end of the log:\n{log}", flush=True)
@@ -57,4 +72,5 @@ def register() -> None:
 def unregister() -> None:
     step.unregister()
     bpy.utils.unregister_class(LightMeshesEngine)
+    viewport.end_all()
     session.end()

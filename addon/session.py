@@ -117,9 +117,13 @@ class Session:
         """
         if self._ended(number, 0):
             return
-        self._write(command="cancel", id=number)
+        self.ask_to_cancel(number)
         if not self._ended(number, seconds):
             threading.Thread(target=lambda: self._ended(number, 10 * seconds) or self.kill()).start()
+
+    def ask_to_cancel(self, number: int) -> None:
+        """Ask the engine to give command `number` up, and go on without waiting."""
+        self._write(command="cancel", id=number)
 
     def _ended(self, number: int, seconds: float) -> bool:
         with self._changed:
@@ -162,6 +166,9 @@ class Session:
                 kind = event["event"]
             except (ValueError, TypeError, KeyError):
                 self._log.append(line.rstrip())
+                continue
+            if kind == "alive":
+                self.listen()
                 continue
             if kind == "ready":
                 self.folder = Path(event["folder"])
@@ -240,11 +247,13 @@ def current() -> Session:
     return _session
 
 
-def discard() -> None:
-    """Give the engine up without waiting: a thread ends it."""
+def discard(engine: Session | None = None) -> None:
+    """Give `engine`, or the current one, up without waiting: a thread ends it."""
     global _session
-    if _session:
-        threading.Thread(target=_session.kill).start()
+    engine = engine or _session
+    if engine:
+        threading.Thread(target=engine.kill).start()
+    if engine is _session:
         _session = None
 
 

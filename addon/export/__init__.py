@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from . import camera, lights, world
-from .camera import border
+from .camera import border, frame
 from .geometry import Geometry
 from .materials import Materials
 from .report import ExportError, Report
 from .snapshot import write
+from .walk import Walk
 
-__all__ = ["ExportError", "Report", "border", "export", "settings"]
+__all__ = ["ExportError", "Report", "border", "export"]
 
 
 def export(engine, depsgraph, folder: Path, check: Callable[[], None], **overrides) -> Report:
@@ -19,40 +19,12 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], **overrid
     `engine` is the RenderEngine, which knows the size of the picture; `overrides` replace settings.
     """
     report = Report()
-    scene = depsgraph.scene_eval
-    frame = camera.frame(engine, scene, depsgraph, report)
+    camera = frame(engine, depsgraph.scene_eval, depsgraph, report)
     materials = Materials(report, folder, depsgraph)
     geometry = Geometry(materials, report, check)
-    lamps = []
-    for instance in depsgraph.object_instances:
-        check()
-        if not instance.show_self:
-            continue
-        ob = instance.object
-        if ob.type == 'LIGHT':
-            lamps.append(lights.light(ob, instance.matrix_world, report))
-        else:
-            geometry.add(instance, ob)
-    write(folder, geometry.arrays(), {
-        "camera": frame,
-        "lights": lamps,
-        "materials": materials.descriptions,
-        "images": materials.images,
-        "objects": geometry.objects,
-        "world_color": world.color(scene.world, report),
-        "settings": settings(scene) | overrides,
-        "warnings": report.sentences,
-    })
+    walk = Walk(materials, geometry, report, check)
+    walk.go(depsgraph)
+    description = walk.description(depsgraph, camera)
+    description["settings"] |= overrides
+    write(folder, geometry.arrays(), description)
     return report
-
-
-def settings(scene) -> dict:
-    """The engine's settings, from the scene's properties."""
-    own = scene.light_meshes
-    return {name: getattr(own, name) for name in (
-        "mode", "shadows", "h", "kI", "auto_h", "samples", "light_samples", "max_depth", "ambient",
-        "refraction", "glass", "caustics", "leak_free")} | {
-        # The engine's filter is never wider than 10 pixels; Blender's slider goes on.
-        "filter_size": min(scene.render.filter_size, 10.0),
-        "film_transparent": scene.render.film_transparent,
-    }
