@@ -183,7 +183,7 @@ def test_bytes_that_are_no_text_are_said(folder):
         snapshot.read(folder)
 
 
-@pytest.mark.parametrize("where", ["nowhere", "scene.json"])
+@pytest.mark.parametrize("where", ["nowhere", "vertices.npy", "nowhere.json", "uvs"])
 def test_a_folder_without_a_scene_is_no_snapshot(folder, where):
     with pytest.raises(SceneError, match="no snapshot"):
         snapshot.read(folder / where)

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
 from .scene import Camera
+
+
+def coarser(camera: Camera, divisor: int) -> Camera:
+    """The camera with `divisor` times fewer pixels each way, of exactly what it sees."""
+    if divisor == 1:
+        return camera
+    x0, y0, x1, y1 = camera.crop or (0, 0, camera.width, camera.height)
+    left, right, bottom, top = camera.window
+    wide, high = (right - left) / camera.width, (top - bottom) / camera.height
+    return dataclasses.replace(
+        camera, crop=None, width=-(-(x1 - x0) // divisor), height=-(-(y1 - y0) // divisor),
+        window=(left + wide * x0, left + wide * x1, bottom + high * y0, bottom + high * y1))
 
 
 def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:

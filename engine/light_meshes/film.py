@@ -47,6 +47,14 @@ class Framebuffer:
         """Pass name → channels."""
         return {name: a.shape[2] for name, a in self.passes.items()}
 
+    def save(self, folder: Path) -> None:
+        """Write PASS.npy files. Each appears at once; who still reads the one before goes on reading that."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, a in self.passes.items():
+            new = folder / f"{name}.new.npy"
+            np.save(new, a)
+            new.replace(folder / f"{name}.npy")
+
     def flush(self) -> None:
         """Hand mapped passes to the system; after this another process reads them complete."""
         for a in self.passes.values():

@@ -203,6 +203,20 @@ def _settled(rows, need, known):
     return True
 
 
+@kernel
+def _moved_bits(old, source, out):
+    """out (n,W): bit i is bit source[i] of old (n,V); 0 where source[i] is −1."""
+    for i in range(len(source)):
+        j = source[i]
+        if j >= 0:
+            for n in range(len(old)):
+                out[n, i >> 6] |= (old[n, j >> 6] >> np.uint64(j & 63) & np.uint64(1)) << np.uint64(i & 63)
+
+
+class SharedNodesError(RuntimeError):
+    """Another thread failed, or was cancelled, while it computed nodes that this one waits for."""
+
+
 class NodeStore:
     """Node values v(i,x): bits where the scene is opaque, else `channels` (1 or 3) float32 a light.
 
@@ -211,6 +225,7 @@ class NodeStore:
     """
 
     def __init__(self, lights: int, channels: int = 0, kind: type = np.float32) -> None:
+        self._lights, self._channels = lights, channels
         self._width = lights * channels if channels else (lights + 63) // 64
         self._kind: type = kind if channels else np.uint64
         self.words = (lights + 63) // 64
@@ -237,6 +252,44 @@ class NodeStore:
     def bytes(self) -> int:
         """Memory of the store."""
         return sum(a.nbytes for a in (self._keys, self._value, self._known, self._pending, self._table))
+
+    @property
+    def nodes(self) -> NDArray[np.int32]:
+        """The nodes (count,3) that have a row."""
+        return self._keys[:self.count]
+
+    @property
+    def known(self) -> NDArray[np.uint64]:
+        """The lights (count,W) of which each has its value."""
+        return self._known[:self.count]
+
+    def mend(self) -> None:
+        """Be as if what was begun when a render was cancelled, or failed, had never been asked for."""
+        self._broken = False
+        self._pending[:] = 0
+
+    def inherit(self, old: NodeStore, source: NDArray[np.int32], known: NDArray[np.uint64]) -> None:
+        """Take over, into an empty store of the same kind, what is `known` (old.count, V) of the values of `old`.
+
+        Light i is light source[i] there; −1: it is new.
+        """
+        kept = np.zeros((old.count, self.words), np.uint64)
+        _moved_bits(known, source, kept)
+        rows = np.flatnonzero(kept.any(1))
+        kept = kept[rows]
+        if self._channels:
+            bits = np.unpackbits(kept.view(np.uint8), axis=1, count=self._lights, bitorder="little").astype(np.bool_)
+            value = old._value[rows].reshape(len(rows), old._lights, self._channels)[:, source]
+            value[~bits] = 0
+            value = value.reshape(len(rows), self._width)
+        else:
+            value = np.zeros_like(kept)
+            _moved_bits(old._value[rows], source, value)
+            value &= kept
+        self._allocate(max(len(self._keys), 1 << len(rows).bit_length()))
+        self.count = len(rows)
+        self._keys[:self.count], self._known[:self.count], self._value[:self.count] = old.nodes[rows], kept, value
+        _fill(self._table, self._keys, self.count)
 
     def values(
         self, nodes: NDArray[np.int32], need: NDArray[np.uint64],
@@ -268,6 +321,6 @@ class NodeStore:
             self._ready.notify_all()
             while not _settled(rows, need, self._known):
                 if self._broken:
-                    raise RuntimeError("another thread failed while it computed shared nodes")
+                    raise SharedNodesError
                 self._ready.wait()
             return self._value[rows]

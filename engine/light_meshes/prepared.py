@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import shading, textures
+from . import reuse, shading, textures
 from .area_sampling import AreaSampling
 from .camera import camera_rays, depth, filter_offsets
 from .geometry import Hits, flatten, surface
@@ -17,7 +19,7 @@ from .lattice import lattice
 from .optics import DEPTH
 from .plan import plan
 from .refraction import RefractedPaths
-from .scene import Scene
+from .scene import Camera, Scene
 from .semitransparent import Refraction, SemitransparentMeshes, SharpThrough
 from .statistics import Statistics
 from .tracing import Tracer
@@ -29,28 +31,44 @@ SHADED = 1 << 22  # receivers × lights held at once, at most
 class Prepared:
     """A scene made ready: triangles, accelerator, lights and the shadow method that its plan asks for."""
 
-    def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",)) -> None:
+    def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",), *, previous: Prepared | None = None,
+                 camera: Camera | None = None, check: Callable[[], None] = lambda: None) -> None:
+        """previous: what was prepared before, of which all that is still right is taken over (see `reuse`).
+
+        camera: of the rays, where it is not the scene's; h is measured by the scene's. `check` raises to give up.
+        """
+        began = time.perf_counter()
         self.stats = Statistics()
         self.passes = tuple(passes)
         with self.stats.stage("geometry"):
-            self.surfaces, self.warnings = flatten(scene)
-        self.textures, sentences = textures.load(scene.images)  # none where no material has an image
-        self.warnings += sentences
-        self.glass = Interfaces(scene, self.surfaces, self.textures)
+            scene = reuse.shared_geometry(scene, previous)
+            self.surfaces, self.lost = reuse.surfaces(scene, previous) or flatten(scene)
+        check()
+        self.textures: list[textures.Texture | None]  # of all images
+        self.textures, sentences = textures.load(scene.images, previous.textures if previous else [])
+        self.warnings = [*self.lost, *sentences]
+        self.scene = scene
+        self.glass = reuse.interfaces(self, previous) or Interfaces(scene, self.surfaces, self.textures)
+        check()
         with self.stats.stage("accelerator"):
             full = scene.settings.refraction == "FULL" and scene.settings.shadows != "AREA_SAMPLING"
             bent = self.glass.bending & full
-            self.tracer = Tracer(scene, self.surfaces, self.glass.lets_through, bent)
-        self.scene = scene
+            self.tracer = Tracer(scene, self.surfaces, self.glass.lets_through, bent, reuse.tracer(self, previous))
+        check()
+        self.described = scene
         if scene.settings.auto_h:
-            settings = dataclasses.replace(scene.settings, h=measured_h(self))
+            settings = dataclasses.replace(scene.settings, h=reuse.measured_h(self, previous) or measured_h(self))
             self.scene = dataclasses.replace(scene, settings=settings)
+        if camera is not None:
+            self.scene = dataclasses.replace(self.scene, camera=camera)
         self.plan = plan(self.scene, self.glass, self.passes)
         self.lights = shading.light_arrays(scene.lights)
         self.materials = shading.material_arrays(scene.materials)
-        self.refraction = self._refraction()
+        self.refraction = self._refraction(previous)
         self.visibility = self._visibility()
+        self.nodes_kept = reuse.nodes(self, previous)
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
+        self.seconds = time.perf_counter() - began
 
     def _visibility(self) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
         scene, s = self.scene, self.scene.settings
@@ -69,12 +87,18 @@ class Prepared:
                                          self.glass.cutouts)
         return LightMeshes(*needed, nodes, self.plan.uniform_skip)
 
-    def _refraction(self) -> Refraction | None:
+    def _refraction(self, previous: Prepared | None) -> Refraction | None:
         if not self.plan.paths:
             return None
         s = self.scene.settings
-        solver = RefractedPaths(self.surfaces, self.glass.media(), self.lights.targets(), self.tracer, s.h)
+        solver = reuse.solver(self, previous) or RefractedPaths(
+            self.surfaces, self.glass.media(), self.lights.targets(), self.tracer, s.h)
         return Refraction(solver, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free)
+
+    @cached_property
+    def casters(self) -> reuse.Casters:
+        """The shadow casters as the next picture compares them with its own."""
+        return reuse.casters(self)
 
     def path_warnings(self) -> list[str]:
         """A sentence a light whose paths were followed through fewer bends than usual, after a render."""

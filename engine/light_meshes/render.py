@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from .film import Framebuffer, crop_of
 from .integrator import radiance
+from .lattice import SharedNodesError
 from .prepared import Prepared, measured_h
-from .scene import Scene
+from .scene import Camera, Scene
 from .statistics import peak_memory
 
 BATCH = 32768  # camera rays a tile, about
@@ -48,12 +49,40 @@ def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, i
     return [(x, y, min(x + size, x1), min(y + size, y1)) for y in reversed(rows) for x in range(x0, x1, size)]
 
 
+def _tile_size(pixels: int, samples: int, threads: int) -> int:
+    """About BATCH rays a tile; in a small picture less, so that no thread is left without work."""
+    batch = min(BATCH / samples, pixels / (4 * threads))
+    return int(np.clip(2 ** np.round(np.log2(np.sqrt(batch))), 8, 256))
+
+
+def prepare(scene: Scene, passes: Sequence[str], cancelled: Callable[[], bool] = lambda: False,
+            previous: Prepared | None = None, camera: Camera | None = None) -> Prepared:
+    """`Prepared`, unless cancelled() says so: then raises Cancelled."""
+    def check() -> None:
+        if cancelled():
+            raise Cancelled
+
+    check()
+    return Prepared(scene, passes, previous=previous, camera=camera, check=check)
+
+
 def render(
     scene: Scene, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
     cancelled: Callable[[], bool] = lambda: False, progress: Callable[[float, str], None] = lambda f, s: None,
     tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
 ) -> Result:
-    """Render `scene` into `frame`.
+    """Prepare and draw `scene`; see `draw`."""
+    progress(0.0, "Preparing")
+    ready = prepare(scene, tuple(frame.passes), cancelled)
+    return draw(ready, frame, threads=threads, tile_size=tile_size, cancelled=cancelled, progress=progress, tile=tile)
+
+
+def draw(
+    ready: Prepared, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
+    cancelled: Callable[[], bool] = lambda: False, progress: Callable[[float, str], None] = lambda f, s: None,
+    tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
+) -> Result:
+    """Draw what is prepared into `frame`.
 
     `tile` hears of each finished box (x0, y0, x1, y1, relative to the crop). Raises Cancelled and SceneError. The
     picture does not depend on threads and tile_size.
@@ -66,14 +95,11 @@ def render(
 
     stopped = threading.Event()
     check()
-    progress(0.0, "Preparing")
-    ready = Prepared(scene, tuple(frame.passes))
-    check()
-    crop = crop_of(scene)
-    if tile_size is None:
-        tile_size = int(np.clip(2 ** np.round(np.log2(np.sqrt(BATCH / scene.settings.samples))), 8, 256))
-    tiles = _tiles(crop, tile_size)
+    crop = crop_of(ready.scene)
     threads = threads or os.cpu_count() or 1
+    if tile_size is None:
+        tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads)
+    tiles = _tiles(crop, tile_size)
     lock, done = threading.Lock(), 0
 
     def work(box: tuple[int, int, int, int]) -> None:
@@ -96,12 +122,14 @@ def render(
         except BaseException:
             stopped.set()  # the other threads end at their next batch
             pool.shutdown(wait=True, cancel_futures=True)
-            for f in futures:  # a thread that failed is the reason; those that were stopped are not
-                e = None if f.cancelled() or not f.done() else f.exception()
-                if e is not None and not isinstance(e, Cancelled):
+            reasons = [f.exception() for f in futures if f.done() and not f.cancelled()]
+            for e in reasons:  # a thread that failed is the reason; those that were stopped or waited for it are not
+                if e is not None and not isinstance(e, Cancelled | SharedNodesError):
                     raise e from None
+            if any(isinstance(e, Cancelled) for e in reasons):
+                raise Cancelled from None
             raise
-    return Result(frame, _report(ready, frame, tiles, threads, time.perf_counter() - started),
+    return Result(frame, _report(ready, frame, tiles, threads, ready.seconds + time.perf_counter() - started),
                   [*ready.warnings, *ready.path_warnings()])
 
 
@@ -140,7 +168,8 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         report |= {
             "h": s.h, "kI": s.kI, "r": s.h * s.kI, "receivers": counts["receivers"],
             "candidates": counts["candidates"], "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
-            "node_bytes": lit.store.bytes, "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
+            "nodes_kept": ready.nodes_kept, "node_bytes": lit.store.bytes,
+            "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
         }
     if ready.plan.paths:

@@ -114,6 +114,11 @@ class SemitransparentMeshes(LightMeshes):
         self._stride = channels + (2 if self._apart else 0)
         self.store = NodeStore(max(1, self.count), self._stride, np.float64 if self._apart else np.float32)
 
+    def take(self, old: LightMeshes) -> None:
+        """Take the nodes of `old` over, which are all right here, and their paths."""
+        assert isinstance(old, SemitransparentMeshes)
+        self.store, self._apart = old.store, old._apart
+
     def _agree(self, start: NDArray, candidate: NDArray, values: NDArray, soft: NDArray, uniform: NDArray) -> None:
         _uniform_values(start, candidate, values, soft, self.channels, uniform)
 

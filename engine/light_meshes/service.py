@@ -5,8 +5,16 @@ The child says first
 where PATH is a new private folder (mode 0700) that parent and child share; the child owns it and removes it when
 it ends: on "quit", on a closed stdin (so nothing outlives the parent, however it died), on SIGTERM.
 
-Parent → child (paths are relative to the folder, or absolute):
+Parent → child (paths are relative to the folder, or absolute; a snapshot is a folder with a scene.json, or any one
+of the scene files in a folder):
     {"command": "render", "id": 1, "snapshot": "scene", "framebuffer": "frame", "passes": ["Combined", "Depth"]}
+        "keep": true: what was prepared (accelerator, nodes) stays, and the next command with keep takes over what is
+        still right, by its contents; the picture is the same. Without it (the default) nothing stays
+    {"command": "view", "id": 7, "snapshot": "scene-12.json", "framebuffer": "view", "passes": ["Combined"],
+        "camera": {…}, "steps": [[8, 1], [4, 1], [2, 1], [1, 1], [1, 4]]}
+        a picture that gets better in steps of (divisor of the resolution, samples a pixel). Keeps, as with "keep".
+        A snapshot that is the one of the last command with keep is not read again. camera: as in scene.json, of the
+        rays, while the snapshot's own is what h is measured by; null: its own
     {"command": "measure", "id": 2, "snapshot": "scene"}     h that `auto_h` would take for this scene
     {"command": "cancel", "id": 1}                           ends that command at its next batch, or before it starts
     {"command": "quit"}
@@ -15,7 +23,11 @@ Child → parent:
         the framebuffer files PASS.npy exist now: float32 (h, w, channels), rows bottom-up, zero where not done
     {"event": "progress", "id": 1, "fraction": 0.25, "stage": "Rendering"}
     {"event": "tile", "id": 1, "box": [x0, y0, x1, y1]}      these pixels are final
-    {"event": "done", "id": 1, "statistics": {…}, "warnings": [sentence, …]}
+    {"event": "picture", "id": 7, "step": 0, "width": w, "height": h, "passes": {"Combined": 4}}
+        a step of a view is done: its passes are FRAMEBUFFER/STEP/PASS.npy. A coarser picture shows exactly what the
+        whole one does; its sides are rounded up
+    {"event": "done", "id": 1, "statistics": {…}, "warnings": [sentence, …]}      of a view: those of its last step,
+        and under "steps" a few figures of each
     {"event": "measured", "id": 2, "h": 0.05}
     {"event": "cancelled", "id": 1}
     {"event": "error", "id": 1, "message": sentence}         the child lives on, unless the id is null
@@ -35,12 +47,18 @@ import sys
 import tempfile
 import threading
 import traceback
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import __version__
 
+if TYPE_CHECKING:
+    from .prepared import Prepared
+    from .scene import Scene
+
 ALIVE_SECONDS = 1.0
+_FIGURES = ("width", "height", "samples", "seconds", "nodes", "nodes_kept", "long_rays", "short_rays", "shadow_rays")
 
 
 class Service:
@@ -51,6 +69,8 @@ class Service:
         self._lock = threading.Lock()
         self._queue: queue.Queue[dict[str, Any]] = queue.Queue()
         self._cancelled: set[Any] = set()
+        self._kept: Prepared | None = None  # of the last command with keep
+        self._snapshot: tuple[tuple, Scene] | None = None  # file, and what it says
 
     def run(self) -> None:
         """Carry out commands until "quit"."""
@@ -73,6 +93,8 @@ class Service:
                 raise Cancelled
             if message["command"] == "render":
                 self._render(number, message)
+            elif message["command"] == "view":
+                self._view(number, message)
             elif message["command"] == "measure":
                 self._measure(number, message)
             else:
@@ -82,6 +104,7 @@ class Service:
         except SceneError as e:
             self._send(event="error", id=number, message=str(e))
         except MemoryError:
+            self._kept = None
             self._send(event="error", id=number, message="the engine ran out of memory: render fewer pixels, "
                        "a larger h or fewer triangles")
         except Exception as e:  # the boundary: whatever it is, the parent hears of it
@@ -91,21 +114,60 @@ class Service:
 
     def _render(self, number: Any, message: dict[str, Any]) -> None:
         from . import film, render, snapshot
-        from .scene import SceneError
 
-        scene = snapshot.read(self._path(message, "snapshot"))
-        passes = message.get("passes", ["Combined"])
-        if not isinstance(passes, list) or not all(isinstance(name, str) for name in passes):
-            raise SceneError("passes must be a list of names")
+        keep = _checked(message, "keep", bool, False)
+        if not keep:
+            self._kept = self._snapshot = None
+        scene = self._scene(message) if keep else snapshot.read(self._path(message, "snapshot"))
+        passes = _passes(message)
         frame = film.Framebuffer.create(scene, passes, self._path(message, "framebuffer"))
         self._send(event="started", id=number, width=frame.width, height=frame.height, passes=frame.channels)
-        done = render.render(
-            scene, frame, cancelled=lambda: number in self._cancelled,
-            progress=lambda fraction, stage: self._send(event="progress", id=number, fraction=fraction, stage=stage),
-            tile=lambda box: self._send(event="tile", id=number, box=box),
-        )
+
+        def progress(fraction: float, stage: str) -> None:
+            self._send(event="progress", id=number, fraction=fraction, stage=stage)
+
+        progress(0.0, "Preparing")
+        ready = render.prepare(scene, passes, lambda: number in self._cancelled, self._kept)
+        if keep:
+            self._kept = ready
+        done = render.draw(ready, frame, cancelled=lambda: number in self._cancelled, progress=progress,
+                           tile=lambda box: self._send(event="tile", id=number, box=box))
         frame.flush()
         self._send(event="done", id=number, statistics=done.statistics, warnings=done.warnings)
+
+    def _view(self, number: Any, message: dict[str, Any]) -> None:
+        from . import render, snapshot
+        from .camera import coarser
+        from .film import Framebuffer
+
+        def cancelled() -> bool:
+            return number in self._cancelled
+
+        passes, steps, folder = _passes(message), _steps(message), self._path(message, "framebuffer")
+        camera = None if message.get("camera") is None else snapshot.camera(message["camera"])
+        scene = self._scene(message)
+        figures = []
+        for step, (divisor, samples) in enumerate(steps):
+            self._kept = ready = render.prepare(
+                replace(scene, settings=replace(scene.settings, samples=samples)), passes, cancelled, self._kept,
+                coarser(camera or scene.camera, divisor))
+            frame = Framebuffer.create(ready.scene, passes)
+            done = render.draw(ready, frame, cancelled=cancelled)
+            frame.save(folder / str(step))
+            self._send(event="picture", id=number, step=step, width=frame.width, height=frame.height,
+                       passes=frame.channels)
+            figures.append({name: done.statistics[name] for name in _FIGURES if name in done.statistics})
+        self._send(event="done", id=number, statistics=done.statistics | {"steps": figures}, warnings=done.warnings)
+
+    def _scene(self, message: dict[str, Any]) -> Scene:
+        """The snapshot of a command with keep, in memory: its files may change once this command has ended."""
+        from . import snapshot
+
+        file = snapshot.scene_file(self._path(message, "snapshot"))
+        version = file, file.stat().st_mtime_ns, file.stat().st_size
+        if self._snapshot is None or self._snapshot[0] != version:
+            self._snapshot = version, snapshot.read(file, mapped=False)
+        return self._snapshot[1]
 
     def _measure(self, number: Any, message: dict[str, Any]) -> None:
         from . import render, snapshot
@@ -150,6 +212,36 @@ class Service:
                 self._events.flush()
         except OSError:
             end(self._folder)  # nobody listens
+
+
+def _checked(message: dict[str, Any], key: str, kind: type, default: Any) -> Any:
+    from .scene import SceneError
+
+    value = message.get(key, default)
+    if not isinstance(value, kind):
+        raise SceneError(f"{key} is {value!r}; it must be {'true or false' if kind is bool else 'a list'}")
+    return value
+
+
+def _passes(message: dict[str, Any]) -> list[str]:
+    from .scene import SceneError
+
+    passes = _checked(message, "passes", list, ["Combined"])
+    if not all(isinstance(name, str) for name in passes):
+        raise SceneError("passes must be a list of names")
+    return list(passes)
+
+
+def _steps(message: dict[str, Any]) -> list[tuple[int, int]]:
+    from .scene import SceneError
+
+    steps = _checked(message, "steps", list, [[1, 1]])
+    for step in steps:
+        if not (isinstance(step, list) and len(step) == 2 and all(type(n) is int and 1 <= n <= 4096 for n in step)):
+            raise SceneError(f"steps has {step!r}; a step is a divisor of the resolution and a number of samples")
+    if not steps:
+        raise SceneError("steps is empty: a view needs at least one step")
+    return [(divisor, samples) for divisor, samples in steps]
 
 
 def end(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 The folder is untrusted: everything is checked here, once, and a `SceneError` says what is wrong and where.
 Writer and reader are the same list of fields as `scene.py`; the add-on writes the same layout on its own.
+`snapshot_arrays` says where the arrays lie. Several scene files may stand in one folder and share them.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import dataclasses
 import json
 import math
 import sys
-import tokenize
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,6 @@ from .scene import (
     SOFTNESS,
     WEIGHTS,
     Camera,
-    Geometry,
     Image,
     Light,
     Material,
@@ -36,22 +35,11 @@ from .scene import (
     Settings,
     names_of,
 )
+from .snapshot_arrays import ARRAYS, check_geometry, read_geometry
 
 FORMAT = "light-meshes snapshot"
 VERSION = 1
 
-# Geometry field → (dtype, trailing shape)
-ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
-    "vertices": ("float32", (3,)),
-    "triangles": ("int32", (3,)),
-    "corner_normals": ("float32", (3, 3)),
-    "uvs": ("float32", (3, 2)),
-    "triangle_materials": ("int32", ()),
-    "meshes": ("int64", (4,)),
-    "instance_mesh": ("int32", ()),
-    "instance_object": ("int32", ()),
-    "instance_matrix": ("float64", (4, 4)),
-}
 _CHOICES = {
     (Settings, "mode"): MODES,
     (Settings, "shadows"): SHADOWS,
@@ -113,12 +101,25 @@ def _plain(item: Any) -> dict[str, Any]:
     }
 
 
-def read(folder: Path) -> Scene:
-    """Read and check the snapshot in `folder`; arrays are mapped, not copied. Raises SceneError."""
-    data = _read_json(folder)
-    geometry = Geometry(**{name: _read_array(folder, name, *kind) for name, kind in ARRAYS.items()})
+def scene_file(path: Path) -> Path:
+    """The scene file of a snapshot: `path` names it, or its folder."""
+    file = path / "scene.json" if path.is_dir() else path
+    if file.suffix != ".json" or not file.is_file():
+        raise SceneError(f"{path} is no snapshot: it has no scene.json")
+    return file
+
+
+def read(path: Path, mapped: bool = True) -> Scene:
+    """Read and check a snapshot: its folder, or one of the scene files there. Raises SceneError.
+
+    mapped: arrays stay in their files where they can, which must not change as long as the scene is in use.
+    """
+    file = scene_file(path)
+    folder = file.parent
+    data = _read_json(file)
+    geometry = read_geometry(folder, data.get("blocks"), data.get("instances"), mapped)
     known = {f.name for f in dataclasses.fields(Scene)} - {"geometry"}
-    unknown = set(data) - known - {"format", "version"}
+    unknown = set(data) - known - {"format", "version", "blocks", "instances"}
     if unknown:
         raise SceneError(f"scene.json has an unknown entry '{min(unknown)}'")
     world = _value("scene.json", "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]))
@@ -126,7 +127,7 @@ def read(folder: Path) -> Scene:
     if not isinstance(warnings, list) or not all(isinstance(w, str) for w in warnings):
         raise SceneError("scene.json: warnings must be a list of sentences")
     scene = Scene(
-        camera=_build(Camera, data.get("camera"), "camera"),
+        camera=camera(data.get("camera")),
         geometry=geometry,
         lights=_many(Light, data, "lights"),
         materials=_many(Material, data, "materials"),
@@ -142,10 +143,20 @@ def read(folder: Path) -> Scene:
     )
 
 
-def _read_json(folder: Path) -> dict[str, Any]:
-    path = folder / "scene.json"
-    if not path.is_file():
-        raise SceneError(f"{folder} is no snapshot: it has no scene.json")
+def camera(data: Any) -> Camera:
+    """A checked camera from its JSON object. Raises SceneError."""
+    made: Camera = _build(Camera, data, "camera")
+    left, right, bottom, top = made.window
+    if left == right or bottom == top:
+        raise SceneError("camera: the window has no area")
+    if made.crop:
+        x0, y0, x1, y1 = made.crop
+        if not (0 <= x0 < x1 <= made.width and 0 <= y0 < y1 <= made.height):
+            raise SceneError("camera: the crop lies outside the frame or is empty")
+    return made
+
+
+def _read_json(path: Path) -> dict[str, Any]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as e:
@@ -156,29 +167,6 @@ def _read_json(folder: Path) -> dict[str, Any]:
         raise SceneError(f"{path} has version {data.get('version')!r}; this engine reads version {VERSION}: "
                          "export it again with the add-on of the engine's release")
     return data
-
-
-def _read_array(folder: Path, name: str, dtype: str, tail: tuple[int, ...]) -> np.ndarray:
-    path = folder / f"{name}.npy"
-    try:
-        # An empty array cannot be mapped.
-        with path.open("rb") as f:
-            version = np.lib.format.read_magic(f)
-            header = np.lib.format.read_array_header_1_0 if version == (1, 0) \
-                else np.lib.format.read_array_header_2_0
-            shape, fortran, found = header(f)
-            start = f.tell()
-        size = math.prod(shape) * found.itemsize
-        if fortran or found != np.dtype(dtype) or len(shape) != 1 + len(tail) or shape[1:] != tail:
-            raise SceneError(f"{path.name} is {found} {shape}; needed: {dtype} (n, {str(tail)[1:]}")
-        if path.stat().st_size - start != size:
-            raise SceneError(f"{path.name} is cut short: {path.stat().st_size - start} of {size} bytes")
-        # "c": mapped, and like an array in memory to the kernels; nothing is ever written to the file.
-        return np.asarray(np.load(path, mmap_mode="c" if size else None, allow_pickle=False))
-    except SceneError:
-        raise
-    except (OSError, ValueError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as e:
-        raise SceneError(f"{path.name} in the snapshot cannot be read: {e}") from e
 
 
 def _many(cls: type, data: dict[str, Any], key: str) -> tuple[Any, ...]:
@@ -278,41 +266,16 @@ def _value(where: str, name: str, sample: Any, value: Any) -> Any:
 
 
 def check(scene: Scene) -> None:
-    """Raise SceneError unless all indices and ranges of `scene` fit together. Vertex values are not looked at."""
+    """Raise SceneError unless all indices of `scene` fit together. Vertex values are not looked at."""
     g = scene.geometry
-    nv, nt, ni = len(g.vertices), len(g.triangles), len(g.instance_mesh)
-    for name, n in (("corner_normals", nt), ("triangle_materials", nt),
-                    ("instance_object", ni), ("instance_matrix", ni)):
-        if len(getattr(g, name)) != n:
-            raise SceneError(f"{name}.npy has {len(getattr(g, name))} rows; needed: {n}")
-    if len(g.uvs) not in (0, nt):
-        raise SceneError(f"uvs.npy has {len(g.uvs)} rows; needed: {nt}, or none")
-    for m, (v0, mv, t0, mt) in enumerate(g.meshes.tolist()):
-        if min(v0, mv, t0, mt) < 0 or v0 + mv > nv or t0 + mt > nt:
-            raise SceneError(f"mesh {m} points outside vertices.npy or triangles.npy")
-        part = g.triangles[t0:t0 + mt]
-        if mt and not (part.min() >= 0 and part.max() < mv):
-            raise SceneError(f"mesh {m} has a triangle whose vertex does not exist")
-    for name, count, what in (("instance_mesh", len(g.meshes), "mesh"),
-                              ("instance_object", len(scene.objects), "object"),
-                              ("triangle_materials", len(scene.materials), "material")):
-        values = getattr(g, name)
-        if len(values) and not (values.min() >= 0 and values.max() < count):
-            raise SceneError(f"{name}.npy names a {what} that does not exist")
+    check_geometry(g, len(scene.objects), len(scene.materials))
     for material in scene.materials:
         for image in (material.image, material.alpha_image):
             if not -1 <= image < len(scene.images):
                 raise SceneError(f"material '{material.name}': image {image} does not exist")
-            if image >= 0 and not len(g.uvs) and nt:
+            if image >= 0 and not len(g.uvs) and len(g.triangles):
                 raise SceneError(f"material '{material.name}' has an image, but uvs.npy is empty")
     for light in scene.lights:
         for what, named in (("receiver", light.receivers), ("blocker", light.blockers)):
             if named and not (min(named) >= 0 and max(named) < len(scene.objects)):
                 raise SceneError(f"light '{light.name}' has a {what} that does not exist")
-    left, right, bottom, top = scene.camera.window
-    if left == right or bottom == top:
-        raise SceneError("camera: the window has no area")
-    if scene.camera.crop:
-        x0, y0, x1, y1 = scene.camera.crop
-        if not (0 <= x0 < x1 <= scene.camera.width and 0 <= y0 < y1 <= scene.camera.height):
-            raise SceneError("camera: the crop lies outside the frame or is empty")

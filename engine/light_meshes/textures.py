@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
@@ -16,6 +20,7 @@ class Texture:
     """One image: texels as the file has them (8 bits or float32) and the way to linear light."""
 
     def __init__(self, image: Image) -> None:
+        self.key = _key(image)
         straight = oiio.ImageSpec()  # colours as painted, not multiplied by alpha
         straight.attribute("oiio:UnassociatedAlpha", 1)
         source = oiio.ImageInput.open(image.path, straight)
@@ -56,18 +61,28 @@ class Texture:
         return alpha[:, 0]
 
 
-def load(images: tuple[Image, ...]) -> tuple[list[Texture | None], list[str]]:
-    """Textures, None with a sentence for those that cannot be read."""
+def load(images: tuple[Image, ...], old: Sequence[Texture | None] = ()) -> tuple[list[Texture | None], list[str]]:
+    """Textures, None with a sentence for those that cannot be read. Those of `old` are used again where they can."""
     textures: list[Texture | None] = []
     warnings = []
+    ready = {texture.key: texture for texture in old if texture}
     for image in images:
         try:
-            textures.append(Texture(image))
+            textures.append(ready.get(_key(image)) or Texture(image))
         except OSError as e:
             textures.append(None)
             warnings.append(f"image '{image.name}' ({image.path}) cannot be read, the surfaces keep their plain "
                             f"colour: {str(e).strip() or 'unknown reason'}")
     return textures, warnings
+
+
+def _key(image: Image) -> tuple:
+    """What a texture depends on."""
+    try:
+        file = Path(image.path).stat()
+    except (OSError, ValueError):  # reading it will say what is wrong, if anything
+        return (object(),)  # equal to no other
+    return replace(image, name=""), file.st_mtime_ns, file.st_size
 
 
 def _srgb_to_linear(x: NDArray[np.float32]) -> NDArray[np.float32]:

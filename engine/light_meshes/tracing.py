@@ -44,15 +44,19 @@ class Tracer:
     """
 
     def __init__(self, scene: Scene, surfaces: Surfaces, glass: NDArray[np.bool_] | None = None,
-                 bending: NDArray[np.bool_] | None = None) -> None:
-        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them. None: none do."""
+                 bending: NDArray[np.bool_] | None = None, old: Tracer | None = None) -> None:
+        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them. None: none do.
+
+        old: a tracer of the same surfaces; its Embree scenes are used again.
+        """
         glass = np.zeros(len(surfaces.triangles), np.bool_) if glass is None else glass
         bending = np.zeros(len(surfaces.triangles), np.bool_) if bending is None else bending
         self.centre, self.scale = surfaces.centre, surfaces.scale
         self._surfaces = surfaces
         self._embree: dict[str, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
         owner = scene.geometry.instance_object[surfaces.instance]
-        built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        self.built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        built = old.built if old else {}
         every = np.ones(len(owner), np.bool_)
         kinds: dict[str, tuple[str, NDArray[np.bool_]]] = {
             "camera": ("camera", every), "reflection": ("reflection", every), "shadow": ("shadow", every),
@@ -63,10 +67,10 @@ class Tracer:
             flags = np.array([getattr(o, f"visible_{looks}") for o in scene.objects], np.bool_)
             seen = flags[owner] & part if len(owner) else part
             key = seen.tobytes()
-            if key not in built:
-                built[key] = _build(surfaces, seen)
-            self._embree[kind] = built[key]
-        self.embree_scenes = len(built)
+            if key not in self.built:
+                self.built[key] = built.get(key) or _build(surfaces, seen)
+            self._embree[kind] = self.built[key]
+        self.embree_scenes = len(self.built)
 
     def closest(
         self, kind: str, origin: NDArray[np.float64], direction: NDArray[np.float64],

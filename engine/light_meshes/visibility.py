@@ -191,6 +191,10 @@ class LightMeshes:
                 self._stats.add(long_rays=len(row))
         return found
 
+    def take(self, old: LightMeshes) -> None:
+        """Take the nodes of `old` over, which are all right here."""
+        self.store = old.store
+
     def interpolation_set(self, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
         """DLM(P) (steps 1 to 4): start (n+1,) and nodes (c,3); receiver p keeps nodes[start[p]:start[p+1]]."""
         start, candidate, nodes = candidates(self.lattice, P, N)

@@ -1,0 +1,372 @@
+"""What stays from one picture to the next: never a bit of difference to a picture made from scratch, and no ray twice.
+
+The chain of each test is two pictures: `first` is drawn, then `second` with what is still right of the first.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from light_meshes import reuse
+from light_meshes.film import Framebuffer
+from light_meshes.render import Cancelled, draw, prepare, render_image
+from light_meshes.scene import Camera, Material, Object, Scene
+from meshes import GREY, Part, assemble, box, look_at, move, rectangle, sphere
+from scenes import four_lights, hall, point, settings, sun, with_lights, with_settings
+
+PASSES = ("Combined", "Depth", "Normal", "Shadow")
+WIDTH = 48
+
+
+def drawn(scene: Scene, previous=None, passes=PASSES):
+    """A picture and what was prepared for it."""
+    ready = prepare(scene, passes, previous=previous)
+    return draw(ready, Framebuffer.create(ready.scene, passes)), ready
+
+
+def after(first: Scene, second: Scene):
+    """Figures of `second` drawn after `first`, whose bits are those of one from scratch; and figures of that."""
+    _, ready = drawn(first)
+    kept, then = drawn(second, ready)
+    fresh = render_image(second, PASSES)
+    for name in PASSES:
+        np.testing.assert_array_equal(kept.passes[name], fresh.passes[name], err_msg=name)
+    assert kept.warnings == fresh.warnings
+    for name in ("camera_rays", "secondary_rays", "plan", "h"):
+        assert kept.statistics.get(name) == fresh.statistics.get(name)
+    return kept.statistics, fresh.statistics, ready, then
+
+
+def with_camera(scene: Scene, eye, target=(0, 0, 0.4), degrees=40) -> Scene:
+    return replace(scene, camera=look_at(eye, target, degrees, WIDTH, WIDTH))
+
+
+def with_material(scene: Scene, i: int, **values) -> Scene:
+    materials = list(scene.materials)
+    materials[i] = replace(materials[i], **values)
+    return replace(scene, materials=tuple(materials))
+
+
+def with_light(scene: Scene, i: int, **values) -> Scene:
+    lights = list(scene.lights)
+    lights[i] = replace(lights[i], **values)
+    return with_lights(scene, *lights)
+
+
+def with_object(scene: Scene, i: int, **values) -> Scene:
+    objects = list(scene.objects)
+    objects[i] = replace(objects[i], **values)
+    return replace(scene, objects=tuple(objects))
+
+
+def moved(scene: Scene, instance: int, by) -> Scene:
+    matrices = scene.geometry.instance_matrix.copy()
+    matrices[instance] = move(*by) @ matrices[instance]
+    return replace(scene, geometry=replace(scene.geometry, instance_matrix=matrices))
+
+
+@pytest.fixture(scope="module")
+def still_life() -> Scene:
+    """Floor, ball and box under one light of each type."""
+    return four_lights(WIDTH)
+
+
+def room(*more: Part, **values) -> Scene:
+    """A floor with two boxes far apart, that keep their places whatever stands between them."""
+    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+             Part(box((-2.4, -0.4, 0.0), (-1.8, 0.2, 1.0)), GREY, "left"),
+             Part(box((1.8, -0.4, 0.0), (2.4, 0.2, 1.0)), GREY, "right"), *more]
+    lights = [point((-2.0, -2.0, 4.0), name="a"), point((2.0, -2.0, 4.0), name="b"), sun((0.3, 0.2, -1.0), 0.5)]
+    return assemble(parts, look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH), lights, settings(h=0.1, **values))
+
+
+# --- The camera -------------------------------------------------------------------------------------------
+
+def test_the_same_picture_again_traces_no_node(still_life):
+    kept, fresh, before, now = after(still_life, still_life)
+    assert kept["long_rays"] == 0 and kept["nodes_kept"] == kept["nodes"] == fresh["nodes"]
+    assert now.surfaces is before.surfaces and now.glass is before.glass
+    assert now.tracer.built.keys() == before.tracer.built.keys()
+    assert all(now.tracer.built[k] is before.tracer.built[k] for k in now.tracer.built)
+
+
+def test_a_flight_is_made_of_the_same_pictures_and_traces_each_node_once(still_life):
+    ready, rays, frames = None, 0, 6
+    for n in range(frames):
+        scene = with_camera(still_life, (2.5 + 0.1 * n, -4.5, 3.0 - 0.1 * n))
+        kept, ready = drawn(scene, ready)
+        fresh = render_image(scene, PASSES)
+        for name in PASSES:
+            np.testing.assert_array_equal(kept.passes[name], fresh.passes[name])
+        rays += kept.statistics["long_rays"]
+        assert n == 0 or kept.statistics["long_rays"] < 0.5 * fresh.statistics["long_rays"]
+    # What the flight has traced is what one store knows at its end: every value once.
+    known = ready.soft.store.known
+    assert rays == np.unpackbits(np.ascontiguousarray(known).view(np.uint8)).sum()
+
+
+def test_equal_scenes_are_equal_whoever_made_them(still_life):
+    """Contents count, not identity: another run of the exporter."""
+    again = four_lights(WIDTH)
+    assert again.geometry.vertices is not still_life.geometry.vertices
+    kept, _, before, now = after(still_life, again)
+    assert kept["long_rays"] == 0
+    assert now.scene.geometry is before.scene.geometry  # one copy in memory
+
+
+def test_another_camera_for_the_rays_leaves_h_as_it_was_measured(still_life):
+    scene = with_settings(still_life, auto_h=True)
+    ready = prepare(scene, PASSES)
+    near = prepare(scene, PASSES, previous=ready, camera=with_camera(scene, (1.0, -1.5, 1.2)).camera)
+    assert near.scene.settings.h == ready.scene.settings.h
+    assert near.scene.settings.h == prepare(scene, PASSES, camera=near.scene.camera).scene.settings.h
+    moved = prepare(with_camera(scene, (1.0, -1.5, 1.2)), PASSES, previous=near)
+    assert moved.scene.settings.h < ready.scene.settings.h
+
+
+# --- Lights -----------------------------------------------------------------------------------------------
+
+def test_a_colour_is_no_reason_to_trace(still_life):
+    second = with_light(with_light(still_life, 0, intensity=(1.0, 5.0, 9.0)), 1, intensity=(0.1, 0.1, 0.5))
+    kept, *_ = after(still_life, second)
+    assert kept["long_rays"] == 0
+
+
+@pytest.mark.parametrize("i", range(4))
+def test_a_moved_light_drops_its_own_values_only(still_life, i):
+    light = still_life.lights[i]
+    change = {"direction": (0.0, 0.6, -0.8)} if light.type == "SUN" else {
+        "position": tuple(np.add(light.position, (0.3, -0.2, 0.1)).tolist())}
+    second = with_light(still_life, i, **change)
+    kept, fresh, *_ = after(still_life, second)
+    alone = render_image(with_lights(second, second.lights[i]), PASSES).statistics
+    assert kept["long_rays"] == alone["long_rays"] > 0
+    assert kept["long_rays"] < fresh["long_rays"]
+
+
+def test_lights_may_come_go_and_change_places(still_life):
+    a, b, c, d = still_life.lights
+    extra = point((0.0, -1.0, 3.0), 2.0, name="extra")
+    kept, *_ = after(still_life, with_lights(still_life, d, b, a, c))
+    assert kept["long_rays"] == 0
+    kept, *_ = after(still_life, with_lights(still_life, c, a))
+    assert kept["long_rays"] == 0
+    kept, *_ = after(still_life, with_lights(still_life, c, extra, a, d, b))
+    assert kept["long_rays"] == render_image(with_lights(still_life, extra), PASSES).statistics["long_rays"] > 0
+    # Two at one place see the same.
+    kept, *_ = after(still_life, with_lights(still_life, a, b, c, d, replace(a, name="twin")))
+    assert kept["long_rays"] == 0
+
+
+@pytest.mark.parametrize(("before", "now"), [(100, 63), (63, 100), (65, 64), (64, 130)])
+def test_many_lights_keep_their_places_in_the_words(before, now):
+    first = hall(now, width=24)
+    order = np.random.default_rng(0).permutation(now)
+    first = hall(max(before, now), columns=2, width=24, h=0.2)
+    few = with_lights(first, *first.lights[:before])
+    other = with_lights(first, *(first.lights[i] for i in order))
+    kept, fresh, *_ = after(few, other)
+    if now <= before:
+        assert kept["long_rays"] == 0
+    else:
+        assert 0 < kept["long_rays"] < fresh["long_rays"]
+
+
+def test_a_shadow_turned_off_and_on_again_and_a_light_made_sharp(still_life):
+    for change in ({"cast_shadow": False}, {"soft_shadows": False}):
+        other = with_light(still_life, 0, **change)
+        kept, *_ = after(still_life, other)
+        assert kept["long_rays"] == 0
+        kept, fresh, *_ = after(other, still_life)
+        assert 0 < kept["long_rays"] < fresh["long_rays"]
+
+
+# --- The lattice ------------------------------------------------------------------------------------------
+
+def test_the_radius_changes_no_node(still_life):
+    kept, fresh, *_ = after(still_life, with_settings(still_life, kI=4.0))
+    assert 0 < kept["long_rays"] < fresh["long_rays"]
+    kept, *_ = after(still_life, with_settings(still_life, kI=2.0))
+    assert kept["long_rays"] == 0
+
+
+@pytest.mark.parametrize("change", [{"h": 0.081}, {"lattice_rotation": False}, {"lattice_origin": (0.01, 0.0, 0.0)}])
+def test_another_lattice_has_other_nodes(still_life, change):
+    kept, fresh, *_ = after(still_life, with_settings(still_life, **change))
+    assert kept["long_rays"] == fresh["long_rays"] and kept["nodes_kept"] == 0
+
+
+@pytest.mark.parametrize("change", [{"samples": 3, "filter_size": 1.5}, {"mode": "WHITTED"}, {"ambient": 0.3},
+                                    {"uniform_skip": False}, {"film_transparent": True}])
+def test_settings_that_nodes_know_nothing_of(still_life, change):
+    kept, fresh, *_ = after(still_life, with_settings(still_life, **change))
+    assert kept["nodes_kept"] > 0 and kept["long_rays"] <= 0.1 * fresh["long_rays"]
+
+
+@pytest.mark.parametrize("change", [{"shadows": "SHARP"}, {"shadows": "AREA_SAMPLING", "light_samples": 4},
+                                    {"mode": "LOCAL"}])
+def test_other_ways_to_a_shadow_and_back(still_life, change):
+    other = with_settings(still_life, **change)
+    after(still_life, other)
+    after(other, still_life)
+
+
+def test_a_store_that_grew_too_large_is_dropped(still_life, monkeypatch):
+    monkeypatch.setattr(reuse, "KEPT_BYTES", 1000)
+    kept, fresh, *_ = after(still_life, still_life)
+    assert kept["nodes_kept"] == 0 and kept["long_rays"] == fresh["long_rays"]
+
+
+# --- Objects ----------------------------------------------------------------------------------------------
+
+def test_a_moved_object_drops_what_looked_past_it():
+    first = room()
+    kept, fresh, before, now = after(first, moved(first, 2, (-0.2, 0.1, 0.0)))
+    assert (now.surfaces.centre == before.surfaces.centre).all()
+    assert 0 < kept["long_rays"] < 0.4 * fresh["long_rays"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_objects_moved_at_random(seed):
+    random = np.random.default_rng(seed)
+    first = room(Part(sphere(0.4, 12, 8), GREY, "ball", [move(0, 0, 0.6)]))
+    second = moved(first, 3, random.uniform(-0.5, 0.5, 3))
+    second = moved(second, int(random.integers(1, 3)), random.uniform(-0.2, 0.3, 3))
+    after(first, with_light(second, 1, position=(1.5, -1.0, 3.5)) if seed % 2 else second)
+
+
+def test_an_object_may_come_and_go():
+    ball = Part(sphere(0.3, 12, 8), GREY, "ball", [move(0, 0, 0.4)])
+    without, with_ball = room(), room(ball)
+    for first, second in ((without, with_ball), (with_ball, without)):
+        kept, fresh, *_ = after(first, second)
+        assert 0 < kept["long_rays"] < 0.5 * fresh["long_rays"]
+
+
+def test_an_object_that_moves_the_scenes_bounds_drops_all():
+    first = room()
+    kept, fresh, *_ = after(first, moved(first, 0, (0.5, 0.0, 0.0)))
+    assert kept["nodes_kept"] == 0 and kept["long_rays"] == fresh["long_rays"]
+
+
+def test_flags_of_objects():
+    first = room()
+    for flag in ("visible_camera", "visible_reflection"):
+        kept, fresh, *_ = after(first, with_object(first, 1, **{flag: False}))
+        assert kept["long_rays"] < 0.1 * fresh["long_rays"] and kept["nodes_kept"] > 0  # the floor behind it
+    unseen = with_object(first, 1, visible_shadow=False)
+    for one, other in ((first, unseen), (unseen, first)):
+        kept, fresh, *_ = after(one, other)
+        assert 0 < kept["long_rays"] < 0.5 * fresh["long_rays"]
+
+
+def test_the_order_of_the_objects_says_nothing():
+    first = room()
+    g = first.geometry
+    turned = replace(first, objects=first.objects[::-1], geometry=replace(
+        g, instance_mesh=g.instance_mesh[::-1].copy(), instance_object=g.instance_object.copy(),
+        instance_matrix=g.instance_matrix[::-1].copy()))
+    kept, *_ = after(first, turned)
+    assert kept["long_rays"] == 0
+
+
+def test_an_edited_mesh_is_a_moved_object():
+    first = room()
+    vertices = first.geometry.vertices.copy()
+    v0, nv = first.geometry.meshes[2, :2]
+    vertices[v0 + nv - 1] -= np.float32(0.2)  # the scene's bounds stay
+    kept, fresh, *_ = after(first, replace(first, geometry=replace(first.geometry, vertices=vertices)))
+    assert 0 < kept["long_rays"] < 0.5 * fresh["long_rays"]
+
+
+def test_renamed_objects_are_named_in_the_warnings():
+    first = room()
+    vertices = first.geometry.vertices.copy()
+    vertices[first.geometry.meshes[1, 0]] = np.nan
+    first = replace(first, geometry=replace(first.geometry, vertices=vertices))
+    after(first, with_object(first, 1, name="another"))
+
+
+# --- Materials --------------------------------------------------------------------------------------------
+
+def test_a_materials_colours_are_no_reason_to_trace(still_life):
+    second = with_material(still_life, 1, Od=(0.9, 0.1, 0.1), kd=0.7, ks=0.1, nShiny=5.0, emission=(0.1, 0.0, 0.0))
+    kept, _, before, now = after(still_life, second)
+    assert kept["long_rays"] == 0 and now.glass is before.glass
+
+
+def glassy(**more) -> Material:
+    return Material("glass", Od=(0.0, 0.0, 0.0), ka=0.0, kd=0.0, **({"kt": (0.7, 0.7, 0.7)} | more))
+
+
+def panes(material: Material, **values) -> Scene:
+    """`room` with a pane on the left and a ball on the right, of one material."""
+    return room(Part(box((-1.4, -0.5, 0.2), (-1.3, 0.5, 1.0)), material, "pane"),
+                Part(sphere(0.3, 16, 8), material, "ball", [move(1.0, 0.0, 0.5)]), **values)
+
+
+@pytest.mark.parametrize("values", [{}, {"glass": "PAPER"}, {"refraction": "FULL"},
+                                    {"refraction": "FULL", "caustics": "FOCUS"},
+                                    {"refraction": "FULL", "leak_free": True}], ids=str)
+def test_glass(values):
+    """Made transparent, another transparency, coloured, bending, moved, hidden; and the camera alone."""
+    first = panes(glassy(), **values)
+    clear, opaque = len(first.materials) - 1, panes(GREY, **values)
+    kept, *_ = after(first, replace(first, camera=look_at((0.3, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH)))
+    assert kept["nodes_kept"] > 0
+    after(opaque, first)
+    after(first, opaque)
+    for change in ({"kt": (0.4, 0.4, 0.4)}, {"kt": (0.7, 0.4, 0.2)}, {"ior": 1.5}, {"alpha": 0.5}, {"priority": 3},
+                   {"transparent_shadow": False}, {"fresnel": True}):
+        after(first, with_material(first, clear, **change))
+    bent = with_material(first, clear, ior=1.5)
+    kept, *_ = after(bent, bent)
+    assert kept["long_rays"] == 0
+    after(bent, moved(bent, 4, (0.1, 0.0, 0.1)))
+    after(bent, moved(bent, 1, (0.1, 0.0, 0.0)))
+    after(bent, with_object(bent, 3, visible_shadow=False))
+    after(bent, with_lights(bent, *bent.lights[::-1]))
+    after(bent, with_light(bent, 0, position=(-1.5, -2.0, 4.0)))
+    after(bent, with_settings(bent, kI=4.0))
+    after(bent, with_settings(bent, refraction="NONE"))
+
+
+def test_values_beside_glass_stay_where_something_moves():
+    first = panes(glassy())
+    kept, fresh, *_ = after(first, moved(first, 2, (0.1, 0.0, 0.0)))
+    assert 0 < kept["long_rays"] < 0.8 * fresh["long_rays"]
+    kept, *_ = after(first, with_material(first, 0, kd=0.3))
+    assert kept["long_rays"] == 0
+
+
+# --- Ends -------------------------------------------------------------------------------------------------
+
+def test_what_was_cancelled_leaves_what_was_done(still_life):
+    """In the midst of nodes: what is known stays right, what was begun is begun again."""
+    scene = with_settings(still_life, samples=4, filter_size=1.5)
+    fresh = render_image(scene, PASSES)
+    ready, some = None, False
+    for most in (1, 5, 20, 60):
+        calls = 0
+
+        def cancelled(most=most):
+            nonlocal calls
+            calls += 1
+            return calls > most
+
+        ready = prepare(scene, PASSES, previous=ready)
+        with pytest.raises(Cancelled):
+            draw(ready, Framebuffer.create(scene, PASSES), cancelled=cancelled, tile_size=8)
+        some |= 0 < ready.soft.store.known.any(1).sum() < fresh.statistics["nodes"]
+    assert some
+    kept, _ = drawn(scene, ready)
+    assert 0 < kept.statistics["long_rays"] < fresh.statistics["long_rays"]
+    for name in PASSES:
+        np.testing.assert_array_equal(kept.passes[name], fresh.passes[name])
+
+
+def test_sameness_is_of_contents():
+    camera = look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH)
+    assert reuse.same(camera, look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH))
+    assert not reuse.same(camera, look_at((0, -7, 5.001), (0, 0, 0), 40, WIDTH, WIDTH))
+    assert not reuse.same(camera, Object("camera")) and isinstance(camera, Camera)
