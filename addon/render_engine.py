@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import bpy
+from bpy.app.handlers import persistent
 
 from . import observers, passes, session, step, viewport
 from .export import ExportError
@@ -64,12 +65,19 @@ class LightMeshesEngine(bpy.types.RenderEngine):
         observers.notify(event="error", message=message)
 
 
+@persistent
+def _another_file(*_):
+    session.forget()
+
+
 def register() -> None:
+    bpy.app.handlers.load_pre.append(_another_file)
     bpy.utils.register_class(LightMeshesEngine)
     step.register()
 
 
 def unregister() -> None:
+    bpy.app.handlers.load_pre.remove(_another_file)
     step.unregister()
     bpy.utils.unregister_class(LightMeshesEngine)
     viewport.end_all()

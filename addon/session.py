@@ -20,6 +20,7 @@ import time
 from pathlib import Path
 
 MODULE = "light_meshes.service"
+POLITENESS = 5  # POSIX's niceness of a polite engine
 LAST_EVENTS = {"done", "measured", "cancelled", "error"}
 
 
@@ -40,11 +41,15 @@ class EngineError(Exception):
 
 
 class Session:
-    """A running engine. Made and used by one thread at a time."""
+    """A running engine. Made and used by one thread at a time.
 
-    def __init__(self, python: str) -> None:
+    `polite`: it lets Blender go first where both want the processor.
+    """
+
+    def __init__(self, python: str, polite: bool = False) -> None:
         self.python = python
         self.folder: Path | None = None  # shared with the engine, known once it is ready
+        self.keeps = False  # what it prepared for the last render, for the next one
         self._number = 0
         self._folders = 0
         self._changed = threading.Condition()  # guards the next two
@@ -57,11 +62,15 @@ class Session:
             self._process = subprocess.Popen(
                 [python, "-m", MODULE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 env=_environment(python), text=True, encoding="utf-8", errors="replace",
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
+                | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if polite else 0),
             )
         except OSError as e:
             raise EngineError(f"The Light Meshes engine cannot start: {python} cannot be run ({e.strerror}). "
                               "Choose another Python in the add-on's preferences") from e
+        if polite and hasattr(os, "setpriority"):
+            with contextlib.suppress(OSError):  # it ended at once; poll says so
+                os.setpriority(os.PRIO_PROCESS, self._process.pid, POLITENESS)
         # Threads, because Windows cannot wait for a pipe with a timeout.
         self._readers = [threading.Thread(target=f, daemon=True) for f in (self._read_events, self._read_log)]
         for reader in self._readers:
@@ -245,6 +254,12 @@ def current() -> Session:
     if not _session:
         _session = Session(python)
     return _session
+
+
+def forget() -> None:
+    """What was kept between renders is of no use any more, and large."""
+    if _session and _session.keeps:
+        discard()
 
 
 def discard(engine: Session | None = None) -> None:

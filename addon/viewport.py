@@ -26,7 +26,7 @@ from .job import summary
 SLICE_SECONDS = 0.04  # of an export, between two redraws
 TICK_SECONDS = 0.01  # how often the engine is listened to
 PATIENCE_SECONDS = 1.0  # how long an edit waits for the first picture of what was before it
-STAGE_SECONDS = 0.3  # how often the engine's progress is shown
+STEPS = [[8, 1], [4, 1], [2, 1], [1, 1]]  # divisor of the resolution, samples; then as many as a render takes
 
 viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()  # all that are open
 
@@ -57,7 +57,7 @@ class Viewport:
         self._view: view.View | None = None
         self._asked: _Asked | None = None
         self._picture = screen.Picture()
-        self._text, self._said = "", 0.0
+        self._text = ""
         self._failed = False
         self._timer = self._tick  # one object, as Blender's timers know functions by their identity
         self.longest: dict[str, float] = {}  # seconds for which Blender was kept, at most
@@ -89,7 +89,7 @@ class Viewport:
 
     def _go_on(self, context, depsgraph) -> None:
         if not self._session:
-            self._session = session.Session(session.engine_python())
+            self._session = session.Session(session.engine_python(), polite=True)
             self._say("Starting the engine")
         if self._session.folder and not self._scenes:
             self._scenes = Scenes(self._session.new_folder())
@@ -130,11 +130,12 @@ class Viewport:
             if not last.seen and (last.scene == self._scene or time.monotonic() - last.sent < PATIENCE_SECONDS):
                 return
             self._session.ask_to_cancel(last.number)
-        steps = [[8, 1], [4, 1], [2, 1], [1, 1]] + ([[1, self._samples]] if self._samples > 1 else [])
+        steps = STEPS + ([[1, self._samples]] if self._samples > 1 else [])
         number = self._session.send(
             "view", snapshot=str(self._scene), framebuffer=str(self._scene.with_name("view")),
             camera=self._view.camera, passes=["Combined"], steps=steps)
         self._asked = _Asked(number, self._scene, self._view)
+        self._say("Rendering")
 
     @property
     def _differs(self) -> bool:
@@ -170,8 +171,6 @@ class Viewport:
                                           or f"Light Meshes: {event['message']}")
             if kind == "picture":
                 picture = event
-            elif kind == "progress":
-                self._say(f"{event['stage']} {event['fraction']:.0%}", STAGE_SECONDS)
             elif kind in session.LAST_EVENTS:
                 last.running = False
                 self._scenes.only(last.scene)
@@ -191,11 +190,10 @@ class Viewport:
         self.pictures += 1
         self._engine().tag_redraw()
 
-    def _say(self, text: str, seconds: float = 0.0) -> None:
-        """Show `text` in the view, but no sooner than that after the last."""
-        now = time.monotonic()
-        if text != self._text and now - self._said >= seconds:
-            self._text, self._said = text, now
+    def _say(self, text: str) -> None:
+        """Show `text` in the view."""
+        if text != self._text:
+            self._text = text
             self._engine().update_stats("", text)
             self._engine().tag_redraw()
 

@@ -1,0 +1,409 @@
+"""What an artist does in a rendered 3D view, as a script of a Blender with a window; test_addon_viewport.py runs it.
+
+It prints lines "@story " + JSON, one for each thing that was tried, and what came of it.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Euler, Vector
+
+addon = next(name[:-len(".viewport")] for name in sys.modules if name.endswith("light_meshes.viewport"))
+viewport_module, screen, view_module = (sys.modules[f"{addon}.{name}"] for name in ("viewport", "screen", "view"))
+TEMPORARY = Path(os.environ["TMPDIR"])
+PATIENCE = 120  # seconds for one step
+UPDATES = int(os.environ.get("STORY_UPDATES", "200"))
+_last = {}  # the pixels that were shown last
+_put = screen.Picture.put
+
+
+def put(self, pixels, corners):
+    _last[id(self)] = pixels
+    _put(self, pixels, corners)
+
+
+screen.Picture.put = put
+
+
+def tell(what, **found):
+    print("@story " + json.dumps({"what": what} | found), flush=True)
+
+
+def window():
+    return bpy.context.window_manager.windows[0]
+
+
+def area():
+    return next(a for a in window().screen.areas if a.type == 'VIEW_3D')
+
+
+def space():
+    return area().spaces.active
+
+
+def context():
+    region = next(r for r in area().regions if r.type == 'WINDOW')
+    return bpy.context.temp_override(window=window(), screen=window().screen, area=area(), region=region,
+                                     space_data=space(), region_data=space().region_3d)
+
+
+def viewport():
+    (found,) = viewport_module.viewports
+    return found
+
+
+def idle():
+    return not viewport()._exporting and not viewport()._waits
+
+
+def pixels():
+    return _last[id(viewport()._picture)]
+
+
+def children():
+    table = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
+    rows = [line.split(None, 2) for line in table.splitlines()]
+    return [int(p) for p, parent, command in rows if int(parent) == os.getpid() and "light_meshes.service" in command]
+
+
+def resident(pid):
+    """Megabytes."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def files():
+    """Files and folders in the folder shared with the engine."""
+    return sum(1 for _ in TEMPORARY.rglob("*"))
+
+
+def mesh_object(name, n, size, height, **properties):
+    """A wavy sheet of 2·n² triangles."""
+    x, y = np.meshgrid(np.linspace(-size, size, n + 1), np.linspace(-size, size, n + 1))
+    z = height * np.sin(5 * x) * np.cos(4 * y)
+    i = np.arange((n + 1) ** 2, dtype=np.int32).reshape(n + 1, n + 1)
+    quads = np.stack([i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]], -1).reshape(-1)
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(x.size)
+    mesh.vertices.foreach_set("co", np.stack([x, y, z], -1).astype(np.float32).ravel())
+    mesh.loops.add(len(quads))
+    mesh.loops.foreach_set("vertex_index", quads)
+    mesh.polygons.add(n * n)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(quads), 4, dtype=np.int32))
+    mesh.update()
+    mesh.validate()
+    ob = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    for key, value in properties.items():
+        setattr(ob, key, value)
+    return ob
+
+
+def measured(what, change):
+    """Carry out `change`; tell how long the first picture took and for how long Blender was kept at most."""
+    view = viewport()
+    view.longest.clear()
+    before = view.pictures
+    start = time.perf_counter()
+    change()
+    while view.pictures == before:
+        yield None
+    first = time.perf_counter() - start
+    yield idle
+    tell(what, first=first, whole=time.perf_counter() - start, longest=view.longest | {})
+
+
+def same_as_fresh(what):
+    """Tell whether the picture is, bit for bit, that of a view that begins anew."""
+    yield idle
+    shown = pixels().copy()
+    space().shading.type = 'SOLID'
+    yield lambda: not viewport_module.viewports
+    space().shading.type = 'RENDERED'
+    yield lambda: viewport_module.viewports and viewport().pictures
+    yield idle
+    tell(what, same=bool(np.array_equal(shown, pixels())), largest=float(np.abs(shown - pixels()).max()))
+
+
+def rotate(angle):
+    space().region_3d.view_rotation = Euler((1.0, 0, angle)).to_quaternion()
+
+
+def alignment():
+    """Largest distance, in pixels, between where Blender's overlays and the engine's camera put the same points."""
+    with context():
+        region, data = bpy.context.region, bpy.context.region_data
+        data.update()
+        scene = bpy.context.scene
+        found = view_module.current(bpy.context, scene, bpy.context.evaluated_depsgraph_get()).camera
+        worst = 0.0
+        matrix = np.linalg.inv(np.array(found["matrix"]))
+        left, right, bottom, top = found["window"]
+        for point in np.random.default_rng(1).uniform(-1.5, 1.5, (50, 3)):
+            theirs = location_3d_to_region_2d(region, data, Vector(point))
+            x, y, z = (matrix @ [*point, 1])[:3]
+            if theirs is None or (found["perspective"] and z >= 0):
+                continue
+            scale = -z if found["perspective"] else 1
+            ours = ((x / scale - left) / (right - left) * region.width, (y / scale - bottom) / (top - bottom)
+                    * region.height)
+            worst = max(worst, abs(ours[0] - theirs[0]), abs(ours[1] - theirs[1]))
+    return worst
+
+
+def border_error():
+    """The same, between the corners of the render border and those of the picture."""
+    with context():
+        scene, region, data = bpy.context.scene, bpy.context.region, bpy.context.region_data
+        data.update()
+        camera, render = scene.camera, scene.render
+        frame = [camera.matrix_world @ v for v in camera.data.view_frame(scene=scene)]
+        low, high = (location_3d_to_region_2d(region, data, frame[i]) for i in (2, 0))
+        x = [low[0] + (high[0] - low[0]) * b for b in (render.border_min_x, render.border_max_x)]
+        y = [low[1] + (high[1] - low[1]) * b for b in (render.border_min_y, render.border_max_y)]
+        corners = view_module.current(bpy.context, scene, bpy.context.evaluated_depsgraph_get()).corners
+    return max(abs(a - b) for a, b in zip(corners, (x[0], y[0], x[1], y[1]), strict=True))
+
+
+def story():
+    scene = bpy.context.scene
+    scene.render.engine = 'LIGHT_MESHES'
+    scene.light_meshes.samples = 2
+    for ob in list(bpy.data.objects):
+        if ob.type == 'MESH':
+            bpy.data.objects.remove(ob)
+    ball = mesh_object("Small", 12, 1.0, 0.2, location=(0, 0, 1.5))
+    material = bpy.data.materials.new("Material")
+    material.diffuse_color = (0.8, 0.2, 0.1, 1)
+    material.use_nodes = False
+    ball.data.materials.append(material)
+    lamp = bpy.data.objects["Light"]
+    n = int(os.environ.get("STORY_SIDE", "223"))
+    big = mesh_object("Big", n, 4.0, 0.3)
+    big.hide_viewport = True
+    with context():
+        bpy.ops.view3d.view_all()
+    rotate(0.3)
+    yield lambda: True
+
+    space().shading.type = 'RENDERED'
+    yield lambda: len(viewport_module.viewports) == 1
+    yield lambda: viewport().pictures
+    yield idle
+    tell("begin", children=len(children()), text=viewport()._text, longest=viewport().longest | {})
+
+    yield from measured("first sync", lambda: setattr(big, "hide_viewport", False))
+    tell("triangles", triangles=2 * n * n)
+    yield from measured("camera move", lambda: rotate(0.6))
+    yield from measured("object move", lambda: setattr(ball.location, "x", 1.0))
+    yield from measured("light move", lambda: setattr(lamp.location, "z", 5.0))
+    yield from measured("material change", lambda: setattr(material, "diffuse_color", (0.1, 0.3, 0.8, 1)))
+    yield from measured("quality", lambda: setattr(scene.light_meshes, "kI", 2.0))
+    yield from same_as_fresh("after changes")
+    if os.environ.get("STORY_SHORT"):
+        return
+
+    def edit():
+        ball.data.vertices[5].co.z += 0.5
+        ball.data.update()
+    yield from measured("mesh edit", edit)
+    before = pixels().copy()
+    with context():
+        bpy.ops.object.select_all(action='DESELECT')
+        ball.select_set(True)
+        window().view_layer.objects.active = ball
+    count = viewport().pictures
+    yield 0.5
+    tell("selection", pictures=viewport().pictures - count)
+    with context():
+        bpy.ops.ed.undo_push(message="Before")
+        bpy.ops.object.mode_set(mode='EDIT')
+        bpy.ops.mesh.select_all(action='SELECT')
+        bpy.ops.transform.translate(value=(0, 0, 0.7))
+    yield 0.5
+    yield idle
+    tell("edit mode", changed=not np.array_equal(before, pixels()))
+    with context():
+        bpy.ops.object.mode_set(mode='OBJECT')
+        bpy.ops.ed.undo_push(message="Edited")
+    yield from same_as_fresh("after edit mode")
+    with context():
+        bpy.ops.ed.undo()
+    yield 0.5
+    yield idle
+    tell("undo", same=bool(np.array_equal(before, pixels())), mode=bpy.context.mode)
+    yield from same_as_fresh("after undo")
+    scene = bpy.context.scene
+    ball, big, lamp = (bpy.data.objects[name] for name in ("Small", "Big", "Light"))
+    material = bpy.data.materials["Material"]
+
+    ball.location.z = 1.5
+    ball.keyframe_insert("location", frame=1)
+    ball.location.z = 3.0
+    ball.keyframe_insert("location", frame=20)
+    scene.frame_set(9)
+    yield from same_as_fresh("after a frame change")
+    big.modifiers.new("Decimate", 'DECIMATE').ratio = 0.4
+    copy = ball.copy()
+    copy.animation_data_clear()
+    copy.location.y = 2
+    scene.collection.objects.link(copy)
+    yield from same_as_fresh("after modifiers and a new object")
+    bpy.data.objects.remove(copy)
+    yield from same_as_fresh("after a removal")
+
+    data = space().region_3d
+    aligned = {}
+    data.view_perspective = 'PERSP'
+    rotate(-0.4)
+    aligned["perspective"] = alignment()
+    data.view_perspective = 'ORTHO'
+    aligned["orthographic"] = alignment()
+    data.view_perspective = 'CAMERA'
+    data.view_camera_zoom, data.view_camera_offset = 20, (0.1, -0.05)
+    camera = scene.camera.data
+    camera.shift_x, camera.lens = 0.2, 35
+    yield 0.2
+    aligned["camera"] = alignment()
+    camera.type = 'ORTHO'
+    yield 0.2
+    aligned["orthographic camera"] = alignment()
+    render = scene.render
+    render.use_border = True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.2, 0.7, 0.3, 0.9
+    yield 0.2
+    tell("alignment", **aligned)
+    borders = {"orthographic camera": border_error()}
+    camera.type = 'PERSP'
+    yield 0.2
+    borders["camera"] = border_error()
+    tell("border", **borders)
+    yield idle
+    with context():
+        corners = view_module.current(bpy.context, scene, bpy.context.evaluated_depsgraph_get()).corners
+    tell("border picture", shape=pixels().shape, corners=corners)
+    render.use_border = False
+    render.preview_pixel_size = '4'
+    yield 0.2
+    yield idle
+    tell("pixel size", shape=pixels().shape, region=[context_region().width, context_region().height])
+    render.preview_pixel_size = 'AUTO'
+    data.view_perspective = 'PERSP'
+
+    render.resolution_x, render.resolution_y = 64, 48
+    picture = TEMPORARY / "f12.png"
+    render.filepath = str(picture)
+    yield 0.2
+    yield idle
+    held = len(children())
+    bpy.ops.render.render(write_still=True)
+    tell("render beside it", written=picture.exists(), before=held, children=len(children()))
+    picture.unlink(missing_ok=True)
+    viewport_module.session.end()
+
+    big.hide_viewport = True
+    yield 0.2
+    yield idle
+    sizes = []
+    for i in range(UPDATES):
+        count = viewport().pictures
+        kind = i % 5
+        if kind == 0:
+            rotate(0.01 * i)
+        elif kind == 1:
+            ball.data.vertices[i % 100].co.z += 0.1
+            ball.data.update()
+        elif kind == 2:
+            lamp.location.x += 0.01
+        elif kind == 3:
+            material.diffuse_color = (0.001 * i, 0.5, 0.5, 1)
+        else:
+            ball.location.y += 0.01
+        yield (lambda count=count: viewport().pictures > count) if i % 2 else 0.03
+        if i in (UPDATES // 4, UPDATES - 1):
+            yield idle
+            yield 0.3
+            sizes.append([len(children()), files(), resident(children()[0]), resident(os.getpid())])
+    tell("updates", sizes=sizes)
+    yield from same_as_fresh("after many updates")
+
+    os.kill(children()[0], 9)
+    yield lambda: viewport()._failed or rotate(time.monotonic())
+    text = viewport()._text
+    rotate(0.0)
+    yield 0.5
+    held = len(children())
+    count = viewport().pictures
+    ball.location.y += 1
+    yield lambda: viewport().pictures > count
+    tell("engine killed", text=text, meanwhile=held, after=len(children()))
+    scene.light_meshes.auto_h = False
+    yield idle
+
+    space().shading.type = 'SOLID'
+    yield lambda: not children()
+    tell("closed", viewports=len(viewport_module.viewports), files=files_of_sessions())
+    space().shading.type = 'RENDERED'
+    yield lambda: children()
+    scene.render.engine = 'BLENDER_WORKBENCH'
+    yield lambda: not children()
+    scene.render.engine = 'LIGHT_MESHES'
+    yield lambda: children()
+    bpy.ops.wm.read_homefile(use_factory_startup=True, load_ui=False)
+    yield lambda: not children()
+    tell("another file", viewports=len(viewport_module.viewports), files=files_of_sessions())
+    bpy.context.scene.render.engine = 'LIGHT_MESHES'
+    space().shading.type = 'RENDERED'
+    yield lambda: viewport_module.viewports and viewport().pictures
+    import addon_utils
+    addon_utils.disable(addon)
+    yield lambda: not children()
+    tell("switched off")
+    addon_utils.enable(addon)
+    bpy.context.scene.render.engine = 'LIGHT_MESHES'
+    yield lambda: children()
+
+
+def context_region():
+    return next(r for r in area().regions if r.type == 'WINDOW')
+
+
+def files_of_sessions():
+    return [p.name for p in TEMPORARY.glob("light-meshes-*")]
+
+
+def run():
+    """Blender's timers call this; the story yields seconds to wait, or what must become true."""
+    steps = story()
+    waits_for, since = None, 0.0
+
+    def tick():
+        nonlocal waits_for, since
+        try:
+            now = time.monotonic()
+            if isinstance(waits_for, float):
+                if now - since < waits_for:
+                    return 0.01
+            elif waits_for and not waits_for():
+                if now - since > PATIENCE:
+                    raise TimeoutError([(v._text, v.longest) for v in viewport_module.viewports])
+                return 0.01
+            waits_for, since = next(steps), now
+            return 0.0
+        except StopIteration:
+            tell("end")
+        except BaseException:
+            tell("failed", why=traceback.format_exc(), at=steps.gi_frame and str(steps.gi_yieldfrom or steps.gi_frame))
+        bpy.ops.wm.quit_blender()
+        return None
+    bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
+
+
+run()
