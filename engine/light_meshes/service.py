@@ -77,6 +77,7 @@ class Service:
         self._send(event="ready", version=__version__, folder=str(self._folder))
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._alive, daemon=True).start()
+        threading.Thread(target=_warm_up, daemon=True).start()
         while True:
             message = self._queue.get()
             if message["command"] == "quit":
@@ -212,6 +213,28 @@ class Service:
                 self._events.flush()
         except OSError:
             end(self._folder)  # nobody listens
+
+
+def _warm_up() -> None:
+    """Load the kernels that nearly every picture needs, or compile them, while the parent still writes its snapshot.
+
+    A command does not wait for it: what it needs first it compiles itself.
+    """
+    import numpy as np
+
+    from . import render
+    from .scene import Camera, Geometry, Light, Object, Scene, Settings
+
+    triangle = np.array([[-9, -9, -2], [9, -9, -2], [0, 9, -2]], np.float32)
+    geometry = Geometry(
+        triangle, np.array([[0, 1, 2]], np.int32), np.full((1, 3, 3), 0.5, np.float32),
+        np.zeros((0, 3, 2), np.float32), np.zeros(1, np.int32), np.array([[0, 3, 0, 1]]), np.zeros(1, np.int32),
+        np.zeros(1, np.int32), np.eye(4)[None])
+    lights = (Light("light", "POINT", (1.0, 1.0, 1.0)),)
+    scene = Scene(Camera(np.eye(4), (-0.5, 0.5, -0.5, 0.5), 8, 8), geometry, lights, objects=(Object("triangle"),),
+                  settings=Settings(auto_h=True))
+    with contextlib.suppress(Exception):  # the command that needs it will say what is wrong
+        render.render_image(scene, threads=1)
 
 
 def _checked(message: dict[str, Any], key: str, kind: type, default: Any) -> Any:

@@ -121,11 +121,14 @@ class LightMeshes:
         S = np.zeros((len(P), self.count, *self._channels), np.float32)
         soft = active & self._soft
         left = active.copy()  # what Ψ has no answer for goes to sharp shadows
-        for i in range(0, len(P), self._batch):
+        lit = np.flatnonzero(soft.any(1))
+        for i in range(0, len(lit), self._batch):
             check()
-            part = slice(i, i + self._batch)
-            m = self._average(P[part], N[part], soft[part], S[part], check)
-            left[part][m > 0] &= ~self._soft
+            row = lit[i:i + self._batch]
+            some = np.zeros((len(row), *S.shape[1:]), np.float32)
+            m = self._average(P[row], N[row], soft[row], some, check)
+            S[row] = some
+            left[row[m > 0]] &= ~self._soft
         self._stats.add(receivers=len(P))
         if left.any():
             S += self._sharp(P, N, left, check)  # disjoint bits: the sum is a choice
