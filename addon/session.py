@@ -13,6 +13,7 @@ import os
 import queue
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -146,7 +147,7 @@ class Session:
     def end(self, patience: float = 2.0) -> None:
         """End the process by request, then by signal, and see that its folder is gone."""
         self._write(command="quit")
-        with contextlib.suppress(OSError):  # what was not sent cannot be
+        with contextlib.suppress(OSError), _broken_pipe_survived():  # what was not sent cannot be
             self._process.stdin.close()  # a request as well, which does not wait for a render to end
         for insist in (self._process.terminate, self._process.kill):
             try:
@@ -164,7 +165,8 @@ class Session:
         self.end()
 
     def _write(self, **message) -> None:
-        with contextlib.suppress(OSError, ValueError):  # when it has ended, poll says so, with the log
+        # When it has ended, poll says so, with the log.
+        with contextlib.suppress(OSError, ValueError), _broken_pipe_survived():
             self._process.stdin.write(json.dumps(message) + "\n")
             self._process.stdin.flush()
 
@@ -210,6 +212,21 @@ class Session:
         how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         when = "has ended unexpectedly" if self.folder else "cannot start"
         return EngineError(f"The Light Meshes engine {when} ({how})", log)
+
+
+@contextlib.contextmanager
+def _broken_pipe_survived():
+    """Blender leaves SIGPIPE as it is, unlike Python's own program: writing to an engine that died would end it."""
+    if not hasattr(signal, "SIGPIPE"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
+    try:
+        yield
+    finally:
+        if signal.SIGPIPE in signal.sigpending() and signal.SIGPIPE not in before:
+            signal.sigwait({signal.SIGPIPE})
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def lacks_package(python: str, text: str) -> str:

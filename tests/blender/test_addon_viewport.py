@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(not shutil.which("Xvfb"), reason="no Xvfb")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not shutil.which("Xvfb"), reason="no Xvfb")]
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +31,7 @@ def told(blender_path, blender_environment, display, tmp_path_factory):
     """What the story told, by its titles."""
     folder = tmp_path_factory.mktemp("story")
     environment = blender_environment | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}
-    for name in ("WAYLAND_DISPLAY",):
-        environment.pop(name, None)
+    environment.pop("WAYLAND_DISPLAY", None)
     log = folder / "log.txt"
     with log.open("w") as f:
         process = subprocess.Popen(
