@@ -49,7 +49,7 @@ def current(context, scene, depsgraph) -> View | None:
         crop = edges.tolist()
         if crop[0] >= crop[2] or crop[1] >= crop[3]:
             return None
-    near, far = _clip(space, eye, perspective)
+    near, far = _clip(space, eye and eye.evaluated_get(depsgraph), perspective)
     x0, y0, x1, y1 = crop or (0, 0, width, height)
     return View({
         "matrix": matrix.tolist(), "window": [low[0], high[0], low[1], high[1]], "width": width, "height": height,

@@ -62,6 +62,7 @@ class Viewport:
         self._timer = self._tick  # one object, as Blender's timers know functions by their identity
         self.longest: dict[str, float] = {}  # seconds for which Blender was kept, at most
         self.pictures = 0
+        self.statistics: dict = {}  # of the last picture that was finished
         viewports.add(self)
 
     def update(self, context, depsgraph) -> None:
@@ -175,7 +176,8 @@ class Viewport:
                 last.running = False
                 self._scenes.only(last.scene)
                 if kind == "done":
-                    self._say(summary(event["statistics"]))
+                    self.statistics = event["statistics"]
+                    self._say(summary(self.statistics))
         if picture:
             self._show(picture)
 
@@ -192,10 +194,11 @@ class Viewport:
 
     def _say(self, text: str) -> None:
         """Show `text` in the view."""
-        if text != self._text:
+        engine = self._engine()
+        if text != self._text and engine:
             self._text = text
-            self._engine().update_stats("", text)
-            self._engine().tag_redraw()
+            engine.update_stats("", text)
+            engine.tag_redraw()
 
     @contextmanager
     def _boundary(self, what: str):

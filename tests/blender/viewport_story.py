@@ -60,6 +60,7 @@ def story():
     n = SIDE
     big = mesh_object("Big", n, 4.0, 0.3)
     big.hide_viewport = True
+    other = mesh_object("Other", 9, 1.0, 0.1, location=(0, 0, -1), hide_viewport=True)
     with context():
         bpy.ops.view3d.view_all()
     rotate(0.3)
@@ -71,21 +72,25 @@ def story():
     yield idle
     tell("begin", children=len(children()), text=viewport()._text, longest=viewport().longest | {})
 
-    yield from measured("first sync", lambda: setattr(big, "hide_viewport", False))
-    tell("triangles", triangles=2 * n * n)
-    yield from measured("camera move", lambda: rotate(0.6))
-    yield from measured("object move", lambda: setattr(ball.location, "x", 1.0))
-    yield from measured("light move", lambda: setattr(lamp.location, "z", 5.0))
-    yield from measured("material change", lambda: setattr(material, "diffuse_color", (0.1, 0.3, 0.8, 1)))
-    yield from measured("quality", lambda: setattr(scene.light_meshes, "kI", 2.0))
-    yield from same_as_fresh("after changes")
-    if SHORT:
-        return
-
     def edit():
         ball.data.vertices[5].co.z += 0.5
         ball.data.update()
-    yield from measured("mesh edit", edit)
+
+    def changes(large, i):
+        yield from measured(f"first sync{large}", lambda: setattr(big if large else other, "hide_viewport", False))
+        yield from measured(f"camera move{large}", lambda: rotate(0.6 + 0.3 * i))
+        yield from measured(f"object move{large}", lambda: setattr(ball.location, "x", 1.0 - i))
+        yield from measured(f"light move{large}", lambda: setattr(lamp.location, "z", 5.0 + i))
+        yield from measured(f"material change{large}", lambda: setattr(material, "diffuse_color", (0.1, i, 0.8, 1)))
+        yield from measured(f"mesh edit{large}", edit)
+        yield from measured(f"quality{large}", lambda: setattr(scene.light_meshes, "kI", 2.0 - i / 2))
+    yield from changes("", 0)
+    bpy.data.objects.remove(other)
+    yield from changes(" of the large mesh", 1)
+    tell("triangles", triangles=2 * n * n)
+    yield from same_as_fresh("after changes")
+    if SHORT:
+        return
     before = pixels().copy()
     with context():
         bpy.ops.object.select_all(action='DESELECT')
@@ -176,11 +181,27 @@ def story():
     yield idle
     held = len(children())
     bpy.ops.render.render(write_still=True)
-    tell("render beside it", written=picture.exists(), before=held, children=len(children()))
+    tell("render beside it", written=picture.exists(), before=held, children=len(children()),
+         h=[viewport_module.session.statistics["h"], viewport().statistics["h"]])
     picture.unlink(missing_ok=True)
     viewport_module.session.end()
 
     big.hide_viewport = True
+    camera, scene.camera = scene.camera, None
+    yield from same_as_fresh("without a camera")
+    steps = []
+    for angle in (0.1, 0.9):
+        rotate(angle)
+        yield 0.2
+        yield idle
+        steps.append(viewport().statistics["h"])
+    tell("step without a camera", h=steps)
+    scene.camera = camera
+    with context():
+        bpy.ops.view3d.localview()
+    yield from same_as_fresh("in local view")
+    with context():
+        bpy.ops.view3d.localview()
     yield 0.2
     yield idle
     sizes = []
@@ -203,7 +224,7 @@ def story():
             yield idle
             yield 0.3
             sizes.append([len(children()), files(), resident(children()[0]), resident(os.getpid())])
-    tell("updates", sizes=sizes)
+    tell("updates", sizes=sizes, longest=viewport().longest)
     yield from same_as_fresh("after many updates")
 
     os.kill(children()[0], 9)
