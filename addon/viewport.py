@@ -60,7 +60,7 @@ class Viewport:
         self._text = ""
         self._failed = False
         self._timer = self._tick  # one object, as Blender's timers know functions by their identity
-        self.longest: dict[str, float] = {}  # seconds for which Blender was kept, at most
+        self.longest: dict[str, tuple[float, float]] = {}  # for which Blender was kept: seconds, and its own of them
         self.pictures = 0
         self.statistics: dict = {}  # of the last picture that was finished
         viewports.add(self)
@@ -203,7 +203,7 @@ class Viewport:
     @contextmanager
     def _boundary(self, what: str):
         """Measures the time, and makes one sentence for the artist of whatever goes wrong."""
-        start = time.perf_counter()
+        start, busy = time.perf_counter(), time.thread_time()
         try:
             yield
         except ReferenceError:  # Blender has removed the engine
@@ -213,7 +213,8 @@ class Viewport:
         except Exception as e:
             self._fail(f"The Light Meshes add-on failed: {type(e).__name__}: {e}", traceback.format_exc())
         finally:
-            self.longest[what] = max(self.longest.get(what, 0.0), time.perf_counter() - start)
+            took = time.perf_counter() - start, time.thread_time() - busy
+            self.longest[what] = tuple(map(max, took, self.longest.get(what, took)))
 
     def _fail(self, message: str, log: str) -> None:
         """Say it, and do nothing more until something changes."""

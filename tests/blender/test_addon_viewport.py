@@ -60,11 +60,13 @@ def test_first_picture(told):
     assert told["triangles"]["triangles"] == pytest.approx(100_000, rel=0.01)
     for what in ("first sync", "camera move", "object move", "light move", "material change", "mesh edit", "quality"):
         what += " of the large mesh"  # the small ones had the kernels compiled
-        longest = {k: round(v, 3) for k, v in told[what]["longest"].items()}
+        longest = {k: [round(s, 3) for s in v] for k, v in told[what]["longest"].items()}
         print(f"{what}: first picture after {told[what]['first']:.3f} s, whole after {told[what]['whole']:.2f} s, "
-              f"Blender kept for {longest}")
-        assert told[what]["first"] < 3
-        assert max(longest.values()) < 0.5
+              f"Blender kept for [seconds, of the processor] {longest}")
+        assert told[what]["first"] < 5
+        for seconds, busy in longest.values():
+            assert busy < 0.1  # whatever else the machine does meanwhile
+            assert seconds < 1
 
 
 @pytest.mark.parametrize("what", [
