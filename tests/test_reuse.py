@@ -3,6 +3,8 @@
 The chain of each test is two pictures: `first` is drawn, then `second` with what is still right of the first.
 """
 
+import itertools
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -355,20 +357,21 @@ def test_what_was_cancelled_leaves_what_was_done(still_life):
     """In the midst of nodes: what is known stays right, what was begun is begun again."""
     scene = with_settings(still_life, samples=4, filter_size=1.5)
     fresh = render_image(scene, PASSES)
-    ready, some = None, False
-    for most in (1, 5, 20, 60):
-        calls = 0
-
-        def cancelled(most=most):
-            nonlocal calls
-            calls += 1
-            return calls > most
-
+    ready = None
+    for most in (1, 2, 5, 9):
         ready = prepare(scene, PASSES, previous=ready)
+        trace, calls, over = ready.soft._trace, itertools.count(1), threading.Event()
+
+        def tracing(nodes, todo, check, trace=trace, calls=calls, over=over, most=most):
+            if next(calls) > most:
+                over.set()  # after these nodes were claimed, before they are known
+            return trace(nodes, todo, check)
+
+        ready.soft._trace = tracing
         with pytest.raises(Cancelled):
-            draw(ready, Framebuffer.create(scene, PASSES), cancelled=cancelled, tile_size=8)
-        some |= 0 < ready.soft.store.known.any(1).sum() < fresh.statistics["nodes"]
-    assert some
+            draw(ready, Framebuffer.create(scene, PASSES), cancelled=over.is_set, tile_size=8)
+        assert ready.soft.store._broken
+    assert 0 < ready.soft.store.known.any(1).sum() < fresh.statistics["nodes"]
     kept, _ = drawn(scene, ready)
     assert 0 < kept.statistics["long_rays"] < fresh.statistics["long_rays"]
     for name in PASSES:

@@ -130,6 +130,7 @@ def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
     o0, o1, o2 = lattice.origin[0], lattice.origin[1], lattice.origin[2]
     most = len(off)
     total = start[p]
+    passed = np.empty(most, np.int64)
     while p < len(P) and total + most <= len(candidate) and count + most <= len(nodes):
         x, y, z = (P[p, 0] - o0) / h, (P[p, 1] - o1) / h, (P[p, 2] - o2) / h
         q0 = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
@@ -143,12 +144,14 @@ def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
         if abs(b0) < 2e9 and abs(b1) < 2e9 and abs(b2) < 2e9:
             f0, f1, f2 = q0 - b0, q1 - b1, q2 - b2
             i0, i1, i2 = np.int32(b0), np.int32(b1), np.int32(b2)
-            for c in range(most):
+            kept = 0
+            for c in range(most):  # without a branch, which no processor could foretell
                 d0, d1, d2 = off[c, 0] - f0, off[c, 1] - f1, off[c, 2] - f2
-                if d0 * d0 + d1 * d1 + d2 * d2 > kI2:  # step 1
-                    continue
-                if d0 * n0 + d1 * n1 + d2 * n2 <= TAU:  # step 2
-                    continue
+                near = d0 * d0 + d1 * d1 + d2 * d2 <= kI2  # step 1
+                above = d0 * n0 + d1 * n1 + d2 * n2 > TAU  # step 2
+                passed[kept] = c
+                kept += near & above
+            for c in passed[:kept]:
                 i, j, k = i0 + np.int32(off[c, 0]), i1 + np.int32(off[c, 1]), i2 + np.int32(off[c, 2])
                 slot = _find(table, nodes, i, j, k)
                 row = table[slot]
@@ -166,7 +169,11 @@ def _candidates(lattice, P, N, p, count, start, candidate, nodes, table):
 
 @kernel
 def _claim(table, keys, count, nodes, need, known, pending, rows, todo):
-    """Rows of `nodes`, new ones appended; todo = lights that nobody has asked for yet. Returns the new count."""
+    """Rows of `nodes`, new ones appended; todo = lights that nobody has asked for yet.
+
+    Returns the new count, and whether all that is needed is known.
+    """
+    settled = True
     for n in range(len(nodes)):
         slot = _find(table, keys, nodes[n, 0], nodes[n, 1], nodes[n, 2])
         row = table[slot]
@@ -177,10 +184,13 @@ def _claim(table, keys, count, nodes, need, known, pending, rows, todo):
             count += 1
         rows[n] = row
         for w in range(need.shape[1]):
-            t = need[n, w] & ~(known[row, w] | pending[row, w])
-            todo[n, w] = t
-            pending[row, w] |= t
-    return count
+            missing = need[n, w] & ~known[row, w]
+            todo[n, w] = missing
+            if missing:
+                settled = False
+                todo[n, w] &= ~pending[row, w]
+                pending[row, w] |= missing
+    return count, settled
 
 
 @kernel
@@ -304,20 +314,22 @@ class NodeStore:
         with self._ready:
             while 2 * (self.count + len(nodes)) > len(self._table):
                 self._allocate(2 * len(self._keys))
-            self.count = _claim(
+            self.count, settled = _claim(
                 self._table, self._keys, self.count, nodes, need, self._known, self._pending, rows, todo)
+            if settled:
+                return self._value[rows]
         try:
-            wanted = todo.any(1)
-            found: NDArray = np.zeros((len(nodes), self._width), self._kind)
-            if wanted.any():
-                found[wanted] = evaluate(nodes[wanted], todo[wanted])
+            wanted = np.flatnonzero(todo.any(1))
+            found: NDArray = np.zeros((len(wanted), self._width), self._kind)
+            if len(wanted):
+                found[:] = evaluate(nodes[wanted], todo[wanted])
         except BaseException:
             with self._ready:
                 self._broken = True  # whoever waits for these nodes would wait for ever
                 self._ready.notify_all()
             raise
         with self._ready:
-            _settle(rows, todo, found, self._known, self._pending, self._value)
+            _settle(rows[wanted], todo[wanted], found, self._known, self._pending, self._value)
             self._ready.notify_all()
             while not _settled(rows, need, self._known):
                 if self._broken:
