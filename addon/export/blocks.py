@@ -50,6 +50,7 @@ class Blocks:
         self._known: dict[tuple, tuple[Stored | None, set[int]]] = {}
         self._asked: set[tuple] = set()
         self._open: list[tuple[Stored, Mesh]] = []  # not written yet
+        self._open_triangles = 0
         self._blocks: dict[str, _Block] = {}
         self._count = 0
         self.textured = False  # whether any mesh of the snapshot has UVs
@@ -75,7 +76,8 @@ class Blocks:
             self._known[key] = stored, owners
             if stored:
                 self._open.append((stored, mesh))
-                if sum(s.triangles for s, _ in self._open) >= FULL:
+                self._open_triangles += stored.triangles
+                if self._open_triangles >= FULL:
                     self._close()
         self._asked.add(key)
         return self._known[key][0]
@@ -99,7 +101,7 @@ class Blocks:
     def _close(self) -> None:
         meshes = [mesh for _, mesh in self._open]
         self._put([stored for stored, _ in self._open], lambda: [mesh.arrays() for mesh in meshes])
-        self._open = []
+        self._open, self._open_triangles = [], 0
 
     def _put(self, meshes: list[Stored], arrays: Callable[[], list[dict[str, np.ndarray]]]) -> None:
         self._count += 1

@@ -74,6 +74,12 @@ def resident(pid):
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
+def processor(pid):
+    """Seconds of the processor that a process and its threads took."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def files():
     """Files and folders in the folder shared with the engine."""
     return sum(1 for _ in TEMPORARY.rglob("*"))
@@ -105,14 +111,14 @@ def measured(what, change):
     """Carry out `change`; tell how long the first picture took and for how long Blender was kept at most."""
     view = viewport()
     view.longest.clear()
-    before = view.pictures
-    start = time.perf_counter()
+    before, (engine,) = view.pictures, children()
+    start, busy = time.perf_counter(), processor(engine)
     change()
     while view.pictures == before:
         yield None
-    first = time.perf_counter() - start
+    first, busy = time.perf_counter() - start, processor(engine) - busy
     yield idle
-    tell(what, first=first, whole=time.perf_counter() - start, longest=view.longest | {})
+    tell(what, first=first, engine=busy, whole=time.perf_counter() - start, longest=view.longest | {})
 
 
 def same_as_fresh(what):
