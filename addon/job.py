@@ -81,8 +81,9 @@ class Job:
                 shown = time.monotonic()
 
         try:
+            self._session.keeps = render.use_persistent_data
             done = self._carry_out(on_event, "render", snapshot=str(self._snapshot), framebuffer=str(frame),
-                                   passes=[p.engine_name for p in picture.passes])
+                                   passes=[p.engine_name for p in picture.passes], keep=self._session.keeps)
         except BaseException:
             picture.give_up()
             raise

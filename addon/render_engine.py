@@ -7,7 +7,7 @@ from typing import ClassVar
 import bpy
 from bpy.app.handlers import persistent
 
-from . import observers, passes, session, step
+from . import observers, passes, session, step, viewport
 from .export import ExportError
 from .job import Cancelled, Job
 
@@ -21,6 +21,8 @@ class LightMeshesEngine(bpy.types.RenderEngine):
     bl_use_postprocess = True
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
+
+    _viewport: viewport.Viewport | None = None
 
     export_to: ClassVar[Path | None] = None  # export there and render nothing, as the headless driver may want
 
@@ -42,6 +44,19 @@ class LightMeshesEngine(bpy.types.RenderEngine):
             self._fail(str(e), getattr(e, "log", ""))
         except Exception as e:  # the boundary: Blender itself would finish with an empty picture
             self._fail(f"The Light Meshes add-on failed: {type(e).__name__}: {e}", traceback.format_exc())
+
+    def view_update(self, context, depsgraph):
+        if not self._viewport:
+            self._viewport = viewport.Viewport(self)
+        self._viewport.update(context, depsgraph)
+
+    def view_draw(self, context, depsgraph):
+        if self._viewport:
+            self._viewport.draw(context, depsgraph)
+
+    def __del__(self):
+        if self._viewport:  # the view is closed, or shaded in another way
+            self._viewport.end()
 
     def _fail(self, message, log):
         if self.is_preview:  # Blender shows no errors of previews
@@ -78,18 +93,20 @@ def export_frame(scene, folder: Path) -> None:
 
 
 @persistent
-def _forget(*_):
+def _another_file(*_):
     session.statistics = {}  # they were of the file before
+    session.forget()
 
 
 def register() -> None:
+    bpy.app.handlers.load_pre.append(_another_file)
     bpy.utils.register_class(LightMeshesEngine)
-    bpy.app.handlers.load_post.append(_forget)
     step.register()
 
 
 def unregister() -> None:
+    bpy.app.handlers.load_pre.remove(_another_file)
     step.unregister()
-    bpy.app.handlers.load_post.remove(_forget)
     bpy.utils.unregister_class(LightMeshesEngine)
+    viewport.end_all()
     session.end()

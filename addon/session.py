@@ -13,6 +13,7 @@ import os
 import queue
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -20,6 +21,7 @@ import time
 from pathlib import Path
 
 MODULE = "light_meshes.service"
+POLITENESS = 5  # POSIX's niceness of a polite engine
 LAST_EVENTS = {"done", "measured", "cancelled", "error"}
 
 
@@ -40,11 +42,15 @@ class EngineError(Exception):
 
 
 class Session:
-    """A running engine. Made and used by one thread at a time."""
+    """A running engine. Made and used by one thread at a time.
 
-    def __init__(self, python: str) -> None:
+    `polite`: it lets Blender go first where both want the processor.
+    """
+
+    def __init__(self, python: str, polite: bool = False) -> None:
         self.python = python
         self.folder: Path | None = None  # shared with the engine, known once it is ready
+        self.keeps = False  # what it prepared for the last render, for the next one
         self._number = 0
         self._folders = 0
         self._changed = threading.Condition()  # guards the next two
@@ -57,11 +63,15 @@ class Session:
             self._process = subprocess.Popen(
                 [python, "-m", MODULE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 env=_environment(python), text=True, encoding="utf-8", errors="replace",
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
+                | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if polite else 0),
             )
         except OSError as e:
             raise EngineError(f"The Light Meshes engine cannot start: {python} cannot be run ({e.strerror}). "
                               "Choose another Python in the add-on's preferences") from e
+        if polite and hasattr(os, "setpriority"):
+            with contextlib.suppress(OSError):  # it ended at once; poll says so
+                os.setpriority(os.PRIO_PROCESS, self._process.pid, POLITENESS)
         # Threads, because Windows cannot wait for a pipe with a timeout.
         self._readers = [threading.Thread(target=f, daemon=True) for f in (self._read_events, self._read_log)]
         for reader in self._readers:
@@ -117,9 +127,13 @@ class Session:
         """
         if self._ended(number, 0):
             return
-        self._write(command="cancel", id=number)
+        self.ask_to_cancel(number)
         if not self._ended(number, seconds):
             threading.Thread(target=lambda: self._ended(number, 10 * seconds) or self.kill()).start()
+
+    def ask_to_cancel(self, number: int) -> None:
+        """Ask the engine to give command `number` up, and go on without waiting."""
+        self._write(command="cancel", id=number)
 
     def _ended(self, number: int, seconds: float) -> bool:
         with self._changed:
@@ -133,7 +147,7 @@ class Session:
     def end(self, patience: float = 2.0) -> None:
         """End the process by request, then by signal, and see that its folder is gone."""
         self._write(command="quit")
-        with contextlib.suppress(OSError):  # what was not sent cannot be
+        with contextlib.suppress(OSError), _broken_pipe_survived():  # what was not sent cannot be
             self._process.stdin.close()  # a request as well, which does not wait for a render to end
         for insist in (self._process.terminate, self._process.kill):
             try:
@@ -151,7 +165,8 @@ class Session:
         self.end()
 
     def _write(self, **message) -> None:
-        with contextlib.suppress(OSError, ValueError):  # when it has ended, poll says so, with the log
+        # When it has ended, poll says so, with the log.
+        with contextlib.suppress(OSError, ValueError), _broken_pipe_survived():
             self._process.stdin.write(json.dumps(message) + "\n")
             self._process.stdin.flush()
 
@@ -162,6 +177,9 @@ class Session:
                 kind = event["event"]
             except (ValueError, TypeError, KeyError):
                 self._log.append(line.rstrip())
+                continue
+            if kind == "alive":
+                self.listen()
                 continue
             if kind == "ready":
                 self.folder = Path(event["folder"])
@@ -194,6 +212,21 @@ class Session:
         how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         when = "has ended unexpectedly" if self.folder else "cannot start"
         return EngineError(f"The Light Meshes engine {when} ({how})", log)
+
+
+@contextlib.contextmanager
+def _broken_pipe_survived():
+    """Blender leaves SIGPIPE as it is, unlike Python's own program: writing to an engine that died would end it."""
+    if not hasattr(signal, "SIGPIPE"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
+    try:
+        yield
+    finally:
+        if signal.SIGPIPE in signal.sigpending() and signal.SIGPIPE not in before:
+            signal.sigwait({signal.SIGPIPE})
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def lacks_package(python: str, text: str) -> str:
@@ -241,6 +274,12 @@ def current(purpose: str = RENDER) -> Session:
     if purpose not in _sessions:
         _sessions[purpose] = Session(python)
     return _sessions[purpose]
+
+
+def forget() -> None:
+    """What was kept between renders is of no use any more, and large."""
+    for purpose in [p for p, session in _sessions.items() if session.keeps]:
+        discard(purpose)
 
 
 def discard(purpose: str = RENDER) -> None:

@@ -15,15 +15,28 @@ _LINEAR = ("Linear", "Non-Color", "Raw", "Utility - Raw", "scene_linear")
 class Images:
     """The images of a snapshot, each once."""
 
-    def __init__(self, report: Report, folder: Path) -> None:
+    def __init__(self, folder: Path) -> None:
         self.descriptions: list[dict] = []
-        self._report, self._folder = report, folder
+        self._folder = folder
         self._indices: dict[tuple, int] = {}
+        self._written: dict[int, str] = {}  # files of images that Blender alone has
+        self._files = 0
 
-    def index(self, node) -> int:
+    def clear(self, repainted: bool) -> None:
+        """Begin anew. Files that were written are still right unless images were `repainted`."""
+        self.descriptions, self._indices = [], {}
+        if repainted:
+            self._written = {}
+
+    def forget_files(self, names: set[str]) -> None:
+        """These files are gone."""
+        self._written = {uid: name for uid, name in self._written.items() if name not in names}
+
+    def index(self, node, report: Report) -> int:
         """Number of the image of an image texture node, with the node's interpolation and extension."""
+        self._report = report
         image = node.image
-        key = (image.original.as_pointer(), node.interpolation, node.extension)
+        key = (image.original.session_uid, node.interpolation, node.extension)
         if key not in self._indices:
             if node.projection != 'FLAT':
                 self._warn(image, f"its {node.projection.lower()} projection is not translated; the UV map places it")
@@ -59,15 +72,19 @@ class Images:
             if path.is_file():
                 return str(path)
         original = image.original
+        if original.session_uid in self._written and not original.is_dirty:
+            return self._written[original.session_uid]
         size = tuple(original.size)
         if not all(size) or original.channels == 0:
             self._warn(image, f"its file {image.filepath!r} cannot be read; the surface has a plain colour")
             return None
-        name = f"image-{len(self.descriptions)}.tif"
+        name = f"image-{self._files}.tif"
         pixels = np.empty(size[0] * size[1] * original.channels, np.float32)
         original.pixels.foreach_get(pixels)
         self._folder.mkdir(parents=True, exist_ok=True)
         write_tiff(self._folder / name, pixels.reshape(size[1], size[0], -1)[::-1])
+        self._files += 1
+        self._written[original.session_uid] = name
         return name
 
     def _warn(self, image, sentence: str) -> None:

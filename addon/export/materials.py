@@ -18,13 +18,30 @@ class Materials:
 
     def __init__(self, report: Report, folder: Path, depsgraph) -> None:
         self.descriptions: list[dict] = []
-        self._images = Images(report, folder)
-        self._report = report
-        self.every_uv = depsgraph.view_layer_eval.use_pass_uv  # the UV pass wants them, with images or without
-        self._depsgraph = depsgraph
-        self._override = depsgraph.view_layer_eval.material_override
+        self._images = Images(folder)
+        self.every_uv = False  # the UV pass wants them, with images or without
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
+        self._sentences: list[list[str]] = []  # of each material's translation
+        self._translated: set[int] = set()
+        self.begin(report, depsgraph)
+
+    def begin(self, report: Report, depsgraph, changed: bool = False, repainted: bool = False) -> None:
+        """Another snapshot with the same numbers for the same materials, which may have `changed`, and their images
+        may have been `repainted`.
+        """
+        self._report, self._depsgraph = report, depsgraph
+        self._override = depsgraph.view_layer_eval.material_override
+        self._asked: set[int] = set()
+        if changed or repainted:
+            self._translated.clear()
+            self._images.clear(repainted)
+            # Should one not be asked for any more.
+            self.descriptions = [d | {"image": -1, "alpha_image": -1} for d in self.descriptions]
+
+    def forget_files(self, names: set[str]) -> None:
+        """These files in the snapshot's folder are gone."""
+        self._images.forget_files(names)
 
     @property
     def images(self) -> list[dict]:
@@ -36,34 +53,40 @@ class Materials:
         The view layer may have one material instead of all.
         """
         material = self._override or material
-        key = material.original.as_pointer() if material else 0
-        if key not in self._indices:
-            self._indices[key] = len(self.descriptions)
-            if material is None:
-                self._append(DEFAULT, Surface())
-            else:
-                material = material.evaluated_get(self._depsgraph)
-                self._append(material.name, translate(material, self._report), material)
-        return self._indices[key]
+        key = material.original.session_uid if material else 0
+        index = self._indices.setdefault(key, len(self._indices))
+        if key not in self._translated:
+            report = Report()
+            self._translate(index, material.evaluated_get(self._depsgraph) if material else None, report)
+            self._sentences[index:index + 1] = [report.sentences]
+            self._translated.add(key)
+        if key not in self._asked:
+            self._asked.add(key)
+            for sentence in self._sentences[index]:
+                self._report.warn(sentence)
+        return index
 
     def uv_map(self, indices: Iterable[int]) -> str | None:
         """The UV map that the images of these materials want: a name, "" for the mesh's own, None for no images."""
         maps = [m for m in (self._uv_maps[i] for i in indices) if m is not None]
         return maps[0] if maps else None
 
-    def _append(self, name: str, surface: Surface, material=None) -> None:
-        description = {"name": name, "image": -1, "alpha_image": -1} | surface.whitted()
+    def _translate(self, index: int, material, report: Report) -> None:
+        surface = translate(material, report) if material else Surface()
+        description = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
+        description |= surface.whitted()
         overrides = material.light_meshes if material else None
         if overrides:
             description |= _overrides(overrides) | {
                  name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
             description |= {"transparent_shadow": material.use_transparent_shadow, "index": material.pass_index}
         if surface.image and not (overrides and overrides.override_Od):
-            description["image"] = self._images.index(surface.image)
+            description["image"] = self._images.index(surface.image, report)
         if surface.alpha_image and not (overrides and overrides.override_alpha):
-            description["alpha_image"] = self._images.index(surface.alpha_image)
-        self.descriptions.append(description)
-        self._uv_maps.append(surface.uv_map if max(description["image"], description["alpha_image"]) >= 0 else None)
+            description["alpha_image"] = self._images.index(surface.alpha_image, report)
+        textured = max(description["image"], description["alpha_image"]) >= 0
+        self.descriptions[index:index + 1] = [description]
+        self._uv_maps[index:index + 1] = [surface.uv_map if textured else None]
 
 
 def translate(material, report: Report) -> Surface:

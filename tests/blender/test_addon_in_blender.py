@@ -117,6 +117,29 @@ print("TOOK", time.monotonic() - times[1], result, os.path.exists(path))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are POSIX's")
+def test_blender_outlives_an_engine_that_dies(run_blender):
+    """Blender does not ignore SIGPIPE: a word to an engine that has ended would end it too."""
+    done = run_blender("--python-exit-code", "3", "--python-expr", SCENE + SLOW + """
+import os, signal, sys
+addon = next(n for n in sys.modules if n.endswith("light_meshes.observers"))[:-len(".observers")]
+session = sys.modules[addon + ".session"]
+def see(event):
+    if event["event"] == "progress" and event["fraction"] > 0 and session._session:
+        os.kill(session._session._process.pid, signal.SIGKILL)
+sys.modules[addon + ".observers"].observers.append(see)
+try:
+    bpy.ops.render.render()
+except RuntimeError as e:
+    print("SAID", e)
+import time
+time.sleep(1)
+print("LIVES")
+""")
+    assert "has ended unexpectedly (killed by signal 9)" in done.stdout and "LIVES" in done.stdout, done.stdout
+    assert done.returncode == 1
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are POSIX's")
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
 def test_no_child_outlives_blender(blender_path, blender_environment, run_blender, tmp_path, how):
     blend = save_scene(run_blender, tmp_path / "scene.blend", SLOW)

@@ -1,0 +1,73 @@
+"""The way through all that a depsgraph holds, and the description of what was met."""
+
+from collections.abc import Callable
+from itertools import islice
+
+from . import lights, linking, world
+from .geometry import Geometry
+from .materials import Materials
+from .report import Report
+
+FEW_SAMPLES = 16  # with fewer, the eye takes a blur apart
+MOST_SAMPLES = 4096  # that the engine takes
+
+
+class Walk:
+    """Takes in one instance after the other, and calls `check` after each.
+
+    When `check` raises, `go` may be called again, and goes on from there. Nothing of Blender's is held meanwhile, so
+    whoever finds that the scene changed just begins another walk.
+    """
+
+    def __init__(self, materials: Materials, geometry: Geometry, report: Report, check: Callable[[], None]) -> None:
+        self._lamps: list[dict] = []
+        self._links = linking.Links()
+        self._materials, self._geometry, self._report, self._check = materials, geometry, report, check
+        self._done = 0
+
+    def go(self, depsgraph, seen: Callable[[object], bool] = lambda ob: True) -> None:
+        """Take in what is left of the depsgraph's instances; `seen` says of an object whether it is to be seen."""
+        for instance in islice(depsgraph.object_instances, self._done, None):
+            if instance.show_self and seen(instance.object):
+                self._take(instance, instance.object)
+            self._done += 1
+            self._check()
+
+    def _take(self, instance, ob) -> None:
+        if ob.type == 'LIGHT':
+            self._lamps.append(lights.light(ob, instance.matrix_world, self._report))
+            self._links.add(ob)
+        else:
+            self._geometry.add(instance, ob)
+
+    def description(self, depsgraph, camera: dict, overrides: dict | None = None) -> dict:
+        """What scene.json says, once all is taken in; `overrides` replace settings."""
+        scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+        values = settings(scene, view_layer) | (overrides or {})
+        if "lens_radius" in camera and values["samples"] < FEW_SAMPLES:
+            self._report.warn(f"Depth of field with Samples at {values['samples']}: what is out of focus is shown as "
+                              f"so many sharp copies; {FEW_SAMPLES} and more blur it")
+        self._links.link(self._lamps, self._geometry.owners)
+        return {
+            "camera": camera,
+            "lights": self._lamps,
+            "materials": list(self._materials.descriptions),
+            "images": list(self._materials.images),
+            "objects": self._geometry.objects,
+            "world_color": world.color(view_layer.world_override or scene.world, self._report),
+            "settings": values,
+            "warnings": self._report.sentences,
+        }
+
+
+def settings(scene, view_layer) -> dict:
+    """The engine's settings, from the scene's properties and what the view layer has instead."""
+    own = scene.light_meshes
+    return {name: getattr(own, name) for name in (
+        "mode", "shadows", "h", "kI", "auto_h", "weights", "light_samples", "max_depth", "ambient",
+        "refraction", "glass", "caustics", "leak_free")} | {
+        "samples": min(view_layer.samples, MOST_SAMPLES) or own.samples,
+        # The engine's filter is never wider than 10 pixels; Blender's slider goes on.
+        "filter_size": min(scene.render.filter_size, 10.0),
+        "film_transparent": scene.render.film_transparent,
+    }

@@ -1,0 +1,34 @@
+"""A picture on the screen: pixels → a texture, drawn into the region of a 3D view."""
+
+import gpu
+import numpy as np
+from gpu_extras.presets import draw_texture_2d
+
+
+class Picture:
+    """The last picture of a 3D view. `draw` is for Blender's draw callback; `put` may be called any time."""
+
+    def __init__(self) -> None:
+        self._pixels: np.ndarray | None = None  # not on the graphics card yet
+        self._texture = None
+        self._corners = (0.0, 0.0, 0.0, 0.0)
+
+    def put(self, pixels: np.ndarray, corners: tuple[float, float, float, float]) -> None:
+        """Show `pixels` (h,w,4), scene-linear, premultiplied, rows bottom-up, between these corners of the region."""
+        self._pixels, self._corners = np.ascontiguousarray(pixels, np.float32), corners
+
+    def draw(self, engine, scene) -> None:
+        """Draw what there is, through the scene's view transform."""
+        if self._pixels is not None:
+            height, width = self._pixels.shape[:2]
+            buffer = gpu.types.Buffer('FLOAT', self._pixels.size, self._pixels.ravel())
+            self._texture = gpu.types.GPUTexture((width, height), format='RGBA32F', data=buffer)
+            self._pixels = None
+        if self._texture is None:
+            return
+        x0, y0, x1, y1 = self._corners
+        gpu.state.blend_set('ALPHA_PREMULT')
+        engine.bind_display_space_shader(scene)
+        draw_texture_2d(self._texture, (x0, y0), x1 - x0, y1 - y0)
+        engine.unbind_display_space_shader()
+        gpu.state.blend_set('NONE')

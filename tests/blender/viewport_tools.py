@@ -1,0 +1,181 @@
+"""Ways to use and to look at the rendered 3D view of a Blender with a window, for viewport_story.py."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Euler, Vector
+
+addon = next(name[:-len(".viewport")] for name in sys.modules if name.endswith("light_meshes.viewport"))
+viewport_module, screen, view_module = (sys.modules[f"{addon}.{name}"] for name in ("viewport", "screen", "view"))
+TEMPORARY = Path(os.environ["TMPDIR"])
+PATIENCE = 120  # seconds for one step
+_last = {}  # the pixels that were shown last
+_put = screen.Picture.put
+
+
+def put(self, pixels, corners):
+    _last[id(self)] = pixels
+    _put(self, pixels, corners)
+
+
+screen.Picture.put = put
+
+
+def tell(what, **found):
+    print("@story " + json.dumps({"what": what} | found), flush=True)
+
+
+def window():
+    return bpy.context.window_manager.windows[0]
+
+
+def area():
+    return next(a for a in window().screen.areas if a.type == 'VIEW_3D')
+
+
+def space():
+    return area().spaces.active
+
+
+def context():
+    region = next(r for r in area().regions if r.type == 'WINDOW')
+    return bpy.context.temp_override(window=window(), screen=window().screen, area=area(), region=region,
+                                     space_data=space(), region_data=space().region_3d)
+
+
+def viewport():
+    (found,) = viewport_module.viewports
+    return found
+
+
+def idle():
+    return not viewport()._exporting and not viewport()._waits
+
+
+def pixels():
+    return _last[id(viewport()._picture)]
+
+
+def children():
+    table = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
+    rows = [line.split(None, 2) for line in table.splitlines()]
+    return [int(p) for p, parent, command in rows if int(parent) == os.getpid() and "light_meshes.service" in command]
+
+
+def resident(pid):
+    """Megabytes."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def processor(pid):
+    """Seconds of the processor that a process and its threads took."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def files():
+    """Files and folders in the folder shared with the engine."""
+    return sum(1 for _ in TEMPORARY.rglob("*"))
+
+
+def mesh_object(name, n, size, height, **properties):
+    """A wavy sheet of 2·n² triangles."""
+    x, y = np.meshgrid(np.linspace(-size, size, n + 1), np.linspace(-size, size, n + 1))
+    z = height * np.sin(5 * x) * np.cos(4 * y)
+    i = np.arange((n + 1) ** 2, dtype=np.int32).reshape(n + 1, n + 1)
+    quads = np.stack([i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]], -1).reshape(-1)
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(x.size)
+    mesh.vertices.foreach_set("co", np.stack([x, y, z], -1).astype(np.float32).ravel())
+    mesh.loops.add(len(quads))
+    mesh.loops.foreach_set("vertex_index", quads)
+    mesh.polygons.add(n * n)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(quads), 4, dtype=np.int32))
+    mesh.update()
+    mesh.validate()
+    ob = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    for key, value in properties.items():
+        setattr(ob, key, value)
+    return ob
+
+
+def measured(what, change):
+    """Carry out `change`; tell how long the first picture took and for how long Blender was kept at most."""
+    view = viewport()
+    view.longest.clear()
+    before, (engine,) = view.pictures, children()
+    start, busy = time.perf_counter(), processor(engine)
+    change()
+    while view.pictures == before:
+        yield None
+    first, busy = time.perf_counter() - start, processor(engine) - busy
+    yield idle
+    tell(what, first=first, engine=busy, whole=time.perf_counter() - start, longest=view.longest | {})
+
+
+def same_as_fresh(what):
+    """Tell whether the picture is, bit for bit, that of a view that begins anew."""
+    yield idle
+    shown = pixels().copy()
+    space().shading.type = 'SOLID'
+    yield lambda: not viewport_module.viewports
+    space().shading.type = 'RENDERED'
+    yield lambda: viewport_module.viewports and viewport().pictures
+    yield idle
+    tell(what, same=bool(np.array_equal(shown, pixels())), largest=float(np.abs(shown - pixels()).max()))
+
+
+def rotate(angle):
+    space().region_3d.view_rotation = Euler((1.0, 0, angle)).to_quaternion()
+
+
+def alignment():
+    """Largest distance, in pixels, between where Blender's overlays and the engine's camera put the same points."""
+    with context():
+        region, data = bpy.context.region, bpy.context.region_data
+        data.update()
+        scene = bpy.context.scene
+        found = view_module.current(bpy.context, scene, bpy.context.evaluated_depsgraph_get()).camera
+        worst = 0.0
+        matrix = np.linalg.inv(np.array(found["matrix"]))
+        left, right, bottom, top = found["window"]
+        for point in np.random.default_rng(1).uniform(-1.5, 1.5, (50, 3)):
+            theirs = location_3d_to_region_2d(region, data, Vector(point))
+            x, y, z = (matrix @ [*point, 1])[:3]
+            if theirs is None or (found["perspective"] and z >= 0):
+                continue
+            scale = -z if found["perspective"] else 1
+            ours = ((x / scale - left) / (right - left) * region.width, (y / scale - bottom) / (top - bottom)
+                    * region.height)
+            worst = max(worst, abs(ours[0] - theirs[0]), abs(ours[1] - theirs[1]))
+    return worst
+
+
+def border_error():
+    """The same, between the corners of the render border and those of the picture."""
+    with context():
+        scene, region, data = bpy.context.scene, bpy.context.region, bpy.context.region_data
+        data.update()
+        camera, render = scene.camera, scene.render
+        frame = [camera.matrix_world @ v for v in camera.data.view_frame(scene=scene)]
+        low, high = (location_3d_to_region_2d(region, data, frame[i]) for i in (2, 0))
+        x = [low[0] + (high[0] - low[0]) * b for b in (render.border_min_x, render.border_max_x)]
+        y = [low[1] + (high[1] - low[1]) * b for b in (render.border_min_y, render.border_max_y)]
+        corners = view_module.current(bpy.context, scene, bpy.context.evaluated_depsgraph_get()).corners
+    return max(abs(a - b) for a, b in zip(corners, (x[0], y[0], x[1], y[1]), strict=True))
+
+
+def context_region():
+    return next(r for r in area().regions if r.type == 'WINDOW')
+
+
+def files_of_sessions():
+    return [p.name for p in TEMPORARY.glob("light-meshes-*")]
