@@ -68,6 +68,8 @@ class Job:
         crop = border(render, engine.resolution_x, engine.resolution_y)
         size = (crop[2] - crop[0], crop[3] - crop[1]) if crop else (engine.resolution_x, engine.resolution_y)
         picture = Picture(engine, size, self.depsgraph)
+        # A preview comes at once: until then its artist sees the one before, not one with holes.
+        shows = not bpy.app.background and not engine.is_preview
         shown = time.monotonic()
 
         def on_event(event):
@@ -76,7 +78,7 @@ class Job:
                 picture.open(frame)
             elif event["event"] == "progress":
                 self._progress(event["fraction"], event["stage"])
-            elif event["event"] == "tile" and not bpy.app.background and time.monotonic() - shown > SHOW_SECONDS:
+            elif event["event"] == "tile" and shows and time.monotonic() - shown > SHOW_SECONDS:
                 picture.show()
                 shown = time.monotonic()
 

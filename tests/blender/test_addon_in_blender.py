@@ -90,6 +90,30 @@ def test_errors_give_exit_code_1(run_blender, tmp_path):
     assert not list(tmp_path.glob("f_*"))
 
 
+def test_stereo_gives_exit_code_1(run_blender, tmp_path):
+    blend = save_scene(run_blender, tmp_path / "scene.blend", "\nscene.render.use_multiview = True")
+    done = run_blender(blend, "-o", tmp_path / "f_####", "-f", "1")
+    assert done.returncode == 1
+    assert "renders no stereo pictures: switch off Stereoscopy" in done.stdout + done.stderr
+
+
+def test_previews(run_blender):
+    """With the lights and the engine that the extension finds by itself."""
+    done = run_blender("--python-exit-code", "3", "--python-expr", SCENE + """
+material.node_tree or setattr(material, "use_nodes", True)
+material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.05, 0.05, 1)
+material.light_meshes.override_Od = False
+material.asset_mark()
+material.asset_generate_preview()
+pixels = list(material.preview.image_pixels_float)
+print("MEAN", *(sum(pixels[c::4]) / len(pixels[::4]) for c in range(4)))
+""")
+    mean = re.search(r"^MEAN (.*)$", done.stdout, re.M)
+    assert mean, done.stdout + done.stderr
+    red, green, blue, alpha = map(float, mean[1].split())
+    assert red > 2 * green > 0 and red > 2 * blue > 0 and 0.4 < alpha < 0.6
+
+
 def test_ctrl_c(run_blender, tmp_path):
     """SIGINT is what ESC is in a window: within 0.2 s on an idle machine; generous here."""
     done = run_blender("--python-exit-code", "3", "--python-expr", SCENE + SLOW + f"""

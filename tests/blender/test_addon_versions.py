@@ -72,6 +72,44 @@ def run(arguments, environment):
     return done.stdout
 
 
+# What the view layer and the lens say, and a preview.
+MORE = "import sys, bpy, light_meshes_addon\nlight_meshes_addon.register()\n" + SCENE + """
+layer = scene.view_layers[0]
+clay = bpy.data.materials.new("Clay")
+clay.light_meshes.override_Od = True
+clay.light_meshes.Od = (0.1, 0.2, 0.3)
+clay.light_meshes.override_ks = True
+clay.light_meshes.ks = 0
+layer.material_override, layer.samples = clay, 64
+sky = bpy.data.worlds.new("Sky")
+sky.use_nodes = True
+sky.node_tree.nodes["Background"].inputs["Color"].default_value = (0, 0.25, 0, 1)
+layer.world_override = sky
+scene.light_meshes.ambient = 0
+lens = scene.camera.data
+lens.dof.use_dof, lens.dof.focus_distance = True, 5
+lens.dof.aperture_fstop = lens.lens / 1000 / 2 / 0.5
+image = scene.render.image_settings
+if hasattr(image, "media_type"):
+    image.media_type = 'MULTI_LAYER_IMAGE'
+image.file_format, image.color_depth = 'OPEN_EXR_MULTILAYER', '32'
+if hasattr(image, "use_exr_interleave"):
+    image.use_exr_interleave = True
+scene.render.filepath = sys.argv[1]
+bpy.ops.render.render(write_still=True)
+red = bpy.data.materials.new("Red")
+red.use_nodes = True
+red.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.8, 0.05, 0.05, 1)
+red.asset_mark()
+red.asset_generate_preview()
+pixels = list(red.preview.image_pixels_float)
+print("\\nMEAN", *(sum(pixels[c::4]) / len(pixels[::4]) for c in range(4)), flush=True)
+from light_meshes_addon.headless import leave
+light_meshes_addon.unregister()
+leave(0)
+"""
+
+
 def test_version(python, environment, tmp_path):
     output, blend = tmp_path / "picture.exr", tmp_path / "scene.blend"
     run([python, "-c", SCRIPT, output, blend], environment)
@@ -97,3 +135,17 @@ def test_version(python, environment, tmp_path):
     assert lines.count('"event": "wrote"') == 2
     assert read(tmp_path / "again_0002.png")[36, 32, 0] > 0.3
     assert not list(tmp_path.glob("light-meshes-*")) and not list(tmp_path.glob("blender_*"))
+
+
+def test_overrides_depth_of_field_and_previews(python, environment, tmp_path):
+    said = run([python, "-c", MORE, tmp_path / "picture.exr"], environment)
+    combined = read_layers(tmp_path / "picture.exr")["Combined"]
+    assert combined[24, 32, :3] == pytest.approx((0.1, 0.2, 0.3), abs=2e-3)
+    assert combined[2, 2, :3] == pytest.approx((0, 0.25, 0), abs=1e-5)
+    # The plane's edge at distance 10, focus at 5: a circle of confusion of radius 0.5 on a pixel of 0.1125.
+    step = np.diff(combined[24, 32:, 0]) / -0.1
+    x = np.arange(len(step)) - (step * np.arange(len(step))).sum()
+    assert step.sum() == pytest.approx(1, abs=0.02)
+    assert (step * x**2).sum() == pytest.approx((0.5 / 0.1125) ** 2 / 4, rel=0.15)
+    red, green, blue, alpha = map(float, said[said.index("MEAN"):].split("\n")[0].split()[1:])
+    assert red > 2 * green > 0 and red > 2 * blue > 0 and 0.4 < alpha < 0.6
