@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import bmesh
 import bpy
 import numpy as np
 
@@ -68,13 +69,12 @@ def box(name, low, high):
 
 
 def ball(name, radius, around, **properties):
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=around, ring_count=around // 2, radius=radius)
-    ob = bpy.context.object
-    ob.name = ob.data.name = name
-    ob.data.polygons.foreach_set("use_smooth", [True] * len(ob.data.polygons))
-    ob.data.materials.append(diffuse(name))
-    for key, value in properties.items():
-        setattr(ob, key, value)
+    shape, data = bmesh.new(), bpy.data.meshes.new(name)
+    bmesh.ops.create_uvsphere(shape, u_segments=around, v_segments=around // 2, radius=radius)
+    shape.to_mesh(data)
+    shape.free()
+    data.polygons.foreach_set("use_smooth", [True] * len(data.polygons))
+    add(data, material=name, **properties)
 
 
 def mesh(name, vertices, faces):
@@ -409,11 +409,11 @@ if __name__ == "__main__":
         import light_meshes_addon
 
         light_meshes_addon.register()
+    if not bpy.app.background:  # Blender crashes when it is told to quit while it still starts
+        bpy.app.timers.register(bpy.ops.wm.quit_blender, first_interval=1, persistent=True)
     main(sys.argv[-1])
     if not bpy.app.binary_path:
         light_meshes_addon.unregister()
         from light_meshes_addon.headless import leave
 
         leave(0)
-    elif not bpy.app.background:  # Blender crashes when it is told to quit while it still starts
-        bpy.app.timers.register(bpy.ops.wm.quit_blender, first_interval=1, persistent=True)
