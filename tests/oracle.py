@@ -87,7 +87,7 @@ class Oracle:
         beside = (dA > self.margin) & (dB > self.margin) | (dA < -self.margin) & (dB < -self.margin)
         low, high = self.triangles.min(1) - self.margin, self.triangles.max(1) + self.margin
         apart = ((np.minimum(A, B)[:, None] > high) | (np.maximum(A, B)[:, None] < low)).any(-1)
-        hit = crosses & (inside > margin)
+        hit = crosses & (inside > margin) & casts
         miss = beside | apart | (crosses & (inside < -margin)) | ~casts
         if N is not None:
             miss |= (np.abs(dA) <= self.margin) & (np.abs(self.n @ N) > 1 - 1e-9)
