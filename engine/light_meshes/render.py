@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .film import Framebuffer, crop_of
 from .integrator import radiance
-from .light_size import own_radii
+from .light_size import own_radii, steps
 from .prepared import Prepared, measured_h
 from .scene import Scene
 from .statistics import peak_memory
@@ -147,6 +147,10 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
             "node_bytes": lit.store.bytes, "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
         }
+        own = own_radii(ready)
+        reach, _ = steps(ready, own)
+        report["light_radii"] = {  # of those that do not have the scene's
+            ready.scene.lights[i].name: float(f"{s.h * reach[i]:.9g}") for i in own}
     if ready.plan.paths:
         for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):
             report[name] = counts[name]
