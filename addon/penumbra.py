@@ -27,7 +27,7 @@ def light_radius(scene, lamp, name: str) -> float | None:
         return None if h is None else h * scene.light_meshes.kI
     if session.statistics.get("scene") != scene.name_full:
         return None
-    return session.statistics.get("radii", {}).get(name)
+    return session.statistics.get("light_radii", {}).get(name)
 
 
 def nodes(kI: float) -> int:

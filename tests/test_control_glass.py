@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from light_meshes.render import Prepared
-from meshes import GREY, Part, assemble, look_down, rectangle
+from meshes import GREY, Mesh, Part, assemble, look_down, rectangle
 from scenes import WHITE, all_lights, settings, sun, with_lights, with_objects, with_settings
 from test_semitransparent import glass, still_life
 
@@ -36,6 +36,18 @@ def test_sharp_glass_multiplies_by_its_t_at_the_receiver(values, t):
     _, _, soft = under_pane(True, t, values=values, angle=0.1)
     lit = y > 0.35
     assert len(np.unique(soft[lit].round(5))) > 5 and len(np.unique(S[lit].round(5), axis=0)) == 2
+
+
+def test_beside_a_sharp_pane_paper_counts_its_t_once():
+    """Eq. (7) weighs soft glass alone: what is sharp dims at the receiver."""
+    upright = Mesh(np.array([(0, -5, -1), (0, 5, -1), (0, 5, 5), (0, -5, 5)], float), np.array([(0, 1, 2), (0, 2, 3)]))
+    parts = [Part(rectangle((-9, -9), (9, 9), 0.0), WHITE, "floor"),
+             Part(rectangle((-3, -8), (3, 0), 2.0), GREY, "roof"),
+             Part(upright, glass(0.5), "pane", visible={"cast_soft_shadows": False})]
+    scene = assemble(parts, look_down(0, 0, 4, 8), [sun((-1, 0, -1))], settings(h=0.1, glass="PAPER"))
+    x = np.array([-0.05, -0.2, 0.05, 0.2])
+    S = Prepared(scene).light_visibility(np.stack([x, 0 * x + 2, 0 * x], 1), np.repeat(UP, len(x), 0)).ravel()
+    np.testing.assert_array_equal(S, np.where(x > 0, 1.0, 0.5))
 
 
 def test_smooth_weights_are_exact_where_all_agree_through_glass():

@@ -51,7 +51,7 @@ def rows(s: dict, scene) -> list[tuple[str, str]]:
                        f"the others {s['short_rays']:,}"),
             ("Without Node", f"{count(s['empty_sets'], 'point')}, with sharp shadows"),
         ]
-    result += [(name, f"r {penumbra.length(scene, r)}") for name, r in [*s.get("radii", {}).items()][:10]]
+    result += [(name, f"r {penumbra.length(scene, r)}") for name, r in [*s.get("light_radii", {}).items()][:10]]
     if "refracted_paths" in s:
         result.append(("Refracted Paths", f"{s['refracted_paths']:,}, {s['path_rays']:,} rays"))
     if s.get("peak_memory"):

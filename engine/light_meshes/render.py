@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .film import Framebuffer, crop_of
 from .integrator import radiance
 from .lattice import SharedNodesError
-from .light_size import own_radii
+from .light_size import own_radii, steps
 from .prepared import Prepared, measured_h
 from .scene import Camera, Scene
 from .statistics import peak_memory
@@ -167,16 +167,18 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         lit = ready.soft
         vertices = ready.surfaces.vertices[np.isfinite(ready.surfaces.vertices).all(1)]
         box = np.ptp(vertices.astype(np.float64), axis=0) * ready.surfaces.scale if len(vertices) else np.zeros(3)
-        lattice_nodes = float(np.prod((box + 2 * s.h * s.kI) / s.h))  # all that any receiver can reach
+        radii = (s.h * lit.lattice.reach).tolist()
+        lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all that any receiver can reach
         report |= {
-            "h": s.h, "kI": s.kI, "r": s.h * s.kI,
-            "radii": {ready.scene.lights[i].name: r for i, r in ready.radii.items()},
-            "receivers": counts["receivers"], "candidates": counts["candidates"],
-            "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
+            "h": s.h, "kI": s.kI, "r": s.h * s.kI, "radii": radii, "receivers": counts["receivers"],
+            "candidates": counts["candidates"], "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
             "nodes_kept": ready.nodes_kept, "node_bytes": lit.store.bytes,
             "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
         }
+        reach, _ = steps(ready, ready.radii)
+        report["light_radii"] = {  # of those that do not have the scene's
+            ready.scene.lights[i].name: float(f"{s.h * reach[i]:.9g}") for i in ready.radii}
     if ready.plan.paths:
         for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):
             report[name] = counts[name]

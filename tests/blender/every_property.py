@@ -3,7 +3,6 @@
 pytest runs the rows (test_addon_every_property.py), and as a script any Blender does, without pytest.
 """
 
-import math
 import os
 import sys
 import tempfile
@@ -14,208 +13,30 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-WIDTH, HEIGHT, VIEW = 64, 48, 4.0  # pixels, and scene units across
+sys.path.insert(0, str(Path(__file__).parent))  # Blender does not look beside a script
 
-
-def stage():
-    """A floor seen straight from above, its right half in the shadow of a half plane, under a sun; no world."""
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    scene = bpy.context.scene
-    scene.render.engine = 'LIGHT_MESHES'
-    scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
-    lens = bpy.data.cameras.new("Camera")
-    lens.type, lens.ortho_scale = 'ORTHO', VIEW
-    scene.camera = add(lens, location=(0, 0, 10))
-    add(rectangle("Floor", (-5, -5), (5, 5)), material="Ground")
-    add(rectangle("Blocker", (0, -5), (5, 5)), material="Caster", location=(0, 0, 1), visible_camera=False)
-    sun = bpy.data.lights.new("Sun", 'SUN')
-    sun.energy, sun.angle = math.pi, 0.5
-    add(sun, location=(0, 0, 5))
-    own = scene.light_meshes
-    own.auto_h, own.h, own.kI = False, 0.05, 3
-
-
-def add(data, material="", **properties):
-    ob = bpy.data.objects.new(data.name, data)
-    bpy.context.scene.collection.objects.link(ob)
-    if material:
-        data.materials.append(bpy.data.materials.get(material) or diffuse(material))
-    for name, value in properties.items():
-        setattr(ob, name, value)
-    return ob
-
-
-def diffuse(name):
-    material = bpy.data.materials.new(name)
-    if bpy.app.version < (5, 0):
-        material.use_nodes = True
-    tree = material.node_tree
-    tree.nodes.clear()
-    shader = tree.nodes.new('ShaderNodeBsdfDiffuse')
-    shader.inputs["Color"].default_value = (0.8, 0.8, 0.8, 1)
-    tree.links.new(shader.outputs[0], tree.nodes.new('ShaderNodeOutputMaterial').inputs["Surface"])
-    return material
-
-
-def rectangle(name, low, high):
-    (x0, y0), (x1, y1) = low, high
-    return mesh(name, [(x0, y0, 0), (x1, y0, 0), (x1, y1, 0), (x0, y1, 0)], [(0, 1, 2, 3)])
-
-
-def box(name, low, high):
-    corners = [tuple((low, high)[i >> k & 1][k] for k in range(3)) for i in range(8)]
-    return mesh(name, corners, [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
-
-
-def ball(name, radius, around, **properties):
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=around, ring_count=around // 2, radius=radius)
-    ob = bpy.context.object
-    ob.name = ob.data.name = name
-    ob.data.polygons.foreach_set("use_smooth", [True] * len(ob.data.polygons))
-    ob.data.materials.append(diffuse(name))
-    for key, value in properties.items():
-        setattr(ob, key, value)
-
-
-def mesh(name, vertices, faces):
-    data = bpy.data.meshes.new(name)
-    data.from_pydata(vertices, [], faces)
-    return data
-
-
-def override(material, **values):
-    own = bpy.data.materials[material].light_meshes
-    for name, value in values.items():
-        setattr(own, f"override_{name}", True)
-        setattr(own, name, value)
-
-
-def glass(material, ior=1.0):
-    override(material, kd=0, ka=0, ks=0, kt=(1, 1, 1), ior=ior)
-
-
-def hide(*names):
-    for name in names:
-        bpy.data.objects[name].hide_render = True
-
-
-# Scenes that show what the stage does not. Each changes the stage.
-
-
-def nothing():
-    pass
-
-
-def bright_world():
-    world = bpy.context.scene.world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0):
-        world.use_nodes = True
-    next(n for n in world.node_tree.nodes if n.type == 'BACKGROUND').inputs["Color"].default_value = (.5, .5, .5, 1)
-
-
-def coarse():
-    bpy.context.scene.light_meshes.h = 0.3
-
-
-def silhouette():
-    """The floor's edge, which is not along the pixels, against black."""
-    hide("Blocker")
-    bpy.data.objects["Floor"].location.x, bpy.data.objects["Floor"].rotation_euler.z = 5.5, 0.2
-    bpy.context.scene.light_meshes.samples = 1
-
-
-def sampled():
-    own = bpy.context.scene.light_meshes
-    own.shadows, own.light_samples = 'AREA_SAMPLING', 2
-
-
-def glowing_sky():
-    """Something bright that is seen in mirrors only."""
-    hide("Blocker")
-    add(rectangle("Sky", (-9, -9), (9, 9)), material="Sky", location=(0, 0, 3), visible_camera=False,
-        visible_shadow=False)
-    override("Sky", emission=(1, 1, 1))
-
-
-def mirror():
-    glowing_sky()
-    override("Ground", mirror=(1, 1, 1))
-
-
-def oblique_highlight():
-    hide("Blocker")
-    bpy.data.objects["Sun"].rotation_euler.y = 0.3
-    override("Ground", ks=1)
-
-
-def slab():
-    """An oblique slab, its near side to the right, over a floor that glows on the right: a bent ray from above meets
-    the floor farther to the left.
-    """
-    hide("Blocker", "Sun", "Floor")
-    add(rectangle("Glow", (0, -5), (5, 5)), material="Glow")
-    override("Glow", emission=(1, 1, 1))
-    add(box("Slab", (-1.2, -1, -0.5), (1.2, 1, 0.5)), material="Slab", location=(0, 0, 1.5),
-        rotation_euler=(0, 0.6, 0))
-    glass("Slab")
-
-
-def glass_slab():
-    slab()
-    glass("Slab", 1.5)
-
-
-def slab_in_air():
-    """The slab lies in a larger body that bends next to nothing, and that is there instead."""
-    glass_slab()
-    add(box("Air", (-3, -3, 0.2), (3, 3, 3)), material="Air")
-    glass("Air", 1.001)
-    bpy.data.materials["Air"].light_meshes.priority = 1
-
-
-def pane():
-    """A dark pane, which stands on the floor."""
-    hide("Blocker")
-    add(mesh("Pane", [(0, -5, 0), (0, 5, 0), (0, 5, 2), (0, -5, 2)], [(0, 1, 2, 3)]), material="Pane")
-    override("Pane", kt=(0.02, 0.02, 0.02))
-    bpy.context.scene.light_meshes.h = 0.2
-
-
-def lens():
-    hide("Blocker")
-    ball("Ball", 1.0, 24, location=(0, 0, 1.6), visible_camera=False)
-    glass("Ball", 1.5)
-    bpy.context.scene.light_meshes.refraction = 'FULL'
-
-
-def below_a_table():
-    """A table's edge from near by: a ball of heavy glass below sends light up past it."""
-    hide("Blocker", "Floor", "Sun")
-    add(box("Table", (0, -1, 0.9), (1, 1, 1)), material="Ground")
-    ball("Ball", 0.3, 64, location=(-1, 0, 0.8), visible_camera=False)
-    glass("Ball", 2.4)
-    lamp = bpy.data.lights.new("Lamp", 'POINT')
-    lamp.energy = 500
-    add(lamp, location=(-1, 0, 4))
-    own = bpy.context.scene.light_meshes
-    own.h, own.refraction = 0.03, 'FULL'
-    bpy.context.scene.camera.location.x = 0.05
-    bpy.context.scene.camera.data.ortho_scale = 0.09
-
-
-def own_radius():
-    own = bpy.data.lights["Sun"].light_meshes
-    own.softness, own.radius = 'RADIUS', 0.05
-
-
-def wide_radius():
-    bpy.data.lights["Sun"].light_meshes.radius = 0.6
-
-
-def sized():
-    own = bpy.data.lights["Sun"].light_meshes
-    own.softness, own.reference_distance = 'LIGHT_SIZE', 0.2
-
+from property_scenes import (
+    HEIGHT,
+    WIDTH,
+    below_a_table,
+    bright_world,
+    coarse,
+    glass_slab,
+    glowing_sky,
+    lens,
+    mirror,
+    nothing,
+    oblique_highlight,
+    own_radius,
+    pane,
+    sampled,
+    silhouette,
+    sized,
+    slab,
+    slab_in_air,
+    stage,
+    wide_radius,
+)
 
 # What is seen of a picture (rows from the bottom up): before → after.
 
@@ -391,7 +212,9 @@ def missing():
     for owner, kind in (("scene", bpy.types.Scene), ("light", bpy.types.Light), ("object", bpy.types.Object),
                         ("material", bpy.types.Material)):
         group = kind.bl_rna.properties["light_meshes"].fixed_type
-        there |= {f"{owner}.{p.identifier}" for p in group.properties if p.identifier not in {"rna_type", "name"}}
+        # What chooses passes changes no pixel of Combined; their own tests render them.
+        there |= {f"{owner}.{p.identifier}" for p in group.properties
+                  if p.identifier not in {"rna_type", "name"} and "pass" not in p.identifier}
     return sorted(have ^ there)
 
 
@@ -409,11 +232,11 @@ if __name__ == "__main__":
         import light_meshes_addon
 
         light_meshes_addon.register()
+    if not bpy.app.background:  # Blender crashes when it is told to quit while it still starts
+        bpy.app.timers.register(bpy.ops.wm.quit_blender, first_interval=1, persistent=True)
     main(sys.argv[-1])
     if not bpy.app.binary_path:
         light_meshes_addon.unregister()
         from light_meshes_addon.headless import leave
 
         leave(0)
-    elif not bpy.app.background:  # Blender crashes when it is told to quit while it still starts
-        bpy.app.timers.register(bpy.ops.wm.quit_blender, first_interval=1, persistent=True)

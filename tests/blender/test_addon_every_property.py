@@ -24,7 +24,8 @@ def test_all_survive_save_and_load(addon, tmp_path):
 def test_rows_cover_all_owners(addon):
     from light_meshes_addon.properties import _GROUPS
 
-    assert {kind.__name__.lower() for kind in _GROUPS} == {row.owner for row in every_property.ROWS}
+    owners = {kind.__name__.lower() for kind in _GROUPS} - {"viewlayer"}  # which chooses passes only
+    assert owners == {row.owner for row in every_property.ROWS}
 
 
 @pytest.mark.slow

@@ -59,7 +59,12 @@ def test_all_frames_of_an_animation_agree(rising, tmp_path):
     from light_meshes_addon.observers import observers
 
     seen = []
-    observers.append(lambda event: seen.append(event["statistics"]["radii"]) if event["event"] == "statistics" else 0)
+
+    def observer(event):
+        if event["event"] == "statistics":
+            seen.append(event["statistics"]["light_radii"])
+
+    observers.append(observer)
     try:
         rising.frame_start, rising.frame_end, rising.frame_step = 1, 5, 2
         rising.render.filepath = str(tmp_path / "f_")
