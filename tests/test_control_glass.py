@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.render import Prepared
+from light_meshes.render import Prepared, render_image
 from meshes import GREY, Mesh, Part, assemble, look_down, rectangle
 from scenes import WHITE, all_lights, settings, sun, with_lights, with_objects, with_settings
 from test_semitransparent import glass, still_life
@@ -71,6 +71,9 @@ def test_glass_that_does_not_block_a_light_does_not_bend_it():
     gone = Prepared(with_objects(scene, ball={"visible_shadow": False})).light_visibility(P, N)
     np.testing.assert_allclose(S[:, 0], gone[:, 0], rtol=1e-5)
     assert (S[:, 0] != everything[:, 0]).any()
+    straight = [render_image(all_lights(with_settings(scene, refraction=r), blockers=(0, 2, 3)))
+                for r in ("VIEW", "FULL")]
+    np.testing.assert_allclose(*(picture.passes["Combined"] for picture in straight), rtol=1e-5)
 
 
 def test_a_sharp_ball_of_glass_has_the_sharp_caustic():

@@ -122,6 +122,8 @@ class Prepared:
                 media = self.glass.media(self.casters.sets[n])
                 if media.solid.any():
                     solvers[n] = RefractedPaths(self.surfaces, media, self.lights.targets(), self.tracer, s.h, n)
+        if not solvers:  # what bends blocks no light
+            return None
         return Refraction(solvers, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free)
 
     @cached_property
