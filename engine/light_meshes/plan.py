@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,8 +26,12 @@ class Plan:
     reasons: dict[str, str] = field(default_factory=dict)
 
 
-def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",)) -> Plan:
-    """Decide what `scene`, with what is transparent in it, needs for `passes`."""
+def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",),
+         forced: Mapping[str, Any] | None = None) -> Plan:
+    """Decide what `scene`, with what is transparent in it, needs for `passes`.
+
+    forced: fields of the plan that are not left to it, to measure and test what it saves.
+    """
     s, p = scene.settings, Plan()
     used = scene.geometry.triangle_materials
     count = np.bincount(used, minlength=len(scene.materials)) if len(used) else np.zeros(len(scene.materials))
@@ -92,4 +98,4 @@ def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",
         decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
     if "Shadow" in passes and p.shadows == "NONE":
         decide("Shadow pass", "lit sides", "nothing casts a shadow")
-    return p
+    return replace(p, **(forced or {}))
