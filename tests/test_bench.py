@@ -26,12 +26,12 @@ def test_the_half_ball_reference_is_the_closed_form(degrees):
     """The same r as kI = 2 asks for, and the error that its finer lattice leaves."""
     beta, r = np.radians(degrees), 0.2
     fine = errors.half_ball(edge(2.0, beta=beta))
-    assert scenes.radius(fine) == pytest.approx(r) and fine.settings.kI == 8.0
+    assert scenes.radius(fine) == pytest.approx(r) and fine.settings.kI == errors.FINE
     S = render_image(fine, ("Shadow",)).passes["Shadow"][..., 0]
     left, right = fine.camera.window[:2]
     expected = half_ball(left + (right - left) * (np.arange(S.shape[1]) + 0.5) / S.shape[1], r, beta)
     partly = (expected > 0) & (expected < 1)
-    assert np.abs(S - expected)[:, partly].mean() <= QUANTISATION / 8.0**2
+    assert np.abs(S - expected)[:, partly].mean() <= QUANTISATION / errors.FINE**2
 
 
 def test_the_penumbra_is_where_the_closed_form_has_it():
@@ -40,7 +40,7 @@ def test_the_penumbra_is_where_the_closed_form_has_it():
     left, right = scene.camera.window[:2]
     x = left + (right - left) * (np.arange(found.shape[1]) + 0.5) / found.shape[1]
     S = half_ball(x, 0.2, np.pi / 2)
-    sure = np.minimum(np.abs(S - 0.02), np.abs(S - 0.98)) > 3 * QUANTISATION / 8.0**2
+    sure = np.minimum(np.abs(S - 0.02), np.abs(S - 0.98)) > 3 * QUANTISATION / errors.FINE**2
     np.testing.assert_array_equal(found[:, sure], np.broadcast_to((S > 0.02) & (S < 0.98), found.shape)[:, sure])
     assert sure.mean() > 0.1
 

@@ -43,18 +43,19 @@ class Effort:
     steps: tuple[float, ...] = (2.0, 0.5)  # × the scene's h, at its kI
     samples: tuple[int, ...] = (1, 4, 16, 64)  # of area sampling and Cycles
     all_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # the same on S3
-    error_size: int = 200  # of the pictures whose errors are taken
+    error_size: int = 120  # of the pictures whose errors are taken
     cycles_reference: int = 512  # samples a pixel
     triangles: tuple[int, ...] = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
     growth_lights: int = 16
     most: float = 10.0  # seconds for all runs of a method on a scene, after the first
-    most_target: float = 100.0  # the same for the methods of the targets
+    most_target: float = 150.0  # the same for the methods of the targets
     seconds: float = 2400.0  # for everything: past its share of this, a part makes no second runs
 
 
-QUICK = Effort(size=250, repeats=3, lights=(1, 16, 64), kI=(2.0, 3.0), steps=(), samples=(1, 16), all_samples=(1, 16),
-               error_size=100, cycles_reference=128, triangles=(10_000, 100_000), most=2.0, most_target=8.0,
+QUICK = Effort(size=250, repeats=3, lights=(4, 16, 64), kI=(2.0,), steps=(), samples=(1, 4), all_samples=(1, 4),
+               error_size=60, cycles_reference=64, triangles=(10_000, 100_000), most=2.0, most_target=6.0,
                seconds=120.0)
+QUICK_PARTS = ("S3", "S7", "cycles", "errors", "embree", "process")
 SHARES = {"S3": 0.12, "S5": 0.08, "S7": 0.5, "S8": 0.08, "growth": 0.1, "embree": 0.04}  # of the seconds
 
 
@@ -125,8 +126,9 @@ class Bench:
             self.results["scenes"].append({
                 "scene": name, "title": case.title, "lights": case.lights, "file": case.file.name, "h": s.h, "kI": s.kI,
                 "r": scenes.radius(case.scene), "mode": s.mode, "sizes": case.rule})
+        deadline = self._deadline(name)
         for case in cases:
-            self._times(case, cycles, self._deadline(name, 1 / len(cases)))
+            self._times(case, cycles, deadline)
         for case in cases if "errors" in self.parts else ():
             self._errors(case, cycles)
 
@@ -136,9 +138,10 @@ class Bench:
         for method in self._methods(case, cycles is not None):
             target = method.kind == "RRTA" or (method.kI == own and abs(method.h - case.scene.settings.h) < 1e-9)
             most = e.most_target if target else e.most
-            for samples in (1, 4) if method.kind in ("RRTA", "light meshes") else (1,):
-                measured.append(Measurement(case, method, _affordable(e.size, case, method), e.size, samples,
-                                            cycles, most))
+            several = target or (method.kind == "light meshes" and case.lights <= 16)
+            for samples in (1, 4) if several else (1,):
+                measured.append(Measurement(case, method, _affordable(e.size, case, method, samples), e.size,
+                                            samples, cycles, most))
         self.results["times"] += in_turn(measured, e.repeats, deadline, self._say)
 
     def _errors(self, case: Case, cycles: Cycles | None) -> None:
@@ -238,11 +241,16 @@ print(json.dumps({"import": d[0], "first": d[2], "later": sorted(d[3:])[1]}))
 """
 
 
-def _affordable(size: int, case: Case, method: Method) -> int:
-    """The edge of a picture that a sampler can afford: rays grow with the area, and nothing else does."""
-    if method.kind not in ("area sampling", "Cycles"):
+def _affordable(size: int, case: Case, method: Method, samples: int) -> int:
+    """The edge of a picture that is measured, the full one or a half of it …, where time grows as the area does."""
+    if method.kind == "Cycles":
+        rays, most = float(method.samples), 4e6
+    elif method.kind == "area sampling":
+        rays, most = method.samples * case.lights / 2, 1e8
+    elif method.kind == "RRTA" and case.scene.settings.refraction == "FULL":  # solves for paths at each sample
+        rays, most = float(samples), 3e5
+    else:
         return size
-    rays, most = (method.samples, 8e6) if method.kind == "Cycles" else (method.samples * case.lights / 2, 1e8)
     while size >= 128 and size**2 * rays > most:
         size //= 2
     return size

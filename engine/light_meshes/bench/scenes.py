@@ -46,7 +46,7 @@ class Case:
 
 def blend_folder() -> Path:
     """blend_scenes/, beside the sources or in the working folder. Raises SceneError."""
-    for place in (Path(__file__).parents[3], Path.cwd()):
+    for place in (Path(__file__).resolve().parents[3], Path.cwd()):
         if (place / "blend_scenes" / f"{FILES['S7']}.blend").is_file():
             return place / "blend_scenes"
     raise SceneError("the benchmark renders the files of blend_scenes/, which is not here: run it in a checkout of "
