@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from light_meshes.bench import command, decisions, errors, plots, runs, scenes, targets
 from light_meshes.bench.embree import ShadowRays
+from light_meshes.plan import forced
 from light_meshes.render import render_image
 from light_meshes.scene import Light, Material
 from meshes import Part, assemble, box, cylinder, look_at, rectangle
@@ -174,11 +175,15 @@ def test_each_decision_of_the_plan_leaves_the_same_bits():
 def test_a_forced_plan_is_carried_out():
     """Else the table would compare a picture with itself."""
     scene = hall(6, width=24)
-    taken, forced = (render_image(scene, forced=f).statistics for f in (None, {"uniform_skip": False}))
-    assert taken["uniform_skips"] > 0 == forced["uniform_skips"]
-    assert taken["short_rays"] < forced["short_rays"]
-    bits, numbers = (render_image(scene, forced=f).statistics["node_bytes"] for f in (None, {"channels": 1}))
-    assert numbers > bits
+    taken = render_image(scene).statistics
+    with forced(uniform_skip=False):
+        traced = render_image(scene).statistics
+    with forced(channels=1):
+        numbers = render_image(scene).statistics
+    assert taken["uniform_skips"] > 0 == traced["uniform_skips"]
+    assert taken["short_rays"] < traced["short_rays"]
+    assert taken["node_bytes"] < numbers["node_bytes"]
+    assert render_image(scene).statistics["uniform_skips"] == taken["uniform_skips"]  # it ends with the block
 
 
 def test_a_decision_that_changes_bits_is_told(monkeypatch):

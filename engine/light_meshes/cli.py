@@ -82,7 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     bench = commands.add_parser("bench", help="measure speed against error on the scenes of blend_scenes/")
     bench.add_argument("--out", metavar="FOLDER", type=Path, default=Path("benchmark"),
                        help="for table.txt, results.json and figures (default: %(default)s)")
-    bench.add_argument("--quick", action="store_true", help="small pictures and few of them, in about two minutes: does it work?")
+    bench.add_argument("--quick", action="store_true", help="small pictures and few of them: about two minutes")
     bench.add_argument("--only", metavar="PART,…", help="S3, S5, S7, S8, cycles, errors, growth, embree, process, "
                        "decisions; or figures, from the results that FOLDER has")
     bench.add_argument("--debug", action="store_true", help="show tracebacks")

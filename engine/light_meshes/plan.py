@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,12 +28,8 @@ class Plan:
     reasons: dict[str, str] = field(default_factory=dict)
 
 
-def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",),
-         forced: Mapping[str, Any] | None = None) -> Plan:
-    """Decide what `scene`, with what is transparent in it, needs for `passes`.
-
-    forced: fields of the plan that are not left to it, to measure and test what it saves.
-    """
+def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",)) -> Plan:
+    """Decide what `scene`, with what is transparent in it, needs for `passes`."""
     s, p = scene.settings, Plan()
     used = scene.geometry.triangle_materials
     count = np.bincount(used, minlength=len(scene.materials)) if len(used) else np.zeros(len(scene.materials))
@@ -98,4 +96,17 @@ def plan(scene: Scene, glass: Interfaces, passes: tuple[str, ...] = ("Combined",
         decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
     if "Shadow" in passes and p.shadows == "NONE":
         decide("Shadow pass", "lit sides", "nothing casts a shadow")
-    return replace(p, **(forced or {}))
+    return replace(p, **(_forced.get() or {}))
+
+
+_forced: ContextVar[dict[str, Any] | None] = ContextVar("forced", default=None)
+
+
+@contextmanager
+def forced(**fields: Any) -> Iterator[None]:
+    """Plans that this thread makes meanwhile have these fields: to measure, and to test, what a decision saves."""
+    token = _forced.set(fields)
+    try:
+        yield
+    finally:
+        _forced.reset(token)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +29,7 @@ SHADED = 1 << 22  # receivers × lights held at once, at most
 class Prepared:
     """A scene made ready: triangles, accelerator, lights and the shadow method that its plan asks for."""
 
-    def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",),
-                 forced: Mapping[str, Any] | None = None) -> None:
-        """forced: see `plan`."""
+    def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",)) -> None:
         self.stats = Statistics()
         self.passes = tuple(passes)
         with self.stats.stage("geometry"):
@@ -48,7 +45,7 @@ class Prepared:
         if scene.settings.auto_h:
             settings = dataclasses.replace(scene.settings, h=measured_h(self))
             self.scene = dataclasses.replace(scene, settings=settings)
-        self.plan = plan(self.scene, self.glass, self.passes, forced)
+        self.plan = plan(self.scene, self.glass, self.passes)
         self.lights = shading.light_arrays(scene.lights)
         self.materials = shading.material_arrays(scene.materials)
         self.refraction = self._refraction()

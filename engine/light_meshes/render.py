@@ -6,7 +6,7 @@ import dataclasses
 import os
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -51,12 +51,12 @@ def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, i
 def render(
     scene: Scene, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
     cancelled: Callable[[], bool] = lambda: False, progress: Callable[[float, str], None] = lambda f, s: None,
-    tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None, forced: Mapping[str, Any] | None = None,
+    tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
 ) -> Result:
     """Render `scene` into `frame`.
 
     `tile` hears of each finished box (x0, y0, x1, y1, relative to the crop). Raises Cancelled and SceneError. The
-    picture does not depend on threads and tile_size, nor on what is forced on the plan (to measure what it saves).
+    picture does not depend on threads and tile_size.
     """
     started = time.perf_counter()
 
@@ -67,7 +67,7 @@ def render(
     stopped = threading.Event()
     check()
     progress(0.0, "Preparing")
-    ready = Prepared(scene, tuple(frame.passes), forced)
+    ready = Prepared(scene, tuple(frame.passes))
     check()
     crop = crop_of(scene)
     if tile_size is None:
@@ -106,9 +106,9 @@ def render(
 
 
 def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: int | None = None,
-                 tile_size: int | None = None, forced: Mapping[str, Any] | None = None) -> Result:
+                 tile_size: int | None = None) -> Result:
     """Render into memory."""
-    return render(scene, Framebuffer.create(scene, passes), threads=threads, tile_size=tile_size, forced=forced)
+    return render(scene, Framebuffer.create(scene, passes), threads=threads, tile_size=tile_size)
 
 
 def measure_h(scene: Scene) -> float:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..plan import forced
 from ..render import render_image
 from ..scene import Scene
 from .measure import PREPARING, Say
@@ -78,7 +79,8 @@ def table(opaque: Scene, glass: Scene, still: Scene, repeats: int, say: Say) -> 
         runs: dict[str, list[Any]] = {"taken": [], "forced": []}
         for _ in range(repeats + 1):  # the first warms the kernels up
             runs["taken"].append(render_image(d.taken))
-            runs["forced"].append(render_image(d.instead or d.taken, forced=d.forced))
+            with forced(**d.forced):
+                runs["forced"].append(render_image(d.instead or d.taken))
         reasons = runs["taken"][0].statistics["plan"]
         not_taken = render_image(changed(d.other, samples=1)).statistics["plan"] if d.other else {}
         same = np.array_equal(runs["taken"][0].passes["Combined"], runs["forced"][0].passes["Combined"])
