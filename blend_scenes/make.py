@@ -7,11 +7,12 @@ import sys
 
 import desk
 import glass
+import hall
 import lights
 import tabletop
 
 if __name__ == "__main__":
     chosen = sys.argv[1:]
-    for scene in (tabletop, glass, lights, desk):
+    for scene in (tabletop, glass, lights, hall, desk):
         if not chosen or scene.__name__ in chosen:
             scene.make()

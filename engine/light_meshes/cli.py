@@ -79,6 +79,14 @@ def _parser() -> argparse.ArgumentParser:
     inspect = commands.add_parser("inspect", help="say what a scene holds, what the plan decides, what is missing")
     inspect.add_argument("file", metavar="FILE.blend|SNAPSHOT", type=Path)
     inspect.set_defaults(run=_inspect)
+    bench = commands.add_parser("bench", help="measure speed against error on the scenes of blend_scenes/")
+    bench.add_argument("--out", metavar="FOLDER", type=Path, default=Path("benchmark"),
+                       help="for table.txt, results.json and figures (default: %(default)s)")
+    bench.add_argument("--quick", action="store_true", help="small pictures and few of them: about two minutes")
+    bench.add_argument("--only", metavar="PART,…", help="S3, S5, S7, S8, cycles, errors, growth, embree, process, "
+                       "decisions; or figures, from the results that FOLDER has")
+    bench.add_argument("--debug", action="store_true", help="show tracebacks")
+    bench.set_defaults(run=_bench)
     for command in (render, inspect):
         command.add_argument("--set", metavar="key=value", action="append", default=[], type=_setting,
                              help="a setting, such as shadows=SHARP, h=0.02, kI=4 or samples=16; a .blend also takes "
@@ -190,6 +198,15 @@ def _inspect(arguments: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory(prefix="light-meshes-") as folder:
         blend.export(arguments.file, Path(folder), arguments.set, arguments.debug)
         print(report.describe(_read(Path(folder))))
+
+
+def _bench(arguments: argparse.Namespace) -> None:
+    from .bench import command, runs
+
+    parts = arguments.only.split(",") if arguments.only else runs.QUICK_PARTS if arguments.quick else runs.PARTS
+    if unknown := sorted({*parts} - {*runs.PARTS, "figures"}):
+        raise UsageError(f"--only: there is no part '{unknown[0]}'; there are {', '.join(runs.PARTS)} and figures")
+    command.run(arguments.out, arguments.quick, [p for p in parts if p != "figures"])
 
 
 if __name__ == "__main__":

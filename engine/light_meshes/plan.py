@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -122,4 +126,17 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         decide("shadow passes", "lit sides", "nothing casts a shadow")
     if any(name in passes for name in DEBUG) and p.shadows != "LIGHT_MESHES":
         decide("debug passes", "empty", "without light meshes nothing is counted")
-    return p
+    return replace(p, **(_forced.get() or {}))
+
+
+_forced: ContextVar[dict[str, Any] | None] = ContextVar("forced", default=None)
+
+
+@contextmanager
+def forced(**fields: Any) -> Iterator[None]:
+    """Plans that this thread makes meanwhile have these fields: to measure, and to test, what a decision saves."""
+    token = _forced.set(fields)
+    try:
+        yield
+    finally:
+        _forced.reset(token)

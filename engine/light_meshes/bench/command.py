@@ -1,0 +1,61 @@
+"""The command `light-meshes bench`: runs the parts, and writes table.txt, results.json and the figures."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..scene import SceneError
+from . import plots, tables
+from .runs import FORMAT, QUICK, Effort, bench
+from .targets import targets
+
+
+def run(folder: Path, quick: bool, parts: Sequence[str]) -> None:
+    """Measure, write what was measured into `folder` after each part, and print the tables.
+
+    Without parts: new tables and figures of the results that are there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    started = time.monotonic()
+
+    def say(line: str) -> None:
+        print(f"[{time.monotonic() - started:6.0f} s] {line}", file=sys.stderr, flush=True)
+
+    def keep(results: dict[str, Any]) -> None:
+        write(results, folder, quick)
+
+    if not plots.available():
+        say(plots.MISSING)
+    if parts:
+        results = bench(QUICK if quick else Effort(), parts, say, keep)
+    else:
+        results = read(folder)
+    print(write(results, folder, results.get("quick", quick)))
+    if plots.available():
+        for path in plots.draw(results, folder):
+            say(f"wrote {path}")
+
+
+def write(results: dict[str, Any], folder: Path, quick: bool) -> str:
+    """results.json and table.txt; returns the table."""
+    results |= {"quick": quick, "targets": targets(results)}
+    (folder / "results.json").write_text(json.dumps(results, indent=1, allow_nan=False), encoding="utf-8")
+    said = tables.text(results)
+    (folder / "table.txt").write_text(said, encoding="utf-8")
+    return said
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """The results of an earlier run."""
+    path = folder / "results.json"
+    if not path.is_file():
+        raise SceneError(f"{path} does not exist: run the benchmark with the same --out first")
+    results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    if results.get("format") != FORMAT:
+        raise SceneError(f"{path} was not written by this benchmark")
+    return results

@@ -1,0 +1,122 @@
+"""What the plan saves: each decision taken, and forced the other way, with the same bits in the picture (method §5).
+
+"Ambient light" is not among them: it costs three products a hit, and no way around it would be cheaper.
+
+Where a flag of the plan makes the decision it is forced; where the scene's own data do, an equal scene in which they
+do not takes its place: a triangle that stands there twice for one kind of ray, a light too dark for float32.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from ..plan import forced
+from ..render import render_image
+from ..scene import Scene
+from .measure import PREPARING, Say
+from .scenes import changed
+
+DARK = 1e-300  # an intensity that is some, and adds nothing in float32
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One line of the table."""
+
+    plan: str  # its name in the plan
+    what: str
+    taken: Scene  # where the plan decides for the cheap way
+    other: Scene | None  # where it does not; None: no scene of the benchmark asks for it
+    forced: dict[str, Any] = field(default_factory=dict)  # the plan's fields for the expensive way
+    instead: Scene | None = None  # an equal scene that takes the expensive way, where no field does it
+
+
+def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
+    """All of them. opaque: many lights, light meshes; glass: bends shadow paths; still: images, mirrors, no glass."""
+    plain = changed(glass, caustics="PAPER")
+    straight = dataclasses.replace(plain, materials=tuple(dataclasses.replace(m, ior=1.0) for m in plain.materials))
+    coloured = dataclasses.replace(plain, materials=tuple(
+        dataclasses.replace(m, kt=(m.kt[0], 0.9 * m.kt[1], 0.8 * m.kt[2])) for m in plain.materials))
+    whitted, cast = changed(opaque, mode="WHITTED"), changed(opaque, mode="RAY_CASTING")
+    half = len(opaque.lights) // 2
+
+    def lit(scene: Scene, **values: Any) -> Scene:
+        return dataclasses.replace(scene, lights=tuple(dataclasses.replace(light, **values) for light in scene.lights))
+
+    def dimmed(intensity: float) -> Scene:
+        return dataclasses.replace(opaque, lights=tuple(
+            dataclasses.replace(light, intensity=(intensity,) * 3) if n < half else light
+            for n, light in enumerate(opaque.lights)))
+
+    return [
+        Decision("shadows", "none: no light casts any", lit(opaque, cast_shadow=False), opaque,
+                 {"shadows": "LIGHT_MESHES", "uniform_skip": True}),
+        Decision("shadows", "sharp: no light has soft ones", lit(opaque, soft_shadows=False), opaque,
+                 {"shadows": "LIGHT_MESHES", "uniform_skip": True}),
+        Decision("uniform skip", "on", opaque, changed(glass, caustics="FOCUS"), {"uniform_skip": False}),
+        Decision("node values", "a bit a light: opaque surfaces only", opaque, straight, {"channels": 1}),
+        Decision("node values", "a number a light: uncoloured glass", straight, coloured, {"channels": 3}),
+        Decision("refracted shadow paths", "none: nothing bends", straight, plain, {"paths": True}),
+        Decision("transparency", "none: all surfaces are opaque", cast, straight, {"transparent": True}),
+        Decision("reflected rays", "none: nothing mirrors", whitted, still, {"reflections": True}),
+        Decision("textures", "none: no coordinates of images on the hits", opaque, still, instead=_with_uvs(opaque)),
+        Decision("accelerators", "one for all kinds of rays", opaque, _with_hidden(opaque),
+                 instead=_with_hidden(opaque)),
+        Decision("dark lights", f"{half} of {len(opaque.lights)} never traced", dimmed(0.0), opaque,
+                 instead=dimmed(DARK)),
+    ]
+
+
+def table(opaque: Scene, glass: Scene, still: Scene, repeats: int, say: Say) -> list[dict[str, Any]]:
+    """Rows: the decision, why it was taken, why not elsewhere, the same bits or not, and seconds both ways."""
+    rows = []
+    for d in decisions(opaque, glass, still):
+        runs: dict[str, list[Any]] = {"taken": [], "forced": []}
+        for _ in range(repeats + 1):  # the first warms the kernels up
+            runs["taken"].append(render_image(d.taken))
+            with forced(**d.forced):
+                runs["forced"].append(render_image(d.instead or d.taken))
+        reasons = runs["taken"][0].statistics["plan"]
+        not_taken = render_image(changed(d.other, samples=1)).statistics["plan"] if d.other else {}
+        same = np.array_equal(runs["taken"][0].passes["Combined"], runs["forced"][0].passes["Combined"])
+        rows.append({
+            "plan": d.plan, "what": d.what, "taken": reasons[d.plan], "other": not_taken.get(d.plan, "nothing"),
+            "same_bits": same} | {
+                f"{name}_seconds": _seconds(done, d.plan == "accelerators") for name, done in runs.items()})
+        say(f"{d.plan}, {d.what}: {'the same bits' if same else 'OTHER BITS'}, {rows[-1]['taken_seconds']:.2f} s, "
+            f"{rows[-1]['forced_seconds']:.2f} s when forced")
+    return rows
+
+
+def _seconds(done: list[Any], preparing: bool) -> float:
+    """Of a frame, without the preparing unless that is what is decided about."""
+    return median(d.statistics["seconds"] - (0 if preparing else sum(
+        d.statistics["stages"].get(stage, 0.0) for stage in PREPARING)) for d in done[1:])
+
+
+def _with_uvs(scene: Scene) -> Scene:
+    uvs = np.zeros((len(scene.geometry.triangles), 3, 2), np.float32)
+    return dataclasses.replace(scene, geometry=dataclasses.replace(scene.geometry, uvs=uvs))
+
+
+def _with_hidden(scene: Scene) -> Scene:
+    """The scene with two of its triangles there twice, once for the camera only, once for shadow rays only.
+
+    Which of two equal triangles a ray meets makes no difference, but each kind of ray now needs triangles of its own.
+    """
+    g = scene.geometry
+    v0, nv, t0, _ = g.meshes[g.instance_mesh[0]].tolist()
+    new, many = len(g.meshes), len(scene.objects)
+    geometry = dataclasses.replace(
+        g, meshes=np.concatenate([g.meshes, [(v0, nv, t0, 1), (v0, nv, t0 + 1, 1)]]),
+        instance_mesh=np.append(g.instance_mesh, np.array([new, new + 1], np.int32)),
+        instance_object=np.append(g.instance_object, np.array([many, many + 1], np.int32)),
+        instance_matrix=np.concatenate([g.instance_matrix, g.instance_matrix[:1], g.instance_matrix[:1]]))
+    again = dataclasses.replace(scene.objects[g.instance_object[0]], name="again", visible_reflection=False)
+    objects = (dataclasses.replace(again, visible_shadow=False), dataclasses.replace(again, visible_camera=False))
+    return dataclasses.replace(scene, geometry=geometry, objects=(*scene.objects, *objects))

@@ -1,0 +1,61 @@
+"""The ray tracer's shadow stage against Embree alone, on the very same rays."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..film import crop_of
+from ..integrator import radiance
+from ..prepared import Prepared
+from ..scene import Scene
+from ..tracing import CHUNK
+
+Chunk = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # origins, directions, ends
+
+
+class Recorder:
+    """An Embree scene that keeps the rays it is asked about."""
+
+    def __init__(self, scene: Any) -> None:
+        self.scene = scene
+        self.chunks: list[Chunk] = []
+
+    def run(self, origins: NDArray, directions: NDArray, dists: NDArray, **options: Any) -> Any:
+        """As EmbreeScene.run."""
+        if options.get("query") == "OCCLUDED":
+            self.chunks.append((origins.copy(), directions.copy(), dists.copy()))
+        return self.scene.run(origins, directions, dists=dists, **options)
+
+
+class ShadowRays:
+    """The shadow rays of a sharp picture, in the order of its tiles, ready made for Embree."""
+
+    def __init__(self, scene: Scene, tile: int) -> None:
+        ready = Prepared(scene)
+        self._embree, original = ready.tracer._embree["shadow"]
+        recorder = Recorder(self._embree)
+        ready.tracer._embree["shadow"] = recorder, original
+        x0, y0, x1, y1 = crop_of(ready.scene)
+        for y in reversed(range(y0, y1, tile)):
+            for x in range(x0, x1, tile):
+                radiance(ready, (x, y, min(x + tile, x1), min(y + tile, y1)), lambda: None)
+        joined: list[NDArray[np.float32]] = [np.concatenate([c[k] for c in recorder.chunks]) for k in range(3)]
+        self.count = len(joined[2])
+        self._chunks = [(joined[0][i:i + CHUNK], joined[1][i:i + CHUNK], joined[2][i:i + CHUNK])
+                        for i in range(0, self.count, CHUNK)]
+
+    def trace(self, threads: int) -> float:
+        """Thread seconds of Embree for all of them, as `threads` threads take them in chunks."""
+        def run(chunk: Chunk) -> None:
+            self._embree.run(chunk[0], chunk[1], dists=chunk[2], query="OCCLUDED")
+
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(run, self._chunks[:threads]))  # the threads are up, the caches warm
+            started = time.perf_counter()
+            list(pool.map(run, self._chunks))
+            return (time.perf_counter() - started) * threads

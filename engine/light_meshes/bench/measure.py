@@ -1,0 +1,114 @@
+"""How a time is taken: methods in turn, on warm kernels, and the median with the smallest and the largest.
+
+A *frame* is the picture without the preparing (triangles and accelerator), which is the same for all methods; the
+*shadow stage* is what the statistics count for shadows, in thread seconds. Cycles' frame is from before its first
+sample to after its last.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Any
+
+from ..render import render_image
+from ..scene import Scene
+from .blender import Cycles
+from .scenes import Case, sized
+
+PREPARING = ("geometry", "accelerator")
+NOT_SHADOWS = (*PREPARING, "camera rays", "secondary rays", "shading")
+COUNTS = ("triangles", "receivers", "candidates", "nodes", "node_bytes", "node_share", "long_rays", "short_rays",
+          "shadow_rays", "uniform_skips", "empty_sets", "threads")
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to render a scene's shadows."""
+
+    kind: str  # RRTA, light meshes, area sampling or Cycles
+    kI: float = 0.0
+    h: float = 0.0
+    samples: int = 0  # of each light (area sampling) or of each pixel (Cycles)
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"{self.kind} kI {self.kI:g}, h {self.h:.3g}" if self.h else f"{self.kind} {self.samples or ''}".strip()
+
+    def settings(self) -> dict[str, Any]:
+        """Of this engine."""
+        if self.kind == "RRTA":
+            return {"shadows": "SHARP"}
+        if self.kind == "area sampling":
+            return {"shadows": "AREA_SAMPLING", "light_samples": self.samples}
+        return {"shadows": "LIGHT_MESHES", "h": self.h, "kI": self.kI, "auto_h": False}
+
+
+@dataclass
+class Measurement:
+    """A method on a case at a size, and the runs that were made of it."""
+
+    case: Case
+    method: Method
+    size: int  # the picture's area is size²
+    full: int  # what its time is meant for: times are scaled by (full/size)²
+    samples: int = 1  # a pixel, of this engine
+    cycles: Cycles | None = None
+    most: float = 10.0  # seconds that all its runs may take
+    runs: list[dict[str, Any]] = field(default_factory=list)
+    counts: dict[str, Any] = field(default_factory=dict)
+
+    def once(self) -> None:
+        """One more run."""
+        if self.method.kind == "Cycles":
+            assert self.cycles is not None
+            done = self.cycles.render(self.case, self.size, self.method.samples)
+            self.runs.append({"whole": done["whole"], "frame": done["sampling"], "shadow": done["sampling"]})
+            return
+        scene = sized(self.case.scene, self.size, samples=self.samples, **self.method.settings())
+        self.runs.append(timed(scene, self.counts))
+
+    def row(self) -> dict[str, Any]:
+        """What the results keep."""
+        m, scale = self.method, (self.full / self.size) ** 2
+        row = {"scene": self.case.name, "lights": self.case.lights, "method": m.kind, "label": m.label, "kI": m.kI,
+               "h": m.h, "light_samples": m.samples, "size": self.full, "measured_size": self.size,
+               "samples": self.samples, "runs": len(self.runs)}
+        for what in self.runs[0]:
+            times = [scale * run[what] for run in self.runs]
+            row[what] = {"median": median(times), "min": min(times), "max": max(times)}
+        return row | self.counts
+
+
+def timed(scene: Scene, counts: dict[str, Any]) -> dict[str, float]:
+    """Seconds of one render: whole, without preparing, and the shadow stage's thread seconds; fills `counts`."""
+    report = render_image(scene).statistics
+    stages = report["stages"]
+    counts |= {name: report[name] for name in COUNTS if name in report}
+    counts["stages"] = stages
+    return {"whole": report["seconds"], "frame": report["seconds"] - sum(stages.get(n, 0.0) for n in PREPARING),
+            "shadow": sum(seconds for name, seconds in stages.items() if name not in NOT_SHADOWS)}
+
+
+def in_turn(what: list[Measurement], repeats: int, deadline: float, say: Say) -> list[dict[str, Any]]:
+    """Rows of `what`: each is run once a round, until it has its repeats, or no time is left for more."""
+    warm: set[tuple[str, str]] = set()
+    for m in what:
+        key = (m.case.name, m.method.kind)
+        if key not in warm and m.method.kind != "Cycles":
+            warm.add(key)
+            render_image(sized(m.case.scene, 16, **m.method.settings()))
+    for turn in range(repeats):
+        for m in what:
+            spent = sum(run["whole"] for run in m.runs)
+            if turn and (spent * (turn + 1) / turn > m.most or time.monotonic() > deadline):
+                continue
+            m.once()
+            last = m.runs[-1]
+            say(f"{m.case.title}, {m.size}², {m.samples} a pixel, {turn + 1}: {m.method.label}: "
+                f"{last['frame']:.2f} s, of it shadows {last['shadow']:.2f}")
+    return [m.row() for m in what]

@@ -1,0 +1,207 @@
+"""What the benchmark renders: the .blend files of `blend_scenes/`, and the hall at any number of triangles."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from math import atan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import blend, snapshot
+from ..camera import camera_rays
+from ..prepared import Prepared
+from ..render import measure_h
+from ..scene import Geometry, Light, Material, Object, Scene, SceneError
+
+FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}
+MATCHED = ("S3", "S7")  # their lights get the size that the penumbra's width stands for
+EQUAL_VARIANCE = 1.12  # r / (ρ·a/(L − a)), method §2
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene as it is measured: in a black world, since that is where direct light can be compared."""
+
+    name: str  # S3, S5, S7 or S8
+    scene: Scene
+    file: Path  # the .blend
+    power: float  # factor on the power of its lights
+    sizes: dict[str, float | None]  # of its lights, for Cycles: a radius, a sun's angle, None: as the file has it
+    rule: str  # where the sizes come from
+
+    @property
+    def lights(self) -> int:
+        """How many there are."""
+        return len(self.scene.lights)
+
+    @property
+    def title(self) -> str:
+        """For people."""
+        return f"{self.name}, {self.lights} light{'s' * (self.lights > 1)}"
+
+
+def blend_folder() -> Path:
+    """blend_scenes/, beside the sources or in the working folder. Raises SceneError."""
+    for place in (Path(__file__).resolve().parents[3], Path.cwd()):
+        if (place / "blend_scenes" / f"{FILES['S7']}.blend").is_file():
+            return place / "blend_scenes"
+    raise SceneError("the benchmark renders the files of blend_scenes/, which is not here: run it in a checkout of "
+                     "the project")
+
+
+def exported(name: str, folder: Path) -> Scene:
+    """Scene `name` as the add-on exports it into `folder`, which must live as long as the scene; in a black world."""
+    if not (folder / "scene.json").exists():
+        blend.export(blend_folder() / f"{FILES[name]}.blend", folder, [], False)
+    scene = dataclasses.replace(snapshot.read(folder), world_color=(0.0, 0.0, 0.0))
+    return changed(scene, h=measure_h(scene), auto_h=False) if scene.settings.auto_h else scene
+
+
+def case(name: str, scene: Scene, lights: int | None = None) -> Case:
+    """The scene with its first so many lights, all the power theirs, and with sizes that suit its penumbrae."""
+    lights = lights or len(scene.lights)
+    power = len(scene.lights) / lights
+    scene = dataclasses.replace(scene, lights=tuple(
+        dataclasses.replace(light, intensity=(power * light.intensity[0], power * light.intensity[1],
+                                              power * light.intensity[2])) for light in scene.lights[:lights]))
+    sizes: dict[str, float | None] = {light.name: None for light in scene.lights}
+    rule = "lights' sizes as in the file"
+    if name in MATCHED:
+        scene = dataclasses.replace(scene, lights=matched(scene))
+        sizes = {light.name: light.angle if light.type == "SUN" else light.radius for light in scene.lights}
+        seen = sorted(size for size in sizes.values() if size)
+        rule = (f"r = {radius(scene):.4g} = {EQUAL_VARIANCE}·ρ·a/(L − a) with the median of a/(L − a) over what the "
+                f"camera sees in each light's shadow: ρ = {seen[0]:.3g}" +
+                (f" … {seen[-1]:.3g}, median {np.median(seen):.3g}" if len(seen) > 1 else ""))
+    return Case(name, scene, blend_folder() / f"{FILES[name]}.blend", power, sizes, rule)
+
+
+def radius(scene: Scene) -> float:
+    """r = h·kI of its settings."""
+    return scene.settings.h * scene.settings.kI
+
+
+def changed(scene: Scene, **settings: Any) -> Scene:
+    """The scene with some settings changed."""
+    return dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **settings))
+
+
+def sized(scene: Scene, edge: int, **settings: Any) -> Scene:
+    """The whole frame in edge² pixels, of whatever shape it has; and some settings changed."""
+    camera = scene.camera
+    stretch = np.sqrt(camera.width / camera.height)
+    camera = dataclasses.replace(camera, width=max(1, round(edge * stretch)), height=max(1, round(edge / stretch)),
+                                 crop=None)
+    return changed(dataclasses.replace(scene, camera=camera), **settings)
+
+
+def matched(scene: Scene) -> tuple[Light, ...]:
+    """The lights, each of the size whose penumbra is about as wide as r (method §2): ρ = r/1.12 · (L − a)/a."""
+    shares = blocker_shares(scene)
+    known = shares[shares > 0]
+    usual = float(np.median(known)) if len(known) else 1.0  # a light without shadows in view: like the others
+    lights = []
+    for light, share in zip(scene.lights, np.where(shares > 0, shares, usual).tolist(), strict=True):
+        size = radius(scene) / EQUAL_VARIANCE / share
+        lights.append(dataclasses.replace(light, angle=2 * atan(size)) if light.type == "SUN"
+                      else dataclasses.replace(light, radius=size))
+    return tuple(lights)
+
+
+def blocker_shares(scene: Scene, edge: int = 64) -> NDArray[np.float64]:
+    """Median a/(L − a) (L,) of the shadow points that the camera sees (a alone for a sun); 0 where it sees none."""
+    ready = Prepared(sized(scene, edge, shadows="SHARP"))
+    camera = ready.scene.camera
+    origin, direction, reach = camera_rays(camera, (0, 0, camera.width, camera.height), np.zeros((1, 2)))
+    _, seen = ready.closest("camera", origin, direction, None, reach)
+    targets, shares = ready.lights.targets(), np.zeros(len(scene.lights))
+    for i, light in enumerate(scene.lights):
+        sun = light.type == "SUN"
+        way = np.broadcast_to(targets.position[i], seen.P.shape) if sun else targets.position[i] - seen.P
+        front = (way * seen.Ng).sum(1) > 0
+        P, N, way = seen.P[front], seen.Ng[front], way[front]
+        length = np.linalg.norm(way, axis=1)
+        hit, blocker = ready.closest("shadow", P, way / length[:, None], N, None if sun else length * (1 - 1e-5))
+        a = np.linalg.norm(blocker.P - P[hit], axis=1)
+        if len(a):
+            shares[i] = np.median(a if sun else a / np.maximum(length[hit] - a, 1e-9))
+    return shares
+
+
+# --- The hall of blend_scenes/hall.py at any number of triangles ---------------------------------------------
+
+PLACES = 6  # in each direction
+
+
+def hall(scene: Scene, triangles: int) -> Scene:
+    """S7 with columns and balls of so many sides that there are about `triangles`: the same shapes, finer."""
+    # A place has sides² + 2·sides: a column 4·sides, a ball 2·sides·(sides/2 − 1).
+    sides = max(4, 2 * round((np.sqrt(1 + triangles / PLACES**2) - 1) / 2))
+    step = 4 / PLACES
+    low, high = [(-2.2, -2.2, -0.1), (-2.3, -2.2, 0), (-2.2, 2.2, 0)], [(2.2, 2.2, 0), (-2.2, 2.2, 2), (2.2, 2.3, 2)]
+    angle = np.pi * np.arange(sides // 2 + 1) / (sides // 2)
+    meshes = [_box(*ends) for ends in zip(low, high, strict=True)]
+    meshes += [_lathe(np.array([(0, 0), (0.12 * step, 0), (0.12 * step, 1.2), (0, 1.2)]), sides, False),
+               _lathe(0.16 * step * np.stack([np.sin(angle), -np.cos(angle)], 1), sides, True)]
+    places = [(step * (i + 0.5) - 2, step * (j + 0.5) - 2) for i in range(PLACES) for j in range(PLACES)]
+    matrices, mesh = [np.eye(4)] * 3, [0, 1, 2]
+    for x, y in places:
+        column, ball = np.eye(4), np.diag([1, 1, 0.9, 1])
+        column[:2, 3] = x, y
+        ball[:3, 3] = x + 0.33 * step, y - 0.3 * step, 0.17 * step
+        matrices, mesh = [*matrices, column, ball], [*mesh, 3, 4]
+    counts = np.array([(len(v), len(t)) for v, t, _ in meshes])
+    starts = np.cumsum(counts, 0) - counts
+    geometry = Geometry(
+        np.concatenate([v for v, _, _ in meshes]).astype(np.float32),
+        np.concatenate([t for _, t, _ in meshes]).astype(np.int32),
+        np.concatenate([n for _, _, n in meshes]).astype(np.float32), np.zeros((0, 3, 2), np.float32),
+        np.repeat(np.array([0, 1, 2, 0, 3], np.int32), counts[:, 1]),
+        np.stack([starts[:, 0], counts[:, 0], starts[:, 1], counts[:, 1]], 1).astype(np.int64),
+        np.array(mesh, np.int32), np.zeros(len(mesh), np.int32), np.array(matrices))
+    colours = ((0.8, 0.8, 0.8), (0.7, 0.4, 0.3), (0.3, 0.5, 0.7), (0.7, 0.7, 0.3))
+    return dataclasses.replace(scene, geometry=geometry, objects=(Object("hall"),), images=(),
+                               materials=tuple(Material(f"material {n}", Od=c) for n, c in enumerate(colours)))
+
+
+def _box(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[NDArray, NDArray, NDArray]:
+    v = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    quads = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+    t = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return v, t, _flat(v, t)
+
+
+def _lathe(profile: NDArray, sides: int, ball: bool) -> tuple[NDArray, NDArray, NDArray]:
+    """The (radius, z) points of `profile`, from axis to axis, turned around z: vertices, triangles, normals.
+
+    A ball is smooth all over, anything else but for level faces.
+    """
+    turn = 2 * np.pi * np.arange(sides) / sides
+    around = np.stack([np.cos(turn), np.sin(turn)], 1)
+    inner = profile[1:-1]
+    v = np.concatenate([
+        np.concatenate([inner[:, None, :1] * around, np.broadcast_to(inner[:, None, 1:], (len(inner), sides, 1))],
+                       2).reshape(-1, 3), [(0, 0, profile[0, 1]), (0, 0, profile[-1, 1])]])
+    here, end = np.arange(sides), len(inner) * sides
+    there = (here + 1) % sides
+    t = [np.stack([np.full(sides, end), there, here], 1)]
+    for ring in range(0, end - sides, sides):
+        t += [np.stack([ring + here, ring + there, ring + sides + there], 1),
+              np.stack([ring + here, ring + sides + there, ring + sides + here], 1)]
+    top = end - sides
+    t += [np.stack([np.full(sides, end + 1), top + here, top + there], 1)]
+    triangles = np.concatenate(t)
+    out = v * (1, 1, ball)
+    round_ = (out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30))[triangles]
+    flat = _flat(v, triangles)
+    return v, triangles, np.where((np.abs(flat[:, :, 2:]) > 0.999) & (not ball), flat, round_)
+
+
+def _flat(v: NDArray, t: NDArray) -> NDArray:
+    a, b, c = (v[t[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    return np.repeat((normal / np.linalg.norm(normal, axis=1, keepdims=True))[:, None], 3, 1)

@@ -1,0 +1,104 @@
+"""What was hoped for, and what was measured: every line stands in every output, reached or not."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+Rows = list[dict[str, Any]]
+RMSE_ADDED, MAX_ADDED = 1 / 512, 1 / 64  # of an S that is not computed at every sample
+
+
+def targets(results: dict[str, Any]) -> Rows:
+    """Rows of what, measured (None: this run did not), target, reached (None likewise) and remark."""
+    rows = [_row("RRTA's shadow stage / Embree alone on the same rays",
+                 results["embree"] and results["embree"]["ratio"], 1.3)]
+    ratios = speed_ratios(results)
+    for lights, target in ((4, 1.3), (16, 0.7), (64, 0.3), (256, 0.15)):
+        rows.append(_row(f"light meshes / RRTA, frame, S7, 4 samples a pixel, {lights} lights", ratios.get(lights),
+                         target))
+    even = break_even(ratios)
+    rows.append(_row("break-even: light meshes are faster from so many lights on", even, 8))
+    if even is None and ratios:
+        rows[-1] |= {"reached": False, "remark": f"not up to {max(ratios)} lights"}
+    for name in ("S3", "S7"):
+        found = cycles_ratios(results, name)
+        lights = 16 if 16 in found or not found else min(found)
+        rows.append(_row(f"Cycles' time / light meshes' at the RMSE that these reach, {name}"
+                         + f", {lights} lights" * (name == "S7"), found.get(lights), 10, at_least=True,
+                         remark="; ".join(f"{n} lights: {x:.3g}" for n, x in found.items() if n != lights)))
+    cost = {r["lights"]: r["frame"]["median"] for r in own_rows(results, "S7", 4)}
+    rows.append(_row("cost of 256 lights / of 1 light, light meshes, S7, 4 samples a pixel",
+                     cost[256] / cost[1] if {1, 256} <= set(cost) else None, 8))
+    memory = {r["lights"]: r["node_bytes"] / r["nodes"] for r in own_rows(results, "S7", 4) if r.get("nodes")}
+    for lights in sorted(memory) or (64,):
+        rows.append(_row(f"memory, bytes a node, {lights} opaque lights", memory.get(lights), 16 + lights / 8 * 1.5))
+    process = results["process"]
+    rows.append(_row("first render of a process over its later ones, seconds, kernels cached",
+                     process and process["first"] - process["later"], 1.0))
+    for what, target in (("frame / RRTA's, S7, 64 lights, 4 samples a pixel", 0.1), ("added RMSE", RMSE_ADDED),
+                         ("largest error added", MAX_ADDED)):
+        rows.append(_row(f"S not computed at every sample: {what}", None, target,
+                         remark="the engine computes S at every sample"))
+    return rows
+
+
+def _row(what: str, measured: float | None, target: float, at_least: bool = False, remark: str = "") -> dict[str, Any]:
+    reached = None if measured is None else bool(measured >= target if at_least else measured <= target)
+    return {"what": what, "measured": measured, "target": target, "at_least": at_least, "reached": reached,
+            "remark": remark}
+
+
+def own_rows(results: dict[str, Any], scene: str, samples: int, times: str = "times") -> Rows:
+    """Light meshes with the scene's own h and kI."""
+    own = {(s["scene"], s["lights"]): s for s in results["scenes"]}
+    return [r for r in results[times] if r["scene"] == scene and r["method"] == "light meshes"
+            and r.get("samples", samples) == samples and r["kI"] == own[scene, r["lights"]]["kI"]
+            and np.isclose(r["h"], own[scene, r["lights"]]["h"])]
+
+
+def speed_ratios(results: dict[str, Any], samples: int = 4) -> dict[int, float]:
+    """Lights → light meshes' frame / RRTA's on S7."""
+    sharp = {r["lights"]: r["frame"]["median"] for r in results["times"]
+             if (r["scene"], r["method"], r["samples"]) == ("S7", "RRTA", samples)}
+    return {r["lights"]: r["frame"]["median"] / sharp[r["lights"]] for r in own_rows(results, "S7", samples)}
+
+
+def break_even(ratios: dict[int, float]) -> float | None:
+    """Lights from which on light meshes are faster (log-log between those measured); None: not with any."""
+    slow = [n for n in ratios if ratios[n] > 1]
+    if not slow:
+        return float(min(ratios)) if ratios else None
+    for a, b in pairwise(sorted(ratios)):
+        if a == max(slow):
+            return float(np.exp(np.interp(0.0, np.log([ratios[b], ratios[a]]), np.log([b, a]))))
+    return None
+
+
+def cycles_ratios(results: dict[str, Any], scene: str) -> dict[int, float]:
+    """Lights → the time that Cycles needs for the RMSE of light meshes, over theirs.
+
+    Both RMSEs are against the same sphere light, each as its own renderer shows it. Cycles' time and error are lines
+    in log-log through what was measured: noise falls as n^−½, time grows as n.
+    """
+    found = {}
+    for own in own_rows(results, scene, 1):
+        lights = own["lights"]
+        error = [r["all"]["rmse"] for r in own_rows(results, scene, 1, "errors")
+                 if (r["lights"], r["reference"]) == (lights, "SPHERE")]
+        line = cycles_line(results, scene, lights)
+        if error and len(line) > 1:
+            times, noise = np.log(np.array(line).T)
+            slope, start = np.polyfit(noise, times, 1)
+            found[lights] = float(np.exp(start + slope * np.log(error[0]))) / own["frame"]["median"]
+    return found
+
+
+def cycles_line(results: dict[str, Any], scene: str, lights: int) -> list[tuple[float, float]]:
+    """(seconds, RMSE) of Cycles for each number of samples."""
+    noise = {r["light_samples"]: r["all"]["rmse"] for r in results["errors"]
+             if (r["scene"], r["lights"], r["method"], r["reference"]) == (scene, lights, "Cycles", "CYCLES")}
+    return [(r["frame"]["median"], noise[r["light_samples"]]) for r in results["times"]
+            if (r["scene"], r["lights"], r["method"]) == (scene, lights, "Cycles") and noise.get(r["light_samples"])]
