@@ -24,14 +24,13 @@ class Preset(NamedTuple):
         return all(getattr(own, key) == value for key, value in self.values.items())
 
 
-# A point averages (2π/3)·kI³ nodes: 17, 57, 134 at kI 2, 3, 4. That many steps of grey has a shadow's edge, and at
-# the same h nodes and short rays cost as much more.
+# A point averages (2π/3)·kI³ nodes: 17, 57, 134 at kI 2, 3, 4. At the same h nodes and short rays cost as much more.
 PRESETS = {
-    'DRAFT': Preset("Draft", "Fast: edges of objects are rough, those of shadows have some 17 steps of grey",
+    'DRAFT': Preset("Draft", "Fast: edges of objects are rough, those of shadows average some 17 nodes",
                     {"samples": 1, "kI": 2.0, "max_depth": 2, "light_samples": 16}),
-    'BALANCED': Preset("Balanced", "Smooth at a normal look: some 57 steps of grey in a shadow's edge",
+    'BALANCED': Preset("Balanced", "Smooth at a normal look: edges of shadows average some 57 nodes",
                        {"samples": 4, "kI": 3.0, "max_depth": 4, "light_samples": 64}),
-    'FINE': Preset("Fine", "For the last picture: 16 camera rays a pixel, some 134 steps of grey in a shadow's edge",
+    'FINE': Preset("Fine", "For the last picture: 16 camera rays a pixel, edges of shadows average some 134 nodes",
                    {"samples": 16, "kI": 4.0, "max_depth": 8, "light_samples": 256}),
 }
 

@@ -70,7 +70,7 @@ class LightMeshesScene(bpy.types.PropertyGroup):
             ('SMOOTH', "Smooth", "Nodes count less the farther they are: no steps, and edges that look "
              "a little narrower at the same radius", 1),
         ),
-        default='UNIFORM', update=_changed,
+        default='SMOOTH', update=_changed,
     )
     refraction: EnumProperty(
         name="Refraction",

@@ -18,7 +18,7 @@ def make():
 
 
 def build_lens():
-    clean_scene(1000, 1000, auto_h=False, h=0.03, kI=4.0, samples=9, max_depth=8, refraction='FULL',
+    clean_scene(1000, 1000, auto_h=False, h=0.03, kI=4.0, weights='UNIFORM', samples=9, max_depth=8, refraction='FULL',
                 caustics='FOCUS')
     world((1.0, 0.97, 0.92), 0.12)
     floor = principled("Floor", (0.62, 0.55, 0.45), Roughness=1.0, Specular_IOR_Level=0.0)

@@ -15,7 +15,7 @@ POWER = 300  # of all lights
 
 
 def make():
-    clean_scene(1000, 1000, auto_h=False, h=0.025, kI=2.0, samples=4)
+    clean_scene(1000, 1000, auto_h=False, h=0.025, kI=2.0, weights='UNIFORM', samples=4)
     world((0, 0, 0), 0)
     grey = diffuse("Grey", (0.8, 0.8, 0.8))
     add("Floor", box("Floor", (-2.2, -2.2, -0.1), (2.2, 2.2, 0), grey))

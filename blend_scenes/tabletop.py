@@ -19,7 +19,7 @@ def make():
 
 
 def build():
-    clean_scene(1000, 1000, auto_h=False, h=0.05, kI=3.0, samples=9)
+    clean_scene(1000, 1000, auto_h=False, h=0.05, kI=3.0, weights='UNIFORM', samples=9)
     world((1.0, 0.97, 0.92), 0.12)
     wood = principled("Tabletop", (0.62, 0.5, 0.38), Roughness=1.0, Specular_IOR_Level=0.0)
     stone = principled("Cylinder", (0.52, 0.54, 0.56), Roughness=1.0, Specular_IOR_Level=0.0)

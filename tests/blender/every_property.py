@@ -109,7 +109,7 @@ ROWS = [
     Row("scene", "auto_h", True, narrower, coarse),
     Row("scene", "h", 0.2, wider),
     Row("scene", "kI", 6.0, wider),
-    Row("scene", "weights", 'SMOOTH', narrower, coarse),
+    Row("scene", "weights", 'UNIFORM', wider, coarse),
     Row("scene", "refraction", 'NONE', brighter, glass_slab),
     Row("scene", "glass", 'PAPER', darker, pane),
     Row("scene", "caustics", 'FOCUS', brighter_spot, lens),

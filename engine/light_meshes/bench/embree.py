@@ -37,9 +37,9 @@ class ShadowRays:
 
     def __init__(self, scene: Scene, tile: int) -> None:
         ready = Prepared(scene)
-        self._embree, original = ready.tracer._embree["shadow"]
+        self._embree, original = ready.tracer._embree["opaque", 0]
         recorder = Recorder(self._embree)
-        ready.tracer._embree["shadow"] = recorder, original
+        ready.tracer._embree["opaque", 0] = recorder, original
         x0, y0, x1, y1 = crop_of(ready.scene)
         for y in reversed(range(y0, y1, tile)):
             for x in range(x0, x1, tile):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .. import blend, snapshot
 from ..camera import camera_rays
 from ..prepared import Prepared
-from ..render import measure_h
+from ..render import measure
 from ..scene import Geometry, Light, Material, Object, Scene, SceneError
 
 FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}
@@ -58,7 +58,7 @@ def exported(name: str, folder: Path) -> Scene:
     if not (folder / "scene.json").exists():
         blend.export(blend_folder() / f"{FILES[name]}.blend", folder, [], False)
     scene = dataclasses.replace(snapshot.read(folder), world_color=(0.0, 0.0, 0.0))
-    return changed(scene, h=measure_h(scene), auto_h=False) if scene.settings.auto_h else scene
+    return changed(scene, h=measure(scene)["h"], auto_h=False) if scene.settings.auto_h else scene
 
 
 def case(name: str, scene: Scene, lights: int | None = None) -> Case:
