@@ -9,78 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kept import PASSES, WIDTH, after, drawn, moved, room, with_camera, with_light, with_material, with_object
 from light_meshes import reuse
 from light_meshes.film import Framebuffer
 from light_meshes.render import Cancelled, draw, prepare, render_image
 from light_meshes.scene import Camera, Material, Object, Scene
-from meshes import GREY, Part, assemble, box, look_at, move, rectangle, sphere
-from scenes import four_lights, hall, point, settings, sun, with_lights, with_settings
-
-PASSES = ("Combined", "Depth", "Normal", "Shadow")
-WIDTH = 48
-
-
-def drawn(scene: Scene, previous=None, passes=PASSES):
-    """A picture and what was prepared for it."""
-    ready = prepare(scene, passes, previous=previous)
-    return draw(ready, Framebuffer.create(ready.scene, passes)), ready
-
-
-def after(first: Scene, second: Scene):
-    """Figures of `second` drawn after `first`, whose bits are those of one from scratch; and figures of that."""
-    _, ready = drawn(first)
-    kept, then = drawn(second, ready)
-    fresh = render_image(second, PASSES)
-    for name in PASSES:
-        np.testing.assert_array_equal(kept.passes[name], fresh.passes[name], err_msg=name)
-    assert kept.warnings == fresh.warnings
-    for name in ("camera_rays", "secondary_rays", "plan", "h"):
-        assert kept.statistics.get(name) == fresh.statistics.get(name)
-    return kept.statistics, fresh.statistics, ready, then
-
-
-def with_camera(scene: Scene, eye, target=(0, 0, 0.4), degrees=40) -> Scene:
-    return replace(scene, camera=look_at(eye, target, degrees, WIDTH, WIDTH))
-
-
-def with_material(scene: Scene, i: int, **values) -> Scene:
-    materials = list(scene.materials)
-    materials[i] = replace(materials[i], **values)
-    return replace(scene, materials=tuple(materials))
-
-
-def with_light(scene: Scene, i: int, **values) -> Scene:
-    lights = list(scene.lights)
-    lights[i] = replace(lights[i], **values)
-    return with_lights(scene, *lights)
-
-
-def with_object(scene: Scene, i: int, **values) -> Scene:
-    objects = list(scene.objects)
-    objects[i] = replace(objects[i], **values)
-    return replace(scene, objects=tuple(objects))
-
-
-def moved(scene: Scene, instance: int, by) -> Scene:
-    matrices = scene.geometry.instance_matrix.copy()
-    matrices[instance] = move(*by) @ matrices[instance]
-    return replace(scene, geometry=replace(scene.geometry, instance_matrix=matrices))
+from meshes import GREY, Part, box, look_at, move, sphere
+from scenes import four_lights, hall, point, with_lights, with_settings
 
 
 @pytest.fixture(scope="module")
 def still_life() -> Scene:
     """Floor, ball and box under one light of each type."""
     return four_lights(WIDTH)
-
-
-def room(*more: Part, **values) -> Scene:
-    """A floor with two boxes far apart, that keep their places whatever stands between them."""
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
-             Part(box((-2.4, -0.4, 0.0), (-1.8, 0.2, 1.0)), GREY, "left"),
-             Part(box((1.8, -0.4, 0.0), (2.4, 0.2, 1.0)), GREY, "right"), *more]
-    lights = [point((-2.0, -2.0, 4.0), name="a"), point((2.0, -2.0, 4.0), name="b"), sun((0.3, 0.2, -1.0), 0.5)]
-    return assemble(parts, look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH), lights, settings(**({"h": 0.1} | values)))
-
 
 # --- The camera -------------------------------------------------------------------------------------------
 
@@ -260,65 +201,6 @@ def test_flags_of_objects():
     for one, other in ((first, unseen), (unseen, first)):
         kept, fresh, *_ = after(one, other)
         assert 0 < kept["long_rays"] < 0.5 * fresh["long_rays"]
-
-
-def test_soft_and_sharp_casters_and_receivers():
-    first = room()
-    sharp = with_object(first, 1, cast_soft_shadows=False)
-    for one, other in ((first, sharp), (sharp, first)):
-        kept, fresh, *_ = after(one, other)
-        assert 0 < kept["long_rays"] < 0.5 * fresh["long_rays"]
-    kept, *_ = after(first, with_object(first, 0, receive_soft_shadows=False))
-    assert kept["long_rays"] == 0
-    all_sharp = with_material(first, 0, cast_soft_shadows=False)
-    for one, other in ((first, all_sharp), (all_sharp, first)):
-        after(one, other)
-
-
-def test_what_lights_are_linked_with():
-    first = room()
-    linked = with_light(first, 0, blockers=(1,))
-    for one, other in ((first, linked), (linked, first), (linked, with_light(first, 0, blockers=(2,)))):
-        kept, fresh, *_ = after(one, other)
-        assert 0 < kept["long_rays"] < fresh["long_rays"]
-    kept, *_ = after(first, with_light(first, 0, receivers=(0,)))
-    assert kept["long_rays"] == 0
-    after(linked, moved(linked, 1, (0.3, 0.1, 0.0)))
-
-
-@pytest.mark.parametrize("change", [{"softness": "RADIUS", "soft_radius": 0.15},
-                                    {"softness": "LIGHT_SIZE", "radius": 0.2}])
-def test_a_light_of_another_softness_has_the_same_column(change):
-    first = room(weights="SMOOTH")
-    kept, fresh, *_ = after(first, with_light(first, 0, **change))
-    assert kept["nodes_kept"] > 0 and kept["long_rays"] < 0.8 * fresh["long_rays"]
-
-
-def test_the_order_of_the_objects_says_nothing():
-    first = room()
-    g = first.geometry
-    turned = replace(first, objects=first.objects[::-1], geometry=replace(
-        g, instance_mesh=g.instance_mesh[::-1].copy(), instance_object=g.instance_object.copy(),
-        instance_matrix=g.instance_matrix[::-1].copy()))
-    kept, *_ = after(first, turned)
-    assert kept["long_rays"] == 0
-
-
-def test_an_edited_mesh_is_a_moved_object():
-    first = room()
-    vertices = first.geometry.vertices.copy()
-    v0, nv = first.geometry.meshes[2, :2]
-    vertices[v0 + nv - 1] -= np.float32(0.2)  # the scene's bounds stay
-    kept, fresh, *_ = after(first, replace(first, geometry=replace(first.geometry, vertices=vertices)))
-    assert 0 < kept["long_rays"] < 0.5 * fresh["long_rays"]
-
-
-def test_renamed_objects_are_named_in_the_warnings():
-    first = room()
-    vertices = first.geometry.vertices.copy()
-    vertices[first.geometry.meshes[1, 0]] = np.nan
-    first = replace(first, geometry=replace(first.geometry, vertices=vertices))
-    after(first, with_object(first, 1, name="another"))
 
 
 # --- Materials --------------------------------------------------------------------------------------------

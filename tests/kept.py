@@ -1,0 +1,69 @@
+"""Two pictures one after the other: `first` is drawn, then `second` with what is still right of the first."""
+
+from dataclasses import replace
+
+import numpy as np
+from light_meshes.film import Framebuffer
+from light_meshes.render import draw, prepare, render_image
+from light_meshes.scene import Scene
+from meshes import GREY, Part, assemble, box, look_at, move, rectangle
+from scenes import point, settings, sun, with_lights
+
+PASSES = ("Combined", "Depth", "Normal", "Shadow")
+WIDTH = 48
+
+
+def drawn(scene: Scene, previous=None, passes=PASSES):
+    """A picture and what was prepared for it."""
+    ready = prepare(scene, passes, previous=previous)
+    return draw(ready, Framebuffer.create(ready.scene, passes)), ready
+
+
+def after(first: Scene, second: Scene):
+    """Figures of `second` drawn after `first`, whose bits are those of one from scratch; and figures of that."""
+    _, ready = drawn(first)
+    kept, then = drawn(second, ready)
+    fresh = render_image(second, PASSES)
+    for name in PASSES:
+        np.testing.assert_array_equal(kept.passes[name], fresh.passes[name], err_msg=name)
+    assert kept.warnings == fresh.warnings
+    for name in ("camera_rays", "secondary_rays", "plan", "h"):
+        assert kept.statistics.get(name) == fresh.statistics.get(name)
+    return kept.statistics, fresh.statistics, ready, then
+
+
+def with_camera(scene: Scene, eye, target=(0, 0, 0.4), degrees=40) -> Scene:
+    return replace(scene, camera=look_at(eye, target, degrees, WIDTH, WIDTH))
+
+
+def with_material(scene: Scene, i: int, **values) -> Scene:
+    materials = list(scene.materials)
+    materials[i] = replace(materials[i], **values)
+    return replace(scene, materials=tuple(materials))
+
+
+def with_light(scene: Scene, i: int, **values) -> Scene:
+    lights = list(scene.lights)
+    lights[i] = replace(lights[i], **values)
+    return with_lights(scene, *lights)
+
+
+def with_object(scene: Scene, i: int, **values) -> Scene:
+    objects = list(scene.objects)
+    objects[i] = replace(objects[i], **values)
+    return replace(scene, objects=tuple(objects))
+
+
+def moved(scene: Scene, instance: int, by) -> Scene:
+    matrices = scene.geometry.instance_matrix.copy()
+    matrices[instance] = move(*by) @ matrices[instance]
+    return replace(scene, geometry=replace(scene.geometry, instance_matrix=matrices))
+
+
+def room(*more: Part, **values) -> Scene:
+    """A floor with two boxes far apart, that keep their places whatever stands between them."""
+    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+             Part(box((-2.4, -0.4, 0.0), (-1.8, 0.2, 1.0)), GREY, "left"),
+             Part(box((1.8, -0.4, 0.0), (2.4, 0.2, 1.0)), GREY, "right"), *more]
+    lights = [point((-2.0, -2.0, 4.0), name="a"), point((2.0, -2.0, 4.0), name="b"), sun((0.3, 0.2, -1.0), 0.5)]
+    return assemble(parts, look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH), lights, settings(**({"h": 0.1} | values)))
