@@ -35,13 +35,13 @@ def first_progress(act):
     def see(event):
         if event["event"] == "progress" and event["fraction"] > 0:
             observers.observers.remove(see)
-            see.process = session._session._process
+            see.process = session._sessions["render"]._process
             act()
     observers.observers.append(see)
     return see
 
 def child():
-    return session._session._process.pid
+    return session._sessions["render"]._process.pid
 
 def render():
     scene.render.filepath = sys.argv[1]
@@ -177,7 +177,7 @@ def test_interrupt(run):
         render()
         print("TOOK", time.monotonic() - times[0])
         time.sleep(1)
-        print("ALIVE", see.process.poll() is None, session._session._process is see.process)
+        print("ALIVE", see.process.poll() is None, session._sessions["render"]._process is see.process)
         fast()
         render()
         leave()

@@ -183,5 +183,5 @@ def test_a_shared_folder_that_was_cleaned_away_is_made_anew(scene, add_plane, re
 
     add_plane()
     first = render(scene)["Combined"]
-    shutil.rmtree(session._session.folder)
+    shutil.rmtree(session._sessions["render"].folder)
     np.testing.assert_array_equal(render(scene)["Combined"], first)
