@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from light_meshes.render import render_image
 from light_meshes.scene import LIGHT_TYPES, Light, Material, Scene, Settings
 from meshes import (
     GREY,
@@ -79,6 +80,29 @@ def _triple(v: np.ndarray) -> tuple[float, float, float]:
 def at(T: np.ndarray, p: Sequence[float] | np.ndarray) -> np.ndarray:
     """Points (…,3) moved by the matrix T."""
     return np.asarray(p, float) @ T[:3, :3].T + T[:3, 3]
+
+
+def with_objects(scene: Scene, **flags: dict[str, bool]) -> Scene:
+    """Flags of objects by their names."""
+    assert set(flags) <= {o.name for o in scene.objects}
+    return replace(scene, objects=tuple(replace(o, **flags.get(o.name, {})) for o in scene.objects))
+
+
+def all_objects(scene: Scene, **flags: bool) -> Scene:
+    return replace(scene, objects=tuple(replace(o, **flags) for o in scene.objects))
+
+
+def all_materials(scene: Scene, **flags: bool) -> Scene:
+    return replace(scene, materials=tuple(replace(m, **flags) for m in scene.materials))
+
+
+def all_lights(scene: Scene, **values: Any) -> Scene:
+    return with_lights(scene, *(replace(light, **values) for light in scene.lights))
+
+
+def combined(scene: Scene) -> np.ndarray:
+    """The picture, RGB in float64."""
+    return render_image(scene).passes["Combined"][..., :3].astype(float)
 
 
 def point(position: Sequence[float], intensity: float = 10.0, name: str = "point", **more: Any) -> Light:

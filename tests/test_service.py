@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -125,7 +126,16 @@ def test_h_is_measured(child):
     child.put(tabletop(64))
     child.send(command="measure", id=1, snapshot="scene")
     (event,) = child.of(1)
-    assert event["event"] == "measured" and 0.01 < event["h"] < 0.1
+    assert event["event"] == "measured" and 0.01 < event["h"] < 0.1 and event["radii"] == {}
+
+
+def test_the_radii_of_lights_by_their_size_are_measured(child):
+    scene = tabletop(64)
+    lamp = replace(scene.lights[0], radius=0.2, softness="LIGHT_SIZE")
+    child.put(replace(scene, lights=(lamp,)))
+    child.send(command="measure", id=1, snapshot="scene")
+    (event,) = child.of(1)
+    assert list(event["radii"]) == [lamp.name] and 0.01 < event["radii"][lamp.name] < 0.5
 
 
 def test_cancel_ends_a_render_within_a_fifth_of_a_second_and_the_next_one_works(child):

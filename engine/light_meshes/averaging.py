@@ -78,8 +78,8 @@ def listed(start, soft, serve, uniform):
 
 
 @kernel
-def sizes(start, keep, uniform, m):
-    """m (n,K): how many nodes step 3 keeps in each class's ball; keep (c,)."""
+def sizes(start, weight, uniform, m):
+    """m (n,K): how many nodes step 3 keeps in each class's ball: those with a weight (c,C) that is not 0."""
     for p in range(len(m)):
         total = 0
         for g in range(m.shape[1]):
@@ -87,7 +87,10 @@ def sizes(start, keep, uniform, m):
                 total = 1 if start[p, g + 1] > start[p, 0] else 0
             else:
                 for c in range(start[p, g], start[p, g + 1]):
-                    total += keep[c]
+                    kept = False
+                    for k in range(weight.shape[1]):
+                        kept = kept or weight[c, k] > 0
+                    total += kept
             m[p, g] = total
 
 

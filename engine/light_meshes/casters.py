@@ -6,15 +6,17 @@ its own. Lights that the same triangles shadow are traced together.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .bits import mask_of
 from .geometry import Surfaces
 from .light_size import extent
-from .scene import Light, Scene, Settings
+from .scene import Light, Scene, SceneError, Settings
+
+MOST = 100  # sets; each is an accelerator or more, and Embree's wrapper fails beyond a thousand
 
 
 class Group(NamedTuple):
@@ -33,14 +35,6 @@ class Casters(NamedTuple):
     sharp: tuple[Group, ...]  # the rest of what shadows the lights in `soft`
     receives: NDArray[np.bool_] | None  # (T,) surfaces that soft shadows fall on; None: all do
     dims: int  # row of `sets`: soft casters of any light, whose glass weighs the nodes behind it in PAPER
-
-
-def mask_of(lights: Iterable[int], count: int) -> NDArray[np.uint64]:
-    """Numbers of lights, of `count`, as words of 64 bits, (max(1, ceil(count/64)),)."""
-    words = np.zeros(max(1, (count + 63) // 64), np.uint64)
-    for i in lights:
-        words[i >> 6] |= np.uint64(1) << np.uint64(i & 63)
-    return words
 
 
 def union(groups: tuple[Group, ...], count: int) -> NDArray[np.uint64]:
@@ -94,6 +88,9 @@ def _number(part: NDArray[np.bool_], numbers: dict[bytes, int], sets: list[NDArr
     if not part.any():
         return -1
     number = numbers.setdefault(part.tobytes(), len(sets))
+    if number == MOST:
+        raise SceneError(f"the lights' shadow links make more than {MOST} different sets of objects that cast shadows: "
+                         f"let more lights share a collection of blockers")
     if number == len(sets):
         sets.append(part)
     return number

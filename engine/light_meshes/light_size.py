@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from . import shading
 from .averaging import VARIANCE
+from .bits import has
 from .scene import Light
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def _measured(ready: Prepared, numbers: list[int]) -> list[float | None]:
                   np.empty((n, len(lights), 3), np.float32), shines)
     found: list[float | None] = []
     for k, light in enumerate(lights):
-        on = shines[:, k >> 6] >> np.uint64(k & 63) & np.uint64(1) > 0
+        on = has(shines.T, k)
         if light.receivers is not None:
             on &= np.isin(owner, light.receivers)
         if ready.casters.receives is not None:
@@ -96,9 +97,11 @@ def _measured(ready: Prepared, numbers: list[int]) -> list[float | None]:
         length = np.sqrt((way * way).sum(1))
         if light.reference_distance > 0:
             values = np.array([_magnified(light.reference_distance, np.median(length))] if len(P) else [])
+        elif (casters := _blockers(ready, numbers[k])) is None:
+            values = np.zeros(0)
         else:
             hit, blocker = ready.closest("opaque", P, way / length[:, None], N,
-                                         None if targets.directional[k] else length, _set(ready, numbers[k]))
+                                         None if targets.directional[k] else length, casters)
             a = np.sqrt(((blocker.P - P[hit]) ** 2).sum(1))
             values = a if targets.directional[k] else _magnified(a, length[hit])
         found.append(float(np.median(values)) if len(values) else None)
@@ -112,8 +115,7 @@ def _magnified(a: NDArray[np.float64] | float, L: NDArray[np.float64] | float) -
         return np.where(rest > 0, a / np.maximum(rest, 0), np.inf)
 
 
-def _set(ready: Prepared, light: int) -> int:
-    """The casters of the light's soft shadows."""
-    word, bit = light >> 6, np.uint64(light & 63)
+def _blockers(ready: Prepared, light: int) -> int | None:
+    """The casters of the light's soft shadows, of its shadows where none is soft; None where it has none."""
     groups = (*ready.casters.soft, *ready.casters.whole)
-    return next((g.casters for g in groups if g.lights[word] >> bit & np.uint64(1)), 0)
+    return next((g.casters for g in groups if has(g.lights, light)), None)

@@ -51,12 +51,15 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         decide("shadows", s.shadows.lower().replace("_", " "), "as set")
     if p.shadows not in ("NONE", "SHARP"):
         soft = sum(int(word).bit_count() for word in union(casters.soft, len(scene.lights)))
-        decide("soft lights", soft, f"of {len(scene.lights)}; the others need no soft shadow")
-        decide("casters", f"{len(casters.sets)} sets", "soft and sharp casters, or lights' blockers, come apart"
-               if len(casters.sets) > 1 else "all cast soft shadows of all lights")
+        if soft < len(lights):
+            decide("soft lights", soft, f"the other {len(lights) - soft} need no column in the nodes")
+        if len(casters.sets) > 1:
+            decide("casters", f"{len(casters.sets)} sets", "soft and sharp casters, or lights' blockers, come apart")
+        else:
+            decide("casters", "one set", "all that cast shadows do so alike, in every light")
         if casters.receives is not None:
-            decide("receivers", f"{int(casters.receives.sum()):,} triangles soft",
-                   f"sharp shadows on the other {int((~casters.receives).sum()):,}")
+            decide("receivers", f"{int(casters.receives.sum()):,} triangles",
+                   f"shadows on the other {int((~casters.receives).sum()):,} are sharp")
     if any(light.receivers is not None for light in lights):
         decide("light linking", "yes", f"{sum(light.receivers is not None for light in lights)} lights light some "
                "objects only")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from . import light_size, shading, textures
 from .area_sampling import AreaSampling
+from .bits import has
 from .camera import camera_rays, depth, filter_offsets
 from .casters import Group, casters, union
 from .geometry import Hits, flatten, surface
@@ -73,7 +74,7 @@ class Prepared:
         steps, sentences = light_size.steps(self, light_size.own_radii(self))
         self.warnings += sentences
         soft = union(self.casters.soft, len(scene.lights))
-        reach = np.unique([steps[i] for i in range(len(steps)) if soft[i >> 6] >> np.uint64(i & 63) & np.uint64(1)])
+        reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)])
         nodes = lattice(s.h, reach, s.lattice_rotation, s.lattice_origin)
         how = self.casters, nodes, np.searchsorted(reach, np.minimum(steps, reach[-1])), s.weights == "SMOOTH"
         if self.plan.channels:
@@ -90,6 +91,8 @@ class Prepared:
             media = self.glass.media(self.casters.sets[n])
             if media.solid.any():
                 solvers[n] = RefractedPaths(self.surfaces, media, self.lights.targets(), self.tracer, s.h, n)
+        if not solvers:  # what bends blocks no light
+            return None
         return Refraction(solvers, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free)
 
     def path_warnings(self) -> list[str]:

@@ -139,9 +139,10 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         lit = ready.soft
         vertices = ready.surfaces.vertices[np.isfinite(ready.surfaces.vertices).all(1)]
         box = np.ptp(vertices.astype(np.float64), axis=0) * ready.surfaces.scale if len(vertices) else np.zeros(3)
-        lattice_nodes = float(np.prod((box + 2 * s.h * s.kI) / s.h))  # all that any receiver can reach
+        radii = (s.h * lit.lattice.reach).tolist()
+        lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all that any receiver can reach
         report |= {
-            "h": s.h, "kI": s.kI, "r": s.h * s.kI, "receivers": counts["receivers"],
+            "h": s.h, "kI": s.kI, "r": s.h * s.kI, "radii": radii, "receivers": counts["receivers"],
             "candidates": counts["candidates"], "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
             "node_bytes": lit.store.bytes, "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],

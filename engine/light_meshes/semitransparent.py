@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .averaging import falloff, squared
+from .bits import has
 from .casters import Casters, Group, union
 from .compiled import kernel
 from .lattice import Lattice, NodeStore
@@ -75,9 +76,8 @@ class Straight:
             return
         solvers, footprint, _ = self._refraction
         for i in range(self.count):
-            word, bit = i >> 6, np.uint64(i & 63)
-            solver = next((solvers.get(g.casters) for g in self._groups if g.lights[word] >> bit & np.uint64(1)), None)
-            wanted = np.flatnonzero(active[:, word] >> bit & np.uint64(1))
+            solver = next((solvers.get(g.casters) for g in self._groups if has(g.lights, i)), None)
+            wanted = np.flatnonzero(has(active.T, i))
             if len(wanted) and solver is not None:
                 check()
                 found, work = solver.paths(i, P[wanted], None if N is None else N[wanted])

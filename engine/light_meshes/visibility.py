@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .averaging import agreement, ask, listed, mean, sizes, smooth_mean
-from .casters import Casters, Group, mask_of, union
+from .bits import mask_of
+from .casters import Casters, Group, union
 from .compiled import kernel
 from .lattice import Lattice, NodeStore, candidates
 from .scene import Light
@@ -167,7 +168,7 @@ class LightMeshes:
             stats.add(short_rays=len(row))
         with stats.stage("average"):
             m = np.zeros((len(P), len(self._serve)), np.int32)
-            sizes(start, _any(weight), uniform, m)
+            sizes(start, weight.reshape(-1, *(self._channels or (1,))), uniform, m)
             self._mean(start, candidate, weight, uniform, values, soft, P, N, position, m, S)
         # Of the classes with a set the one with the smallest ball serves them all.
         answered = soft & np.where(m[:, -1:] > 0, self._serve[(m > 0).argmax(1)], np.uint64(0))
@@ -223,7 +224,7 @@ def dim(S: NDArray[np.float32], soft: NDArray[np.uint64], edges: Any, P: NDArray
     """S of the lights in `soft`, all others 0, times V(P) past the sharp casters by `edges`; None: there are none."""
     if edges is not None:
         lit = soft.copy()
-        _drop_dark(S.reshape(len(S), -1), S.shape[1], lit)
+        _drop_dark(S.reshape(-1, int(np.prod(S.shape[1:]))), S.shape[1], lit)
         S *= edges(P, N, lit, check)
 
 
