@@ -98,7 +98,7 @@ class Tracer:
             )
             hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
             triangle[part], u[part], v[part] = hit["primID"], hit["u"], hit["v"]
-        if original is not None:
+        if original is not None and len(original):  # of none all miss
             triangle = np.where(triangle >= 0, original[triangle], -1).astype(np.int32)
         return triangle, u, v
 
