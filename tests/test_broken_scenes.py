@@ -83,6 +83,21 @@ def test_an_empty_scene_is_the_world(shadows):
 
 
 @pytest.mark.parametrize("auto_h", [True, False])
+def test_a_scene_all_hidden_from_the_camera_is_the_world(auto_h):
+    scene = tabletop(16, auto_h=auto_h)
+    hidden = replace(scene, objects=tuple(replace(o, visible_camera=False) for o in scene.objects))
+    assert (render_image(hidden).passes["Combined"] == np.float32([0.05, 0.05, 0.05, 1])).all()
+
+
+def test_a_light_whose_size_nothing_opaque_tells_has_the_scenes_radius():
+    """All that could block it is glass: there is nothing to measure its blur by."""
+    scene = tabletop(16)
+    scene = replace(scene, materials=tuple(replace(m, kt=(0.5, 0.5, 0.5)) for m in scene.materials))
+    sized = with_lights(scene, replace(scene.lights[0], softness="LIGHT_SIZE", radius=0.1))
+    np.testing.assert_array_equal(render_image(sized).passes["Combined"], render_image(scene).passes["Combined"])
+
+
+@pytest.mark.parametrize("auto_h", [True, False])
 def test_a_camera_that_looks_at_nothing_sees_the_world(auto_h):
     scene = tabletop(16, auto_h=auto_h)
     away = look_at((0, 0, 9), (0, 0, 20), 40, 16, 16)

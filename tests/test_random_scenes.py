@@ -63,8 +63,15 @@ def light(random: np.random.Generator, n: int, points: np.ndarray) -> Light:
     return Light(f"light {n}", LIGHT_TYPES[random.integers(4)], tuple(random.uniform(0, 2, 3).tolist()),
                  position=tuple(where.tolist()), direction=tuple((axis / max(np.linalg.norm(axis), 1e-9)).tolist()),
                  spot_angle=float(random.uniform(0, np.pi)), spot_blend=float(random.choice([0.0, 0.5, 1.0])),
-                 softness=str(random.choice(["SCENE", "RADIUS"])), soft_radius=float(random.choice([0.0, 0.1, 0.6])),
-                 soft_shadows=bool(random.random() < 0.8))
+                 softness=str(random.choice(["SCENE", "RADIUS", "LIGHT_SIZE"])),
+                 soft_radius=float(random.choice([0.0, 0.1, 0.6])), radius=float(random.choice([0.0, 0.1, 2.0])),
+                 angle=float(random.choice([0.0, 0.2, 3.0])), area_u=tuple(random.choice(GRID, 3).tolist()),
+                 reference_distance=float(random.choice([0.0, 1.0])), soft_shadows=bool(random.random() < 0.8),
+                 cast_shadow=bool(random.random() < 0.9), receivers=linked(random), blockers=linked(random))
+
+
+def linked(random: np.random.Generator) -> tuple[int, ...] | None:
+    return tuple(np.flatnonzero(random.random(2) < 0.8).tolist()) if random.random() < 0.1 else None
 
 
 def wild(seed: int) -> Scene:
@@ -75,12 +82,14 @@ def wild(seed: int) -> Scene:
         mesh = (soup, needles, solid, fan)[random.integers(4)](random)
         matrices = [[np.eye(4)], [move(0, 0, 0.5)], [turn_z(random.uniform(0, 6)), np.eye(4)],
                     [scale(1, 1, 0)], [scale(-1, 1, 1)]][random.integers(5)]
-        parts.append(Part(mesh, material(random, n), f"thing {n}", matrices))
+        flags = {name: bool(random.random() < 0.9) for name in ("visible_camera", "visible_shadow")}
+        parts.append(Part(mesh, material(random, n), f"thing {n}", matrices, flags))
     points = np.concatenate([p.mesh.vertices for p in parts])
     lights = [light(random, n, points) for n in range(random.integers(1, 5))]
     eye = random.choice(GRID, 3) + 0.02 if random.random() < 0.1 else (2.4, -2.9, 2.2)
     chosen = settings(
-        shadows="SHARP" if random.random() < 0.3 else "LIGHT_MESHES", h=H, kI=float(random.choice([0.5, 1.5, 2, 3])),
+        shadows=str(random.choice(["SHARP", "LIGHT_MESHES", "AREA_SAMPLING"], p=[0.25, 0.65, 0.1])), light_samples=4,
+        h=H, kI=float(random.choice([0.5, 1.5, 2, 3])),
         weights=str(random.choice(["UNIFORM", "SMOOTH"])), lattice_rotation=bool(random.random() < 0.5),
         refraction="FULL" if random.random() < 0.1 else "VIEW", glass=str(random.choice(["BOUNDED", "PAPER"])),
         leak_free=bool(random.random() < 0.3), caustics=str(random.choice(["PAPER", "FOCUS"])), cutoff=0.1)
