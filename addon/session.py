@@ -279,13 +279,11 @@ def forget() -> None:
         discard()
 
 
-def discard(engine: Session | None = None) -> None:
-    """Give `engine`, or the current one, up without waiting: a thread ends it."""
+def discard() -> None:
+    """Give the engine up without waiting: a thread ends it."""
     global _session
-    engine = engine or _session
-    if engine:
-        threading.Thread(target=engine.kill).start()
-    if engine is _session:
+    if _session:
+        threading.Thread(target=_session.kill).start()
         _session = None
 
 
