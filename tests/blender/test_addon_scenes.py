@@ -235,7 +235,7 @@ def test_an_update_in_the_middle_begins_anew(scene, add, watched, check):
 
 def test_what_is_being_exported_stays(scene, add, watched, check, monkeypatch):
     """Blocks that no scene names yet are not removed when the engine has read an older scene."""
-    monkeypatch.setattr("light_meshes_addon.export.blocks.FULL", 500)
+    monkeypatch.setattr("light_meshes_addon.export.blocks.FULL", 300)
     balls = [ball(add, f"Ball {i}", 3) for i in range(3)]
     first = watched.export()
     for ob in balls:
