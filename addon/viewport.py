@@ -225,10 +225,14 @@ class Viewport:
         self._leave(session.Session.kill)
 
     def _leave(self, how: Callable[[session.Session], None]) -> None:
-        if self._scenes:
-            self._scenes.close()
-        if self._session:
-            threading.Thread(target=how, args=(self._session,)).start()
+        engine, scenes = self._session, self._scenes
+
+        def leave():
+            if scenes:
+                scenes.close()  # first, or it would write where the engine has removed everything
+            how(engine)
+        if engine:
+            threading.Thread(target=leave).start()
         self._session = self._scenes = self._scene = self._asked = None
 
 

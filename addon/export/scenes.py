@@ -110,8 +110,8 @@ class Scenes:
             self._jobs.append(self._writer.submit(lambda: [_remove(path) for path in gone]))
 
     def close(self) -> None:
-        """Write nothing more; does not wait."""
-        self._writer.shutdown(wait=False, cancel_futures=True)
+        """Write nothing more; waits for what is being written."""
+        self._writer.shutdown(cancel_futures=True)
 
     def _begin(self, depsgraph) -> None:
         self._report = Report()

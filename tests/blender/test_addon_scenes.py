@@ -233,6 +233,22 @@ def test_an_update_in_the_middle_begins_anew(scene, add, watched, check):
     check()
 
 
+def test_what_is_being_exported_stays(scene, add, watched, check, monkeypatch):
+    """Blocks that no scene names yet are not removed when the engine has read an older scene."""
+    monkeypatch.setattr("light_meshes_addon.export.blocks.FULL", 300)
+    balls = [ball(add, f"Ball {i}", 3) for i in range(3)]
+    first = watched.export()
+    for ob in balls:
+        ob.data.vertices[0].co.x = 5
+        ob.data.update()
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    for _ in range(9):
+        assert watched.scenes.advance(depsgraph, 0.0, None, lambda ob: True) is None
+    watched.scenes.only(first)
+    check()
+
+
 def test_many_edits(scene, add, add_light, diffuse, watched, check, monkeypatch):
     """Random edits: always what a fresh export gives; blocks and files stay few."""
     monkeypatch.setattr("light_meshes_addon.export.blocks.FULL", 500)
