@@ -148,8 +148,8 @@ import os, signal, sys
 addon = next(n for n in sys.modules if n.endswith("light_meshes.observers"))[:-len(".observers")]
 session = sys.modules[addon + ".session"]
 def see(event):
-    if event["event"] == "progress" and event["fraction"] > 0 and session._session:
-        os.kill(session._session._process.pid, signal.SIGKILL)
+    if event["event"] == "progress" and event["fraction"] > 0 and "render" in session._sessions:
+        os.kill(session._sessions["render"]._process.pid, signal.SIGKILL)
 sys.modules[addon + ".observers"].observers.append(see)
 try:
     bpy.ops.render.render()

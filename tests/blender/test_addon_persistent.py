@@ -130,6 +130,6 @@ def test_another_file_frees_what_was_kept(room, animation):
     scene = room[0]
     fly(scene, 1)
     animation(scene, True)
-    assert session._session.keeps
+    assert session._sessions["render"].keeps
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    assert session._session is None
+    assert "render" not in session._sessions
