@@ -49,12 +49,14 @@ def current(context, scene, depsgraph) -> View | None:
         crop = edges.tolist()
         if crop[0] >= crop[2] or crop[1] >= crop[3]:
             return None
-    near, far = _clip(space, eye and eye.evaluated_get(depsgraph), perspective)
+    seen = eye and eye.evaluated_get(depsgraph)
+    near, far = _clip(space, seen, perspective)
+    lens = camera.depth_of_field(seen, seen.data, depsgraph) if seen and seen.type == 'CAMERA' else {}
     x0, y0, x1, y1 = crop or (0, 0, width, height)
     return View({
         "matrix": matrix.tolist(), "window": [low[0], high[0], low[1], high[1]], "width": width, "height": height,
         "perspective": perspective, "clip_start": near, "clip_end": far, "crop": crop,
-    }, (x0 * size, y0 * size, x1 * size, y1 * size))
+    } | lens, (x0 * size, y0 * size, x1 * size, y1 * size))
 
 
 def pixel_size(context, scene) -> int:

@@ -28,7 +28,7 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
     if lens.type not in {'PERSP', 'ORTHO'}:
         report.warn(f"Camera '{camera.name}' is of type {lens.type.lower()}, which is not translated: "
                     "rendered as a perspective camera")
-    return result | _depth_of_field(camera, lens, depsgraph) | {
+    return result | depth_of_field(camera, lens, depsgraph) | {
         "window": _window(scene.render, width, height, lens, lens.shift_x, lens.shift_y),
         "perspective": lens.type != 'ORTHO',
         "clip_start": lens.clip_start,
@@ -36,7 +36,7 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
     }
 
 
-def _depth_of_field(camera, lens, depsgraph) -> dict:
+def depth_of_field(camera, lens, depsgraph) -> dict:
     """The lens that blurs what is out of focus, with Cycles' numbers."""
     dof = lens.dof
     if not dof.use_dof:

@@ -94,6 +94,7 @@ class LIGHT_MESHES_PT_performance(LightMeshesPanel, bpy.types.Panel):
 
     def fill(self, layout, context):
         layout.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
+        layout.prop(context.scene.render, "preview_pixel_size", text="Pixel Size of Views")
 
 
 CLASSES = (

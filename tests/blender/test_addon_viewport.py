@@ -1,7 +1,6 @@
 """The rendered 3D view in a real Blender's window, on a virtual screen."""
 
 import json
-import os
 import shutil
 import subprocess
 import time
@@ -10,20 +9,6 @@ from pathlib import Path
 import pytest
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not shutil.which("Xvfb"), reason="no Xvfb")]
-
-
-@pytest.fixture(scope="module")
-def display():
-    """The name of a virtual screen."""
-    reading, writing = os.pipe()
-    process = subprocess.Popen(["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x800x24", "+extension", "GLX",
-                                "-nolisten", "tcp"], pass_fds=[writing], stderr=subprocess.DEVNULL)
-    os.close(writing)
-    with os.fdopen(reading) as f:
-        name = f":{f.readline().strip()}"
-    yield name
-    process.terminate()
-    process.wait()
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +73,11 @@ def test_it_lies_under_the_overlays(told):
     assert told["border picture"]["shape"] == [y1 - y0, x1 - x0, 4]
     width, height = told["pixel size"]["region"]
     assert told["pixel size"]["shape"] == [-(-height // 4), -(-width // 4), 4]
+
+
+def test_a_cameras_view_has_its_depth_of_field(told):
+    lens = told["lens"]
+    assert lens["radius"] == pytest.approx(0.035 / 0.2) and lens["focus"] == 3
 
 
 def test_a_render_goes_on_beside_it(told):

@@ -172,6 +172,13 @@ def story():
     yield idle
     tell("pixel size", shape=pixels().shape, region=[context_region().width, context_region().height])
     render.preview_pixel_size = 'AUTO'
+    dof = camera.dof
+    dof.use_dof, dof.aperture_fstop, dof.focus_distance = True, 0.1, 3
+    yield 0.2
+    with context():
+        seen = view_module.current(bpy.context, scene, bpy.context.evaluated_depsgraph_get()).camera
+    tell("lens", radius=seen["lens_radius"], focus=seen["focus_distance"])
+    dof.use_dof = False
     data.view_perspective = 'PERSP'
 
     render.resolution_x, render.resolution_y = 64, 48
