@@ -23,6 +23,7 @@ from .measure import PREPARING, Say
 from .scenes import changed
 
 DARK = 1e-300  # an intensity that is some, and adds nothing in float32
+PREPARED = ("accelerators", "casters")  # decisions that show in the preparing
 SEEN_BY_ONE = ({"visible_camera": True}, {"visible_shadow": True})
 
 
@@ -106,7 +107,7 @@ def table(opaque: Scene, glass: Scene, still: Scene, repeats: int, say: Say) -> 
         rows.append({
             "plan": d.plan, "what": d.what, "taken": reasons.get(d.plan, "nothing"),
             "other": not_taken.get(d.plan, "nothing"), "same_bits": same} | {
-                f"{name}_seconds": _seconds(done, d.plan == "accelerators") for name, done in runs.items()})
+                f"{name}_seconds": _seconds(done, d.plan in PREPARED) for name, done in runs.items()})
         say(f"{d.plan}, {d.what}: {'the same bits' if same else 'OTHER BITS'}, {rows[-1]['taken_seconds']:.2f} s, "
             f"{rows[-1]['forced_seconds']:.2f} s when forced")
     return rows
