@@ -145,6 +145,9 @@ def test_cycles_needs_a_hundred_times_the_samples_for_a_tenth_of_the_noise():
     wrong += [noise("light meshes", 0.02, "SPHERE"), noise("light meshes", 0.5, "RRTA")]
     found = targets.cycles_ratios(results(scenes=OWN, times=times, errors=wrong), "S7")
     assert found == {16: pytest.approx(0.5 * 100 / 2.0)}
+    target = next(r for r in targets.targets(results(scenes=OWN, times=times, errors=wrong)) if "Cycles" in r["what"]
+                  and "S7" in r["what"])
+    assert target["reached"] and "beyond what was measured: 16 lights" in target["remark"]  # 100 samples were not run
 
 
 # --- Only what a scene needs --------------------------------------------------------------------------------
