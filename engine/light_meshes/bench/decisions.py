@@ -1,6 +1,7 @@
 """What the plan saves: each decision taken, and forced the other way, with the same bits in the picture (method §5).
 
-"Ambient light" is not among them: it costs three products a hit, and no way around it would be cheaper.
+"Ambient light" is not among them: it costs three products a hit, and no way around it would be cheaper. Nor are "soft
+lights", as nothing can be forced to make columns of nodes that it does not need.
 
 Where a flag of the plan makes the decision it is forced; where the scene's own data do, an equal scene in which they
 do not takes its place: a triangle that stands there twice for one kind of ray, a light too dark for float32.
@@ -22,6 +23,8 @@ from .measure import PREPARING, Say
 from .scenes import changed
 
 DARK = 1e-300  # an intensity that is some, and adds nothing in float32
+PREPARED = ("accelerators", "casters")  # decisions that show in the preparing
+SEEN_BY_ONE = ({"visible_camera": True}, {"visible_shadow": True})
 
 
 @dataclass(frozen=True)
@@ -43,10 +46,19 @@ def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
     coloured = dataclasses.replace(plain, materials=tuple(
         dataclasses.replace(m, kt=(m.kt[0], 0.9 * m.kt[1], 0.8 * m.kt[2])) for m in plain.materials))
     whitted, cast = changed(opaque, mode="WHITTED"), changed(opaque, mode="RAY_CASTING")
-    half = len(opaque.lights) // 2
+    half, things = len(opaque.lights) // 2, tuple(range(len(opaque.objects)))
 
-    def lit(scene: Scene, **values: Any) -> Scene:
-        return dataclasses.replace(scene, lights=tuple(dataclasses.replace(light, **values) for light in scene.lights))
+    def lit(**values: Any) -> Scene:
+        return dataclasses.replace(opaque, lights=tuple(dataclasses.replace(i, **values) for i in opaque.lights))
+
+    def and_dark(scene: Scene, **values: Any) -> Scene:
+        """One light more, that nobody sees, with soft shadows."""
+        more = dataclasses.replace(opaque.lights[0], name="dark", intensity=(DARK,) * 3, **values)
+        return dataclasses.replace(scene, lights=(*scene.lights, more))
+
+    def first(**values: Any) -> Scene:
+        return dataclasses.replace(opaque, objects=(
+            dataclasses.replace(opaque.objects[0], **values), *opaque.objects[1:]))
 
     def dimmed(intensity: float) -> Scene:
         return dataclasses.replace(opaque, lights=tuple(
@@ -54,10 +66,16 @@ def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
             for n, light in enumerate(opaque.lights)))
 
     return [
-        Decision("shadows", "none: no light casts any", lit(opaque, cast_shadow=False), opaque,
-                 {"shadows": "LIGHT_MESHES", "uniform_skip": True}),
-        Decision("shadows", "sharp: no light has soft ones", lit(opaque, soft_shadows=False), opaque,
-                 {"shadows": "LIGHT_MESHES", "uniform_skip": True}),
+        Decision("shadows", "none: no light casts any", lit(cast_shadow=False), opaque,
+                 instead=and_dark(lit(cast_shadow=False))),
+        Decision("shadows", "sharp: no light has soft ones", lit(soft_shadows=False), opaque,
+                 instead=and_dark(lit(soft_shadows=False))),
+        Decision("casters", "one set for all lights", opaque, and_dark(opaque, blockers=things[:1]),
+                 instead=and_dark(opaque, blockers=things[:1])),
+        Decision("receivers", "none are told apart", opaque, _with_twins(opaque, ({"receive_soft_shadows": False},)),
+                 instead=_with_twins(opaque, ({"receive_soft_shadows": False},))),
+        Decision("light linking", "no light lights some objects only", opaque, lit(receivers=things),
+                 instead=lit(receivers=things)),
         Decision("uniform skip", "on", opaque, changed(glass, caustics="FOCUS"), {"uniform_skip": False}),
         Decision("node values", "a bit a light: opaque surfaces only", opaque, straight, {"channels": 1}),
         Decision("node values", "a number a light: uncoloured glass", straight, coloured, {"channels": 3}),
@@ -65,8 +83,10 @@ def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
         Decision("transparency", "none: all surfaces are opaque", cast, straight, {"transparent": True}),
         Decision("reflected rays", "none: nothing mirrors", whitted, still, {"reflections": True}),
         Decision("textures", "none: no coordinates of images on the hits", opaque, still, instead=_with_uvs(opaque)),
-        Decision("accelerators", "one for all kinds of rays", opaque, _with_hidden(opaque),
-                 instead=_with_hidden(opaque)),
+        Decision("accelerators", "one for all kinds of rays", opaque, _with_twins(opaque, SEEN_BY_ONE),
+                 instead=_with_twins(opaque, SEEN_BY_ONE)),
+        Decision("holdouts", "none", opaque, first(holdout=True), {"holdouts": True}),
+        Decision("shadow catchers", "none", opaque, first(shadow_catcher=True), {"catchers": True}),
         Decision("dark lights", f"{half} of {len(opaque.lights)} never traced", dimmed(0.0), opaque,
                  instead=dimmed(DARK)),
     ]
@@ -85,9 +105,9 @@ def table(opaque: Scene, glass: Scene, still: Scene, repeats: int, say: Say) -> 
         not_taken = render_image(changed(d.other, samples=1)).statistics["plan"] if d.other else {}
         same = np.array_equal(runs["taken"][0].passes["Combined"], runs["forced"][0].passes["Combined"])
         rows.append({
-            "plan": d.plan, "what": d.what, "taken": reasons[d.plan], "other": not_taken.get(d.plan, "nothing"),
-            "same_bits": same} | {
-                f"{name}_seconds": _seconds(done, d.plan == "accelerators") for name, done in runs.items()})
+            "plan": d.plan, "what": d.what, "taken": reasons.get(d.plan, "nothing"),
+            "other": not_taken.get(d.plan, "nothing"), "same_bits": same} | {
+                f"{name}_seconds": _seconds(done, d.plan in PREPARED) for name, done in runs.items()})
         say(f"{d.plan}, {d.what}: {'the same bits' if same else 'OTHER BITS'}, {rows[-1]['taken_seconds']:.2f} s, "
             f"{rows[-1]['forced_seconds']:.2f} s when forced")
     return rows
@@ -104,19 +124,20 @@ def _with_uvs(scene: Scene) -> Scene:
     return dataclasses.replace(scene, geometry=dataclasses.replace(scene.geometry, uvs=uvs))
 
 
-def _with_hidden(scene: Scene) -> Scene:
-    """The scene with two of its triangles there twice, once for the camera only, once for shadow rays only.
+def _with_twins(scene: Scene, unlike: tuple[dict[str, bool], ...]) -> Scene:
+    """The scene with some of its triangles there twice, as objects of their own that are seen by no rays but `unlike`.
 
-    Which of two equal triangles a ray meets makes no difference, but each kind of ray now needs triangles of its own.
+    Which of two equal triangles a ray meets makes no difference, but the scene can no longer be treated as one.
     """
     g = scene.geometry
     v0, nv, t0, _ = g.meshes[g.instance_mesh[0]].tolist()
-    new, many = len(g.meshes), len(scene.objects)
+    number = np.arange(len(unlike), dtype=np.int32)
     geometry = dataclasses.replace(
-        g, meshes=np.concatenate([g.meshes, [(v0, nv, t0, 1), (v0, nv, t0 + 1, 1)]]),
-        instance_mesh=np.append(g.instance_mesh, np.array([new, new + 1], np.int32)),
-        instance_object=np.append(g.instance_object, np.array([many, many + 1], np.int32)),
-        instance_matrix=np.concatenate([g.instance_matrix, g.instance_matrix[:1], g.instance_matrix[:1]]))
-    again = dataclasses.replace(scene.objects[g.instance_object[0]], name="again", visible_reflection=False)
-    objects = (dataclasses.replace(again, visible_shadow=False), dataclasses.replace(again, visible_camera=False))
-    return dataclasses.replace(scene, geometry=geometry, objects=(*scene.objects, *objects))
+        g, meshes=np.concatenate([g.meshes, [(v0, nv, t0 + n, 1) for n in number.tolist()]]),
+        instance_mesh=np.append(g.instance_mesh, len(g.meshes) + number),
+        instance_object=np.append(g.instance_object, len(scene.objects) + number),
+        instance_matrix=np.concatenate([g.instance_matrix, np.repeat(g.instance_matrix[:1], len(unlike), 0)]))
+    hidden = {"visible_camera": False, "visible_reflection": False, "visible_shadow": False}
+    twins = tuple(dataclasses.replace(scene.objects[g.instance_object[0]], name="twin", **(hidden | how))
+                  for how in unlike)
+    return dataclasses.replace(scene, geometry=geometry, objects=(*scene.objects, *twins))

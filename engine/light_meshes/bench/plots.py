@@ -45,7 +45,7 @@ def _save(figure: Any, path: Path) -> list[Path]:
 
 def _figure(panels: int) -> tuple[Any, Any]:
     import matplotlib.pyplot as plt
-    from matplotlib.ticker import LogFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     columns = min(panels, 4)
     rows = -(-panels // columns)
@@ -57,8 +57,9 @@ def _figure(panels: int) -> tuple[Any, Any]:
         ax.set_xscale("log")
         ax.set_yscale("log")
         for axis in (ax.xaxis, ax.yaxis):  # plain numbers, and not too many
-            axis.set_major_formatter(LogFormatter())
-            axis.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.4)))
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(NullFormatter())
         ax.grid(True, which="both", color="#dddddd", linewidth=0.5)
     return figure, list(axes.flat[:panels])
 

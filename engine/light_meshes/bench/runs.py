@@ -90,7 +90,7 @@ class Bench:
                     self._process()
                 elif part == "decisions":
                     self._say("decisions of the plan")
-                    many, glass, still = (scenes.sized(s, self.effort.size // 2) for s in (
+                    many, glass, still = (scenes.sized(s, self.effort.size // 2, samples=1) for s in (
                         scenes.case("S7", self._scene_of("S7"), 16).scene, self._scene_of("S5"), self._scene_of("S8")))
                     self.results["decisions"] = decisions.table(many, glass, still, self.effort.repeats, self._say)
                 self.results["seconds"] = time.monotonic() - started

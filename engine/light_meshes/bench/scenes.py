@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import blend, snapshot
-from ..camera import camera_rays
+from ..light_size import own_radii
 from ..prepared import Prepared
 from ..render import measure
 from ..scene import Geometry, Light, Material, Object, Scene, SceneError
 
 FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}
 MATCHED = ("S3", "S7")  # their lights get the size that the penumbra's width stands for
-EQUAL_VARIANCE = 1.12  # r / (ρ·a/(L − a)), method §2
 
 
 @dataclass(frozen=True)
@@ -74,8 +73,8 @@ def case(name: str, scene: Scene, lights: int | None = None) -> Case:
         scene = dataclasses.replace(scene, lights=matched(scene))
         sizes = {light.name: light.angle if light.type == "SUN" else light.radius for light in scene.lights}
         seen = sorted(size for size in sizes.values() if size)
-        rule = (f"r = {radius(scene):.4g} = {EQUAL_VARIANCE}·ρ·a/(L − a) with the median of a/(L − a) over what the "
-                f"camera sees in each light's shadow: ρ = {seen[0]:.3g}" +
+        rule = (f"r = {radius(scene):.4g} = 1.12·ρ·a/(L − a) with the median of a/(L − a) over what the camera sees in "
+                f"each light's shadow: ρ = {seen[0]:.3g}" +
                 (f" … {seen[-1]:.3g}, median {np.median(seen):.3g}" if len(seen) > 1 else ""))
     return Case(name, scene, blend_folder() / f"{FILES[name]}.blend", power, sizes, rule)
 
@@ -100,36 +99,18 @@ def sized(scene: Scene, edge: int, **settings: Any) -> Scene:
 
 
 def matched(scene: Scene) -> tuple[Light, ...]:
-    """The lights, each of the size whose penumbra is about as wide as r (method §2): ρ = r/1.12 · (L − a)/a."""
-    shares = blocker_shares(scene)
-    known = shares[shares > 0]
-    usual = float(np.median(known)) if len(known) else 1.0  # a light without shadows in view: like the others
-    lights = []
-    for light, share in zip(scene.lights, np.where(shares > 0, shares, usual).tolist(), strict=True):
-        size = radius(scene) / EQUAL_VARIANCE / share
-        lights.append(dataclasses.replace(light, angle=2 * atan(size)) if light.type == "SUN"
-                      else dataclasses.replace(light, radius=size))
-    return tuple(lights)
+    """The lights, each of the size that would ask for the scene's r (`light_size`, from what the camera sees)."""
+    unit = tuple(dataclasses.replace(_with_size(light, 1.0), softness="LIGHT_SIZE", reference_distance=0.0)
+                 for light in scene.lights)
+    own = own_radii(Prepared(changed(dataclasses.replace(scene, lights=unit), shadows="SHARP")))
+    usual = float(np.median([*own.values()])) if own else radius(scene)  # of a light without shadows in view
+    return tuple(_with_size(light, radius(scene) / own.get(i, usual)) for i, light in enumerate(scene.lights))
 
 
-def blocker_shares(scene: Scene, edge: int = 64) -> NDArray[np.float64]:
-    """Median a/(L − a) (L,) of the shadow points that the camera sees (a alone for a sun); 0 where it sees none."""
-    ready = Prepared(sized(scene, edge, shadows="SHARP"))
-    camera = ready.scene.camera
-    origin, direction, reach = camera_rays(camera, (0, 0, camera.width, camera.height), np.zeros((1, 2)))
-    _, seen = ready.closest("camera", origin, direction, None, reach)
-    targets, shares = ready.lights.targets(), np.zeros(len(scene.lights))
-    for i, light in enumerate(scene.lights):
-        sun = light.type == "SUN"
-        way = np.broadcast_to(targets.position[i], seen.P.shape) if sun else targets.position[i] - seen.P
-        front = (way * seen.Ng).sum(1) > 0
-        P, N, way = seen.P[front], seen.Ng[front], way[front]
-        length = np.linalg.norm(way, axis=1)
-        hit, blocker = ready.closest("shadow", P, way / length[:, None], N, None if sun else length * (1 - 1e-5))
-        a = np.linalg.norm(blocker.P - P[hit], axis=1)
-        if len(a):
-            shares[i] = np.median(a if sun else a / np.maximum(length[hit] - a, 1e-9))
-    return shares
+def _with_size(light: Light, size: float) -> Light:
+    """ρ, or the tangent of a sun's half angle."""
+    return dataclasses.replace(light, angle=2 * atan(size)) if light.type == "SUN" \
+        else dataclasses.replace(light, radius=size)
 
 
 # --- The hall of blend_scenes/hall.py at any number of triangles ---------------------------------------------

@@ -28,7 +28,8 @@ def targets(results: dict[str, Any]) -> Rows:
         lights = 16 if 16 in found or not found else min(found)
         rows.append(_row(f"Cycles' time / light meshes' at the RMSE that these reach, {name}"
                          + f", {lights} lights" * (name == "S7"), found.get(lights), 10, at_least=True,
-                         remark="; ".join(f"{n} lights: {x:.3g}" for n, x in found.items() if n != lights)))
+                         remark="; ".join([f"{n} lights: {x:.3g}" for n, x in found.items() if n != lights] +
+                                          [_extended(results, name)] * bool(found))))
     cost = {r["lights"]: r["frame"]["median"] for r in own_rows(results, "S7", 4)}
     rows.append(_row("cost of 256 lights / of 1 light, light meshes, S7, 4 samples a pixel",
                      cost[256] / cost[1] if {1, 256} <= set(cost) else None, 8))
@@ -86,14 +87,27 @@ def cycles_ratios(results: dict[str, Any], scene: str) -> dict[int, float]:
     found = {}
     for own in own_rows(results, scene, 1):
         lights = own["lights"]
-        error = [r["all"]["rmse"] for r in own_rows(results, scene, 1, "errors")
-                 if (r["lights"], r["reference"]) == (lights, "SPHERE")]
-        line = cycles_line(results, scene, lights)
+        error, line = _own_error(results, scene, lights), cycles_line(results, scene, lights)
         if error and len(line) > 1:
             times, noise = np.log(np.array(line).T)
             slope, start = np.polyfit(noise, times, 1)
             found[lights] = float(np.exp(start + slope * np.log(error[0]))) / own["frame"]["median"]
     return found
+
+
+def _own_error(results: dict[str, Any], scene: str, lights: int) -> list[float]:
+    return [r["all"]["rmse"] for r in own_rows(results, scene, 1, "errors")
+            if (r["lights"], r["reference"]) == (lights, "SPHERE")]
+
+
+def _extended(results: dict[str, Any], scene: str) -> str:
+    """With how many lights Cycles' line had to be carried on beyond the samples that were measured."""
+    beyond = [str(case["lights"]) for case in results["scenes"] if case["scene"] == scene
+              for error in _own_error(results, scene, case["lights"])
+              for line in [cycles_line(results, scene, case["lights"])]
+              if line and error < min(noise for _, noise in line)]
+    return (f"by Cycles' line beyond what was measured: {', '.join(beyond)} lights" if beyond
+            else "within what was measured")
 
 
 def cycles_line(results: dict[str, Any], scene: str, lights: int) -> list[tuple[float, float]]:
