@@ -60,12 +60,13 @@ def light(random: np.random.Generator, n: int, points: np.ndarray) -> Light:
     where = [random.choice(GRID, 3), points[random.integers(len(points))], random.uniform(-2, 2, 3),
              points[random.integers(0, len(points), 3)].mean(0)][random.integers(4)]
     axis = random.choice([-1.0, 0.0, 1.0], 3) if random.random() < 0.5 else random.normal(size=3)
+    size = float(random.choice([0.0, 0.02, 0.1, 4.0], p=[0.3, 0.35, 0.33, 0.02]))
     return Light(f"light {n}", LIGHT_TYPES[random.integers(4)], tuple(random.uniform(0, 2, 3).tolist()),
                  position=tuple(where.tolist()), direction=tuple((axis / max(np.linalg.norm(axis), 1e-9)).tolist()),
                  spot_angle=float(random.uniform(0, np.pi)), spot_blend=float(random.choice([0.0, 0.5, 1.0])),
                  softness=str(random.choice(["SCENE", "RADIUS", "LIGHT_SIZE"])),
-                 soft_radius=float(random.choice([0.0, 0.1, 0.6])), radius=float(random.choice([0.0, 0.1, 2.0])),
-                 angle=float(random.choice([0.0, 0.2, 3.0])), area_u=tuple(random.choice(GRID, 3).tolist()),
+                 soft_radius=float(random.choice([0.0, 0.1, 0.6])), radius=size,
+                 angle=min(size, 3.0), area_u=tuple((size * random.choice(GRID, 3)).tolist()),
                  reference_distance=float(random.choice([0.0, 1.0])), soft_shadows=bool(random.random() < 0.8),
                  cast_shadow=bool(random.random() < 0.9), receivers=linked(random), blockers=linked(random))
 
@@ -86,12 +87,15 @@ def wild(seed: int) -> Scene:
         parts.append(Part(mesh, material(random, n), f"thing {n}", matrices, flags))
     points = np.concatenate([p.mesh.vertices for p in parts])
     lights = [light(random, n, points) for n in range(random.integers(1, 5))]
+    full = random.random() < 0.1
+    if full:  # with the largest radii the paths of one scene take a minute
+        lights = [replace(source, softness="SCENE") for source in lights]
     eye = random.choice(GRID, 3) + 0.02 if random.random() < 0.1 else (2.4, -2.9, 2.2)
     chosen = settings(
         shadows=str(random.choice(["SHARP", "LIGHT_MESHES", "AREA_SAMPLING"], p=[0.25, 0.65, 0.1])), light_samples=4,
         h=H, kI=float(random.choice([0.5, 1.5, 2, 3])),
         weights=str(random.choice(["UNIFORM", "SMOOTH"])), lattice_rotation=bool(random.random() < 0.5),
-        refraction="FULL" if random.random() < 0.1 else "VIEW", glass=str(random.choice(["BOUNDED", "PAPER"])),
+        refraction="FULL" if full else "VIEW", glass=str(random.choice(["BOUNDED", "PAPER"])),
         leak_free=bool(random.random() < 0.3), caustics=str(random.choice(["PAPER", "FOCUS"])), cutoff=0.1)
     return assemble(parts, look_at(eye, (0, 0, 0.2), 45, 16, 16), lights, chosen, world_color=(0.1, 0.2, 0.3))
 

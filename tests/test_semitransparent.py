@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from light_meshes import tracing
 from light_meshes.render import Prepared, render_image
 from light_meshes.scene import Material
 from meshes import Mesh, Part, assemble, box, look_at, look_down, move, rectangle, sphere
@@ -241,3 +242,22 @@ def test_the_uniform_skip_gives_the_same_bits_through_glass():
     a, b = (render_image(with_settings(scene, uniform_skip=u)) for u in (True, False))
     np.testing.assert_array_equal(a.passes["Combined"], b.passes["Combined"])
     assert a.statistics["short_rays"] < 0.7 * b.statistics["short_rays"]
+
+
+def test_a_surface_that_is_met_at_once_again_and_again_ends_soon():
+    """A ray along the edge of a glass box may meet its faces wherever it starts: half a million steps of some ulps."""
+    surfaces = Prepared(assemble([Part(box((0, 0, 0), (1, 1, 1)), GREY, "box")], look_down(0, 0, 2, 8), [])).surfaces
+    start, end = np.array([[0.1, 0.1, -0.8]]), np.array([[0.1, 0.1, 0.9]])
+    o, d = start.astype(np.float32), (end - start).astype(np.float32)
+    t, passed, new = np.zeros(1, np.float32), np.zeros(1), np.empty(1, np.bool_)
+    last, near = np.full(1, -1, np.int32), np.zeros(1, np.int32)
+    steps, ahead = 0, []
+    while steps < 100:
+        t[:] = 0  # Embree's hit: at the very start
+        tracing._cross(surfaces, np.array([3]), start, end, o, d, t, passed, last, near, new)
+        steps += 1
+        ahead.append(float(passed[0]))
+        if t[0] == 0:
+            break
+    assert 10 < steps < 50
+    assert (np.diff(ahead[:8]) < 2 * tracing.ULPS).all()  # the first steps are as short as ever

@@ -160,24 +160,28 @@ class Tracer:
             end = start + d.astype(np.float64) * t[:, None].astype(np.float64)
             passed = np.zeros(len(alive))  # distance of the last crossing from the start
             last = np.full(len(alive), -1, np.int32)
+            near = np.zeros(len(alive), np.int32)  # crossings in a row that are hardly apart
             while len(alive):
                 hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
                 on = hit["primID"] >= 0
                 triangle = hit["primID"][on] if original is None else original[hit["primID"][on]]
-                alive, start, end, passed, last = alive[on], start[on], end[on], passed[on], last[on]
+                alive, start, end, passed, last, near = alive[on], start[on], end[on], passed[on], last[on], near[on]
                 o, d, t = o[on], d[on], t[on]
                 new = np.empty(len(alive), np.bool_)
-                _cross(s, triangle, start, end, o, d, t, passed, last, new)
+                _cross(s, triangle, start, end, o, d, t, passed, last, near, new)
                 through[alive[new]] *= factor(triangle[new], hit["u"][on][new], hit["v"][on][new])
                 on = (through[alive] > 0).any(1) & (t > 0)
-                alive, start, end, passed, last = alive[on], start[on], end[on], passed[on], last[on]
+                alive, start, end, passed, last, near = alive[on], start[on], end[on], passed[on], last[on], near[on]
                 o, d, t = o[on], d[on], t[on]
         return through
 
 
 @kernel
-def _cross(s, triangle, start, end, o, d, t, passed, last, new):
-    """Tell real crossings from an edge's second triangle, and move the rays behind them (t = 0: at the end)."""
+def _cross(s, triangle, start, end, o, d, t, passed, last, near, new):
+    """Tell real crossings from an edge's second triangle, and move the rays behind them (t = 0: at the end).
+
+    A ray that runs within a surface meets it again and again: after some such crossings its steps grow.
+    """
     for n in range(len(triangle)):
         k = triangle[n]
         distance = 0.0
@@ -188,17 +192,19 @@ def _cross(s, triangle, start, end, o, d, t, passed, last, new):
             length += (end[n, j] - start[n, j]) ** 2
         distance, length = np.sqrt(distance), np.sqrt(length)
         new[n] = True
+        close = last[n] >= 0 and distance - passed[n] < 16 * ULPS
         if last[n] >= 0 and s.instance[last[n]] == s.instance[k]:
-            near = distance - passed[n] < 16 * ULPS
-            new[n] = last[n] != k and not (near and _facing(s, k, d[n]) == _facing(s, last[n], d[n]))
+            new[n] = last[n] != k and not (close and _facing(s, k, d[n]) == _facing(s, last[n], d[n]))
+        near[n] = near[n] + 1 if close else 0
         passed[n] = max(passed[n], distance)
         last[n] = k
-        ahead = (passed[n] + ULPS) / length
+        step = ULPS * 2.0 ** max(near[n] - 8, 0)
+        ahead = (passed[n] + step) / length
         if ahead < 1.0:
             for j in range(3):
                 o[n, j] = start[n, j] + ahead * (end[n, j] - start[n, j])
                 d[n, j] = end[n, j] - np.float64(o[n, j])
-            passed[n] += ULPS
+            passed[n] += step
             t[n] = 1.0
         else:
             t[n] = 0.0
