@@ -14,6 +14,7 @@ import pytest
 # A scene that takes minutes, `first_progress(act)` to act when it has begun, and `render()`.
 PRELUDE = """
 import os, signal, sys, threading, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
 from pathlib import Path
 import bpy
 import light_meshes_addon

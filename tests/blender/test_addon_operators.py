@@ -59,7 +59,7 @@ def test_suggestion_from_the_light(lit, add_plane, render):
     lit.objects["Sun"].data.angle = 2 * math.atan(0.05)
     assert bpy.ops.light_meshes.suggest() == {'FINISHED'}
     own = lit.light_meshes
-    assert own.h * own.kI == pytest.approx(1.12 * 0.05 * 1.5, rel=0.05)
+    assert own.h * own.kI == pytest.approx(1.32 * 0.05 * 1.5, rel=0.05)
     assert own.shadows == 'LIGHT_MESHES' and lit.objects["Sun"].data.light_meshes.softness == 'SCENE'
 
 
@@ -122,8 +122,8 @@ def test_the_panels_pixels_are_those_of_the_picture(lit, add_mesh, render, kind)
     row = render(lit)["Combined"][5, :, 0]
     share = np.diff(row) / (row[-1] - row[0])
     place = np.arange(len(share))
-    spread = math.sqrt((share * (place - (share * place).sum()) ** 2).sum())  # of smoothstep: its width/√20
-    assert penumbra.pixels(lit, 0.6)[0] == pytest.approx(spread * math.sqrt(20), rel=0.05)
+    spread = math.sqrt((share * (place - (share * place).sum()) ** 2).sum())  # of smootherstep: its width/√28
+    assert penumbra.pixels(lit, 0.6)[0] == pytest.approx(spread * math.sqrt(28), rel=0.05)
     assert penumbra.pixels(lit, 0.6)[1] == ("everywhere" if kind == 'ORTHO' else "at the focus distance, 10 m")
 
 
@@ -165,7 +165,7 @@ def test_a_lights_radius_is_shown(lit, add_plane, render):
     add_plane(1, "Blocker", location=(0, 0, 1))
     assert penumbra.light_radius(lit, sun, "Sun") is None
     render(lit)
-    assert penumbra.light_radius(lit, sun, "Sun") == pytest.approx(1.12 * 0.1 * 2, rel=0.01)
+    assert penumbra.light_radius(lit, sun, "Sun") == pytest.approx(1.32 * 0.1 * 2, rel=0.01)
 
 
 @pytest.mark.parametrize("system, unit, scale, text", [

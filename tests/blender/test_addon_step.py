@@ -27,7 +27,7 @@ def rising(scene, add_plane, add_light):
 def test_radii_are_those_of_the_first_frame(rising, snapshot):
     found = snapshot(rising)
     (light,) = found.lights
-    assert light.softness == "RADIUS" and light.soft_radius == pytest.approx(1.12 * TANGENT * 1.0, rel=0.02)
+    assert light.softness == "RADIUS" and light.soft_radius == pytest.approx(1.32 * TANGENT * 1.0, rel=0.02)
     assert found.settings.h == pytest.approx(0.05) and not found.settings.auto_h
     assert rising.frame_current == 5
 
@@ -76,4 +76,4 @@ def test_all_frames_of_an_animation_agree(rising, tmp_path):
     finally:
         observers.pop()
     assert len(seen) == 5 and all(radii == seen[0] for radii in seen)
-    assert seen[0] == {"Sun": pytest.approx(1.12 * TANGENT, rel=0.02)}
+    assert seen[0] == {"Sun": pytest.approx(1.32 * TANGENT, rel=0.02)}
