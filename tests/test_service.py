@@ -13,18 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from children import SECONDS, Child
+from children import SECONDS
 from light_meshes.render import render_image
 from scenes import four_lights, hall, tabletop
-
-
-@pytest.fixture
-def child():
-    child = Child()
-    yield child
-    if child.process.poll() is None:
-        child.process.terminate()  # it takes its folder along
-    child.process.wait()
 
 
 def test_it_is_ready_with_a_private_folder(child):

@@ -6,19 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from children import Child
 from light_meshes import snapshot
 from light_meshes.render import render_image
 from scenes import four_lights, tabletop
-
-
-@pytest.fixture
-def child():
-    child = Child()
-    yield child
-    if child.process.poll() is None:
-        child.process.terminate()  # it takes its folder along
-    child.process.wait()
 
 
 def camera_of(scene):
