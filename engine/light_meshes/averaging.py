@@ -56,8 +56,22 @@ def agreement(start, candidate, values, soft, serve, uniform):
 
 
 @kernel
-def listed(start, soft, serve, uniform):
-    """(receiver, index into candidate) of every short ray that is needed."""
+def certify(start, candidate, holds, uniform, P, N, position, margin, seen):
+    """Marks candidates of receivers with a certificate: those more than `margin` above P's plane.
+
+    Of a uniform receiver the first only: more are not asked for.
+    """
+    for p in range(len(holds)):
+        if holds[p]:
+            last = start[p, 0] + 1 if uniform[p] else start[p, -1]
+            for c in range(start[p, 0], last):
+                x = position[candidate[c]]
+                seen[c] = (x[0] - P[p, 0]) * N[p, 0] + (x[1] - P[p, 1]) * N[p, 1] + (x[2] - P[p, 2]) * N[p, 2] > margin
+
+
+@kernel
+def listed(start, soft, serve, uniform, seen):
+    """(receiver, index into candidate) of every short ray that is needed: of those not `seen` anyway."""
     total = 0
     end = np.zeros(len(soft), np.int64)  # candidates behind it serve no light of the receiver
     for p in range(len(soft)):
@@ -72,9 +86,10 @@ def listed(start, soft, serve, uniform):
     n = 0
     for p in range(len(soft)):
         for c in range(start[p, 0], end[p]):
-            row[n], index[n] = p, c
-            n += 1
-    return row, index
+            if not seen[c]:
+                row[n], index[n] = p, c
+                n += 1
+    return row[:n], index[:n]
 
 
 @kernel
@@ -142,6 +157,7 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
     """S = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius (K,) world."""
     lights = np.empty(S.shape[1], np.int64)
     seen = np.empty(S.shape[1])
+    every, some = np.empty(values.shape[1], np.uint64), np.empty(values.shape[1], np.uint64)
     for p in range(len(soft)):
         for k in range(len(radius)):
             if m[p, k] == 0:
@@ -153,8 +169,26 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                     count += 1
             if count == 0:
                 continue
-            total = 0.0
             last = start[p, 0] + 1 if uniform[p] else start[p, k + 1]
+            # Lights that all kept nodes see have S = 1, and those that none sees 0: sums are for the others.
+            every[:], some[:] = ~np.uint64(0), np.uint64(0)
+            for c in range(start[p, 0], last):
+                if uniform[p] or weight[c]:
+                    for w in range(values.shape[1]):
+                        every[w] &= values[candidate[c], w]
+                        some[w] |= values[candidate[c], w]
+            mixed = 0
+            for j in range(count):
+                i = lights[j]
+                if (every[i >> 6] ^ some[i >> 6]) >> np.uint64(i & 63) & np.uint64(1):
+                    lights[mixed] = i
+                    mixed += 1
+                else:
+                    S[p, i] = np.float32(every[i >> 6] >> np.uint64(i & 63) & np.uint64(1))
+            count = mixed
+            if count == 0:
+                continue
+            total = 0.0
             for c in range(start[p, 0], last):
                 if not (uniform[p] or weight[c]):
                     continue
@@ -164,7 +198,7 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                 for j in range(count):
                     i = lights[j]
                     if values[node, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                        seen[j] += w  # where all see it the same sum as `total`: exactly 1
+                        seen[j] += w
             for j in range(count):
                 S[p, lights[j]] = np.float32(seen[j] / total)
 
