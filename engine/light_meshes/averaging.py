@@ -157,6 +157,7 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
     """S = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius (K,) world."""
     lights = np.empty(S.shape[1], np.int64)
     seen = np.empty(S.shape[1])
+    ends = np.zeros(values.shape[1] + 1, np.int64)  # of each word's lights in `lights`
     every, some = np.empty(values.shape[1], np.uint64), np.empty(values.shape[1], np.uint64)
     for p in range(len(soft)):
         for k in range(len(radius)):
@@ -178,11 +179,13 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                         every[w] &= values[candidate[c], w]
                         some[w] |= values[candidate[c], w]
             mixed = 0
+            ends[:] = 0
             for j in range(count):
                 i = lights[j]
                 if (every[i >> 6] ^ some[i >> 6]) >> np.uint64(i & 63) & np.uint64(1):
                     lights[mixed] = i
                     mixed += 1
+                    ends[(i >> 6) + 1:] = mixed
                 else:
                     S[p, i] = np.float32(every[i >> 6] >> np.uint64(i & 63) & np.uint64(1))
             count = mixed
@@ -195,10 +198,10 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                 node = candidate[c]
                 w = falloff(squared(position[node], P[p]) / (radius[k] * radius[k]))
                 total += w
-                for j in range(count):
-                    i = lights[j]
-                    if values[node, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                        seen[j] += w
+                for word in range(values.shape[1]):
+                    v = values[node, word]
+                    for j in range(ends[word], ends[word + 1]):  # without a branch
+                        seen[j] += w * np.float64(v >> np.uint64(lights[j] & 63) & np.uint64(1))
             for j in range(count):
                 S[p, lights[j]] = np.float32(seen[j] / total)
 

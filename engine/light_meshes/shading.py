@@ -96,6 +96,8 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
             if kind == SUN:
                 x, y, z = -lights.direction[i, 0], -lights.direction[i, 1], -lights.direction[i, 2]
                 power = 1.0
+                if not Ng[p, 0] * x + Ng[p, 1] * y + Ng[p, 2] * z > 0.0:
+                    continue  # ξ = 0
             else:
                 x = lights.position[i, 0] - P[p, 0]
                 y = lights.position[i, 1] - P[p, 1]
@@ -103,11 +105,11 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
                 square = x * x + y * y + z * z
                 if not square > 0.0:
                     continue  # the light is on the very point
-                length = np.sqrt(square)
-                x, y, z = x / length, y / length, z / length
-                power = 1.0 / square  # f_att
-            if not Ng[p, 0] * x + Ng[p, 1] * y + Ng[p, 2] * z > 0.0:
-                continue  # ξ = 0
+                if not Ng[p, 0] * x + Ng[p, 1] * y + Ng[p, 2] * z > 0.0:
+                    continue  # ξ = 0
+                inverse = 1.0 / np.sqrt(square)
+                x, y, z = x * inverse, y * inverse, z * inverse
+                power = inverse * inverse  # f_att
             if kind in (SPOT, AREA):
                 axis = -(x * lights.direction[i, 0] + y * lights.direction[i, 1] + z * lights.direction[i, 2])
                 if kind == SPOT:
