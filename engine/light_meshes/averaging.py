@@ -57,16 +57,19 @@ def agreement(start, candidate, values, soft, serve, uniform):
 
 @kernel
 def certify(start, candidate, holds, uniform, P, N, position, margin, seen):
-    """Marks candidates of receivers with a certificate: those more than `margin` above P's plane.
+    """Marks candidates of receivers with a certificate: those more than `margin` above P's plane. Returns how many.
 
     Of a uniform receiver the first only: more are not asked for.
     """
+    count = 0
     for p in range(len(holds)):
         if holds[p]:
             last = start[p, 0] + 1 if uniform[p] else start[p, -1]
             for c in range(start[p, 0], last):
                 x = position[candidate[c]]
                 seen[c] = (x[0] - P[p, 0]) * N[p, 0] + (x[1] - P[p, 1]) * N[p, 1] + (x[2] - P[p, 2]) * N[p, 2] > margin
+                count += seen[c]
+    return count
 
 
 @kernel

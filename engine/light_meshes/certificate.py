@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel
+from .compiled import kernel, part
 from .geometry import Surfaces
 from .tracing import ULPS
 
@@ -77,7 +77,7 @@ def certificate(surfaces: Surfaces, casts: NDArray[np.bool_], r: float) -> Certi
     return Certificate(surfaces, casts, r, cell, body, clear, Convex(*convex), keys, only, around)
 
 
-@kernel
+@part
 def _plane(s, t):
     """Unit normal and offset of triangle t in the frame, and its height over its length."""
     a, b, c = s.vertices[s.triangles[t, 0]], s.vertices[s.triangles[t, 1]], s.vertices[s.triangles[t, 2]]
@@ -143,7 +143,7 @@ def _bodies(s, ends, reach, body, clear):
     return vertices, _boxes(vertices, GROUP), _boxes(vertices, GROUP * GROUP), first
 
 
-@kernel
+@part
 def _used(s, begin, end):
     """First vertex of triangles begin..end, and one behind the last."""
     low, high = np.int64(len(s.vertices)), np.int64(0)
@@ -153,7 +153,7 @@ def _used(s, begin, end):
     return low, high
 
 
-@kernel
+@part
 def _seems_convex(s, begin, end, low, high):
     """Whether some of triangles begin..end, which stand for all, have none of vertices low..high on one side."""
     for t in range(begin, end, (end - begin + 7) // 8):
@@ -170,7 +170,7 @@ def _seems_convex(s, begin, end, low, high):
     return thinnest > NEEDLE
 
 
-@kernel
+@part
 def _sides(s, t, convex):
     """The sides of triangle t on which none of its instance's vertices is."""
     x, y, z, d, _ = _plane(s, t)
@@ -193,7 +193,7 @@ def _sides(s, t, convex):
     return (np.uint8(0) if above else ABOVE) | (np.uint8(0) if below else BELOW)
 
 
-@kernel
+@part
 def _boxes(vertices, group):
     """Middle and half the size (b,2,3) of boxes round `group` vertices each."""
     boxes = np.empty(((vertices.shape[1] + group - 1) // group, 2, 3))
@@ -206,7 +206,7 @@ def _boxes(vertices, group):
     return boxes
 
 
-@kernel
+@part
 def _crosses(box, x, y, z, d, above, below):
     """Whether something in the box may be above the plane, or below it, where that is not known yet."""
     middle = x * box[0, 0] + y * box[0, 1] + z * box[0, 2] - d
@@ -214,7 +214,7 @@ def _crosses(box, x, y, z, d, above, below):
     return (middle + half > 2 * FLAT and not above) or (middle - half < -2 * FLAT and not below)
 
 
-@kernel
+@part
 def _morton(vertices):
     """Numbers by which neighbours in space are neighbours in order: the bits of x, y and z in turn."""
     out = np.zeros(len(vertices), np.int64)
@@ -261,17 +261,17 @@ def _filled(s, wanted, body, cell):
         left = 1
         while left:
             left -= 1
-            part = stack[left]
+            piece = stack[left]
             cells = 1.0
             again = count > 0 and whose == body[t]
             for j in range(3):
-                low, high = min(part[0, j], part[1, j], part[2, j]), max(part[0, j], part[1, j], part[2, j])
+                low, high = min(piece[0, j], piece[1, j], piece[2, j]), max(piece[0, j], piece[1, j], piece[2, j])
                 low, high = np.floor(low - 1e-6), np.floor(high + 1e-6)
                 box[0, j], box[1, j] = np.int64(low), np.int64(high)
                 cells *= high - low + 1.0
                 again = again and box[0, j] == last[0, j] and box[1, j] == last[1, j]
             if cells > 8.0:
-                _halve(part, stack[left + 1])
+                _halve(piece, stack[left + 1])
                 left += 2
                 continue
             if again:  # as neighbours often are
@@ -293,24 +293,24 @@ def _filled(s, wanted, body, cell):
     return keys, only
 
 
-@kernel
-def _halve(part, other):
-    """Cut triangle `part` (3,3) through the middle of its longest edge; `other` is the second half."""
+@part
+def _halve(piece, other):
+    """Cut triangle `piece` (3,3) through the middle of its longest edge; `other` is the second half."""
     longest, at = -1.0, 0
     for k in range(3):
         q = 0.0
         for j in range(3):
-            q += (part[(k + 1) % 3, j] - part[k, j]) ** 2
+            q += (piece[(k + 1) % 3, j] - piece[k, j]) ** 2
         if q > longest:
             longest, at = q, k
     to = (at + 1) % 3
     for j in range(3):
-        middle = (part[at, j] + part[to, j]) / 2
-        other[at, j], other[to, j], other[3 - at - to, j] = middle, part[to, j], part[3 - at - to, j]
-        part[to, j] = middle
+        middle = (piece[at, j] + piece[to, j]) / 2
+        other[at, j], other[to, j], other[3 - at - to, j] = middle, piece[to, j], piece[3 - at - to, j]
+        piece[to, j] = middle
 
 
-@kernel
+@part
 def _around(grid, i, j, k):
     """The only body in cell (i,j,k) and the 26 around it, SEVERAL, or EMPTY."""
     one = EMPTY
@@ -329,11 +329,17 @@ def _around(grid, i, j, k):
 @kernel
 def _holds(grid, P, N, triangle, out):
     s = grid.surfaces
+    last, i0, j0, k0 = 0, np.int64(0), np.int64(0), np.int64(0)
     for p in range(len(P)):
         t = triangle[p]
         i = np.int64(np.floor((P[p, 0] - s.centre[0]) / s.scale / grid.cell))
         j = np.int64(np.floor((P[p, 1] - s.centre[1]) / s.scale / grid.cell))
         k = np.int64(np.floor((P[p, 2] - s.centre[2]) / s.scale / grid.cell))
+        if p > 0 and t == triangle[last] and i == i0 and j == j0 and k == k0 and (
+                N[p, 0] == N[last, 0] and N[p, 1] == N[last, 1] and N[p, 2] == N[last, 2]):
+            out[p] = out[last]  # as neighbours often are
+            continue
+        last, i0, j0, k0 = p, i, j, k
         slot = _slot(grid.keys, _key(i, j, k))  # threads may meet in `around` and `clear`: all write the same
         if grid.keys[slot] < 0:
             one = _around(grid, i, j, k)
@@ -353,7 +359,7 @@ def _holds(grid, P, N, triangle, out):
             out[p] = grid.clear[t] & (ABOVE if up else BELOW) != 0
 
 
-@kernel
+@part
 def _slot(keys, key):
     """The slot of the table that holds the key, or the free one where it belongs."""
     mask = np.uint64(len(keys) - 1)
@@ -364,7 +370,7 @@ def _slot(keys, key):
     return slot
 
 
-@kernel
+@part
 def _grown(keys, values):
     """The table with twice the room."""
     more, moved = np.full(2 * len(keys), -1, np.int64), np.empty(2 * len(keys), np.int32)
@@ -375,7 +381,7 @@ def _grown(keys, values):
     return more, moved
 
 
-@kernel
+@part
 def _key(i, j, k):
     """Of cell (i,j,k), each within ±2²⁰."""
     half = np.int64(1 << 20)

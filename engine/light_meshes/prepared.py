@@ -185,10 +185,11 @@ class Prepared:
         """Which rays hit (n,), and the surface at those that do."""
         triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters)
         hit = triangle >= 0
-        n = int(hit.sum())
+        n = int(np.count_nonzero(hit))
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32),
                     np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.bool_))
-        surface(self.surfaces, triangle[hit], u[hit], v[hit], origin[hit], direction[hit], *hits)
+        rows = slice(None) if n == len(hit) else np.flatnonzero(hit)
+        surface(self.surfaces, triangle[rows], u[rows], v[rows], origin[rows], direction[rows], *hits)
         return hit, hits
 
     def coarse_view(self) -> tuple[NDArray[np.float64], Hits]:
@@ -207,16 +208,15 @@ class Prepared:
         (n,4): filled with what the debug passes show.
         """
         m, settings = self.materials, self.scene.settings
-        Od = m.Od[hits.material]
+        Od = m.Od.take(hits.material, axis=0)
         if self.textures:
             image = m.image[hits.material]
             for i, texture in enumerate(self.textures):
                 if texture is not None:
                     texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
-        emission = m.emission[hits.material]
-        ambient = m.ka[hits.material][:, None] * Od * (settings.ambient * np.array(self.scene.world_color))
-        colour = emission + ambient
-        terms = {"Emission": emission, "Ambient": ambient, "Diffuse": np.zeros_like(colour),
+        colour, ambient = np.empty_like(Od), np.empty_like(Od)
+        shading.unlit(m, hits.material, settings.ambient * np.array(self.scene.world_color), Od, colour, ambient)
+        terms = {"Emission": m.emission[hits.material], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
         shadows = {name: np.zeros_like(colour) for name in self._shadow_lights if first}
         for part, omega, S in self._lit(hits, direction, m, Od, bool(shadows), check, work):

@@ -142,6 +142,16 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
                 active[p, i >> 6] |= np.uint64(1) << np.uint64(i & 63)
 
 
+@kernel
+def unlit(materials, material, Ia, Od, colour, ambient):
+    """Emission + Ia·ka·Od, and the second term alone; Od, colour, ambient (n,3), Ia (3,)."""
+    for p in range(len(material)):
+        m = material[p]
+        for j in range(3):
+            ambient[p, j] = materials.ka[m] * Od[p, j] * Ia[j]
+            colour[p, j] = materials.emission[m, j] + ambient[p, j]
+
+
 def linked(scene: Scene) -> NDArray[np.uint64] | None:
     """(objects, W) bits of the lights that light each object; None where all light all."""
     if all(light.receivers is None for light in scene.lights):

@@ -169,8 +169,8 @@ class LightMeshes:
         if self._certificate is not None and triangle is not None:
             with stats.stage("certificate"):
                 holds = self._certificate.holds(P, N, triangle)
-                certify(start, candidate, holds, uniform, P, N, position, self._margin, seen)
-                stats.add(certified=int(holds.sum()), spared_rays=int(seen.sum()))
+                spared = certify(start, candidate, holds, uniform, P, N, position, self._margin, seen)
+                stats.add(certified=int(holds.sum()), spared_rays=spared)
         weight: NDArray = seen  # v(x_l, P)
         if self._channels:
             weight = np.repeat(seen[:, None], self._channels[0], axis=1).astype(np.float32)
