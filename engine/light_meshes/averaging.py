@@ -127,9 +127,10 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
             if soft[p, w] == 0:
                 continue
             planes = 0
+            every, some = ~np.uint64(0), np.uint64(0)
             if uniform[p]:
-                plane[0] = values[candidate[start[p, 0]], w]
-                planes = 1
+                every = values[candidate[start[p, 0]], w]
+                some = every
             else:
                 for g in range(rings):
                     s = soft[p, w] & serve[g, w]
@@ -139,6 +140,8 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
                         if not weight[c]:
                             continue
                         carry = values[candidate[c], w] & s
+                        every &= carry | ~s
+                        some |= carry
                         b = 0
                         while carry:
                             if b == planes:
@@ -149,6 +152,9 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
             for i in range(64 * w, min(64 * w + 64, S.shape[1])):
                 bit = np.uint64(i & 63)
                 if soft[p, w] >> bit & np.uint64(1) and m[p, ring[i]]:
+                    if not (every ^ some) >> bit & np.uint64(1):  # all nodes agree, as they mostly do
+                        S[p, i] = np.float32(every >> bit & np.uint64(1))
+                        continue
                     number = np.uint64(0)
                     for b in range(planes):
                         number |= (plane[b] >> bit & np.uint64(1)) << np.uint64(b)

@@ -23,8 +23,8 @@ MARGIN = 2 * ULPS
 FLAT = 2.0**-23  # how far off its plane a triangle may be, as vertices are rounded
 NEEDLE = 1e-4  # a triangle's height over its length; Embree's plane of a thinner one may be another
 CELLS = 1 << 19  # about so many, at most; else larger ones
-GROUP = 16
-MOST = 256  # boxes that are asked about a triangle, else it is not clear: dense flat faces have too many
+GROUP = 8
+MOST = 512  # boxes that are asked about a triangle, else it is not clear: dense flat faces have too many
 # The side of a triangle that its winding calls outside, the other, and not asked yet.
 ABOVE, BELOW, UNSURE = np.uint8(1), np.uint8(2), np.uint8(255)
 SEVERAL, UNKNOWN, EMPTY = np.int32(-2), np.int32(-3), np.int32(-4)

@@ -134,14 +134,16 @@ class LightMeshes:
         lit = np.flatnonzero(soft.any(1))
         for i in range(0, len(lit), self._batch):
             check()
-            row = lit[i:i + self._batch]
-            some = np.zeros((len(row), *S.shape[1:]), np.float32)
-            work = None if probe is None else np.zeros((len(row), probe.shape[1]))
+            row: Any = lit[i:i + self._batch]
+            if row[-1] - row[0] == len(row) - 1:  # all in a row: views need no copies
+                row = slice(row[0], row[-1] + 1)
+            some, work = S[row], None if probe is None else probe[row]
             on = None if triangle is None else triangle[row]
             soft[row] = self._average(P[row], N[row], on, soft[row], some, check, work)
-            S[row] = some
-            if probe is not None:
-                probe[row] = work
+            if not isinstance(row, slice):
+                S[row] = some
+                if probe is not None:
+                    probe[row] = work
         self._stats.add(receivers=len(P))
         dim(S, soft, self._edges, P, N, check)
         left = active & ~soft  # what Ψ has no answer for goes to sharp shadows
