@@ -26,7 +26,7 @@ class AreaSampling:
         """sharp: V(P) of lights without a size, and of the segments to each sample; edges: V(P) past sharp casters."""
         self.count, self._targets, self._tracer, self._stats = len(lights), targets, tracer, stats
         self._samples, self._seed = samples, seed
-        self._sharp, self._edges = sharp, edges
+        self._sharp, self._edges, self._receives = sharp, edges, casters.receives
         self._groups, self._soft = casters.soft, union(casters.soft, self.count)
         rectangle = [light.type == "AREA" and not light.area_ellipse for light in lights]
         self._rectangle = np.array(rectangle, np.bool_)
@@ -37,11 +37,11 @@ class AreaSampling:
         self._v = np.array([light.area_v for light in lights], np.float64).reshape(-1, 3)
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         soft = active & self._soft
-        if receives is not None:
-            soft[~receives] = 0
+        if triangle is not None and self._receives is not None:
+            soft[~self._receives[triangle]] = 0
         hard = self._sharp(P, N, active & ~soft, check)
         S = np.zeros_like(hard)
         with self._stats.stage("area sampling"):

@@ -56,8 +56,25 @@ def agreement(start, candidate, values, soft, serve, uniform):
 
 
 @kernel
-def listed(start, soft, serve, uniform):
-    """(receiver, index into candidate) of every short ray that is needed."""
+def certify(start, candidate, holds, uniform, P, N, position, margin, seen):
+    """Marks candidates of receivers with a certificate: those more than `margin` above P's plane. Returns how many.
+
+    Of a uniform receiver the first only: more are not asked for.
+    """
+    count = 0
+    for p in range(len(holds)):
+        if holds[p]:
+            last = start[p, 0] + 1 if uniform[p] else start[p, -1]
+            for c in range(start[p, 0], last):
+                x = position[candidate[c]]
+                seen[c] = (x[0] - P[p, 0]) * N[p, 0] + (x[1] - P[p, 1]) * N[p, 1] + (x[2] - P[p, 2]) * N[p, 2] > margin
+                count += seen[c]
+    return count
+
+
+@kernel
+def listed(start, soft, serve, uniform, seen):
+    """(receiver, index into candidate) of every short ray that is needed: of those not `seen` anyway."""
     total = 0
     end = np.zeros(len(soft), np.int64)  # candidates behind it serve no light of the receiver
     for p in range(len(soft)):
@@ -72,9 +89,10 @@ def listed(start, soft, serve, uniform):
     n = 0
     for p in range(len(soft)):
         for c in range(start[p, 0], end[p]):
-            row[n], index[n] = p, c
-            n += 1
-    return row, index
+            if not seen[c]:
+                row[n], index[n] = p, c
+                n += 1
+    return row[:n], index[:n]
 
 
 @kernel
@@ -109,9 +127,10 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
             if soft[p, w] == 0:
                 continue
             planes = 0
+            every, some = ~np.uint64(0), np.uint64(0)
             if uniform[p]:
-                plane[0] = values[candidate[start[p, 0]], w]
-                planes = 1
+                every = values[candidate[start[p, 0]], w]
+                some = every
             else:
                 for g in range(rings):
                     s = soft[p, w] & serve[g, w]
@@ -121,6 +140,8 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
                         if not weight[c]:
                             continue
                         carry = values[candidate[c], w] & s
+                        every &= carry | ~s
+                        some |= carry
                         b = 0
                         while carry:
                             if b == planes:
@@ -131,6 +152,9 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
             for i in range(64 * w, min(64 * w + 64, S.shape[1])):
                 bit = np.uint64(i & 63)
                 if soft[p, w] >> bit & np.uint64(1) and m[p, ring[i]]:
+                    if not (every ^ some) >> bit & np.uint64(1):  # all nodes agree, as they mostly do
+                        S[p, i] = np.float32(every >> bit & np.uint64(1))
+                        continue
                     number = np.uint64(0)
                     for b in range(planes):
                         number |= (plane[b] >> bit & np.uint64(1)) << np.uint64(b)
@@ -142,6 +166,8 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
     """S = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius (K,) world."""
     lights = np.empty(S.shape[1], np.int64)
     seen = np.empty(S.shape[1])
+    ends = np.zeros(values.shape[1] + 1, np.int64)  # of each word's lights in `lights`
+    every, some = np.empty(values.shape[1], np.uint64), np.empty(values.shape[1], np.uint64)
     for p in range(len(soft)):
         for k in range(len(radius)):
             if m[p, k] == 0:
@@ -153,18 +179,38 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                     count += 1
             if count == 0:
                 continue
-            total = 0.0
             last = start[p, 0] + 1 if uniform[p] else start[p, k + 1]
+            # Lights that all kept nodes see have S = 1, and those that none sees 0: sums are for the others.
+            every[:], some[:] = ~np.uint64(0), np.uint64(0)
+            for c in range(start[p, 0], last):
+                if uniform[p] or weight[c]:
+                    for w in range(values.shape[1]):
+                        every[w] &= values[candidate[c], w]
+                        some[w] |= values[candidate[c], w]
+            mixed = 0
+            ends[:] = 0
+            for j in range(count):
+                i = lights[j]
+                if (every[i >> 6] ^ some[i >> 6]) >> np.uint64(i & 63) & np.uint64(1):
+                    lights[mixed] = i
+                    mixed += 1
+                    ends[(i >> 6) + 1:] = mixed
+                else:
+                    S[p, i] = np.float32(every[i >> 6] >> np.uint64(i & 63) & np.uint64(1))
+            count = mixed
+            if count == 0:
+                continue
+            total = 0.0
             for c in range(start[p, 0], last):
                 if not (uniform[p] or weight[c]):
                     continue
                 node = candidate[c]
                 w = falloff(squared(position[node], P[p]) / (radius[k] * radius[k]))
                 total += w
-                for j in range(count):
-                    i = lights[j]
-                    if values[node, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                        seen[j] += w  # where all see it the same sum as `total`: exactly 1
+                for word in range(values.shape[1]):
+                    v = values[node, word]
+                    for j in range(ends[word], ends[word + 1]):  # without a branch
+                        seen[j] += w * np.float64(v >> np.uint64(lights[j] & 63) & np.uint64(1))
             for j in range(count):
                 S[p, lights[j]] = np.float32(seen[j] / total)
 

@@ -62,14 +62,15 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, tile: T
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         hit, hits = ready.closest(kind, rays["origin"], rays["direction"], rays.get("normal"), reach)
     rays = {name: a for name, a in rays.items() if name not in ("origin", "normal")}  # done with
-    miss = _rows({name: rays[name] for name in ("pixel", "weight", "clear", "part") if name in rays}, ~hit)
-    if settings.film_transparent and kind == "camera":
-        lost = miss["clear"] if "clear" in miss else np.ones(len(miss["pixel"]), np.bool_)
-        tile.take_alpha(miss["pixel"][lost], miss["weight"][lost])
-        miss = _rows(miss, ~lost)
-    world = np.array(ready.scene.world_color)
-    tile.add_light(miss, miss["weight"], world, {"Environment": world})
-    rays = _rows(rays, hit)
+    if not hit.all():
+        miss = _rows({name: rays[name] for name in ("pixel", "weight", "clear", "part") if name in rays}, ~hit)
+        if settings.film_transparent and kind == "camera":
+            lost = miss["clear"] if "clear" in miss else np.ones(len(miss["pixel"]), np.bool_)
+            tile.take_alpha(miss["pixel"][lost], miss["weight"][lost])
+            miss = _rows(miss, ~lost)
+        world = np.array(ready.scene.world_color)
+        tile.add_light(miss, miss["weight"], world, {"Environment": world})
+        rays = _rows(rays, hit)
     children: list[tuple[str, Rays]] = []
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)
@@ -168,7 +169,9 @@ def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dic
 
 
 def _rows(rays: Rays, rows: NDArray) -> Rays:
-    return {name: a[rows] for name, a in rays.items()}
+    """Of these rows, or where a mask is set."""
+    index = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+    return {name: a.take(index, axis=0) for name, a in rays.items()}
 
 
 def _joined(children: list[Rays]) -> Rays:

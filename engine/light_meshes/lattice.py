@@ -113,9 +113,13 @@ def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64])
     candidate = np.empty(most + len(P) * most // 3, np.int32)
     nodes = np.empty((most + 4096, 3), np.int32)
     table = np.full(1 << int(2 * len(nodes)).bit_length(), -1, np.int32)
-    p, count, total = 0, 0, 0
+    # Receivers of one cell have the same nodes near them: each is looked up once for all of them.
+    cells, rows = np.empty((len(P), 3), np.int32), np.empty((len(P), most), np.int32)
+    cell_table = np.full(1 << int(2 * len(P)).bit_length(), -1, np.int32)
+    p, cell_count, count, total = 0, 0, 0, 0
     while True:
-        p, count, total = _candidates(lattice, P, N, p, count, total, start, candidate, nodes, table)
+        p, cell_count, count, total = _candidates(lattice, P, N, p, cell_count, count, total, start, candidate, nodes,
+                                                  table, cells, rows, cell_table)
         if p == len(P):
             return start, candidate[:total], nodes[:count]
         if total + most > len(candidate):
@@ -127,13 +131,17 @@ def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64])
 
 
 @kernel
-def _candidates(lattice, P, N, p, count, total, start, candidate, nodes, table):
-    """Receivers from p on, until all are done or an array may be too short; returns next p, nodes, candidates."""
-    R, square, off, h = lattice.rotation, lattice.reach * lattice.reach, lattice.offsets, lattice.h
+def _candidates(lattice, P, N, p, cell_count, count, total, start, candidate, nodes, table, cells, rows, cell_table):
+    """Receivers from p on, until all are done or an array may be too short; returns next p, cells, nodes, candidates.
+
+    rows (cells, offsets): which node is at an offset from the cell; −1: nobody has asked yet.
+    """
+    R, square, h = lattice.rotation, lattice.reach * lattice.reach, lattice.h
+    off = lattice.offsets.T.copy()
     o0, o1, o2 = lattice.origin[0], lattice.origin[1], lattice.origin[2]
-    most, rings = len(off), len(square)
+    most, rings = off.shape[1], len(square)
     largest = square[rings - 1]
-    passed = np.empty(most, np.int64)
+    taken, passed = np.empty(most, np.uint8), np.empty(most, np.int64)
     ring, place = np.empty(most if rings > 1 else 0, np.int32), np.empty(rings, np.int64)
     while p < len(P) and total + most <= len(candidate) and count + most <= len(nodes):
         x, y, z = (P[p, 0] - o0) / h, (P[p, 1] - o1) / h, (P[p, 2] - o2) / h
@@ -149,25 +157,38 @@ def _candidates(lattice, P, N, p, count, total, start, candidate, nodes, table):
         if abs(b0) < 2e9 and abs(b1) < 2e9 and abs(b2) < 2e9:
             f0, f1, f2 = q0 - b0, q1 - b1, q2 - b2
             i0, i1, i2 = np.int32(b0), np.int32(b1), np.int32(b2)
-            kept = 0
-            for c in range(most):  # without a branch, which no processor could foretell
-                d0, d1, d2 = off[c, 0] - f0, off[c, 1] - f1, off[c, 2] - f2
+            slot = _find(cell_table, cells, i0, i1, i2)
+            cell = cell_table[slot]
+            if cell < 0:
+                cell = np.int32(cell_count)
+                cells[cell, 0], cells[cell, 1], cells[cell, 2] = i0, i1, i2
+                cell_table[slot] = cell
+                rows[cell] = -1
+                cell_count += 1
+            for c in range(most):  # without a branch, which no processor could foretell, and several at once
+                d0, d1, d2 = off[0, c] - f0, off[1, c] - f1, off[2, c] - f2
                 near = d0 * d0 + d1 * d1 + d2 * d2 <= largest  # step 1
                 above = d0 * n0 + d1 * n1 + d2 * n2 > TAU  # step 2
+                taken[c] = near & above
+            kept = 0
+            for c in range(most):
                 passed[kept] = c
-                kept += near & above
+                kept += taken[c]
             for c in passed[:kept]:
-                i, j, k = i0 + np.int32(off[c, 0]), i1 + np.int32(off[c, 1]), i2 + np.int32(off[c, 2])
-                slot = _find(table, nodes, i, j, k)
-                row = table[slot]
+                row = rows[cell, c]
                 if row < 0:
-                    row = np.int32(count)
-                    nodes[row, 0], nodes[row, 1], nodes[row, 2] = i, j, k
-                    table[slot] = row
-                    count += 1
+                    i, j, k = i0 + np.int32(off[0, c]), i1 + np.int32(off[1, c]), i2 + np.int32(off[2, c])
+                    slot = _find(table, nodes, i, j, k)
+                    row = table[slot]
+                    if row < 0:
+                        row = np.int32(count)
+                        nodes[row, 0], nodes[row, 1], nodes[row, 2] = i, j, k
+                        table[slot] = row
+                        count += 1
+                    rows[cell, c] = row
                 g = 0
                 if rings > 1:
-                    d0, d1, d2 = off[c, 0] - f0, off[c, 1] - f1, off[c, 2] - f2
+                    d0, d1, d2 = off[0, c] - f0, off[1, c] - f1, off[2, c] - f2
                     while d0 * d0 + d1 * d1 + d2 * d2 > square[g]:
                         g += 1
                     ring[total - start[p, 0]] = g
@@ -179,7 +200,7 @@ def _candidates(lattice, P, N, p, count, total, start, candidate, nodes, table):
         if rings > 1:
             _by_ring(candidate[start[p, 0]:total], ring, start[p], place)
         p += 1
-    return p, count, total
+    return p, cell_count, count, total
 
 
 @kernel

@@ -25,6 +25,7 @@ class Plan:
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
     uniform_skip: bool = False
+    certificate: bool = False  # no short rays where nothing else is near
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
     holdouts: bool = False  # the camera sees holes
@@ -96,6 +97,11 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         decide("uniform skip", "on" if p.uniform_skip else "off",
                "each path counts by where it comes from" if apart else
                "nodes behind glass count in part" if through else "exact, saves short rays")
+        rays, triangles = s.samples * scene.camera.width * scene.camera.height, len(scene.geometry.triangle_materials)
+        p.certificate = rays >= 2 * triangles
+        decide("certificate", "on" if p.certificate else "off",
+               "no short rays where only a convex object, or one plane, is near" if p.certificate else
+               "more triangles to look at than it would save short rays")
     mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
     totally = bool(glass.bending.any())  # total internal reflection
     p.reflections = s.mode == "WHITTED" and (bool(mirrors) or totally) and s.max_depth > 0

@@ -15,6 +15,7 @@ from .area_sampling import AreaSampling
 from .bits import has
 from .camera import camera_rays, depth, filter_offsets
 from .casters import Group, casters, union
+from .certificate import Certificate, certificate
 from .geometry import Hits, flatten, surface
 from .interfaces import Interfaces
 from .lattice import lattice
@@ -79,12 +80,13 @@ class Prepared:
         self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
         self.refraction = self._refraction(previous)
         self.radii: dict[int, float] = {}  # r of lights that have one of their own
-        self.visibility = self._visibility()
+        self.certificate: Certificate | None = None
+        self.visibility = self._visibility(previous)
         self.nodes_kept = reuse.nodes(self, previous)
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
         self.seconds = time.perf_counter() - began
 
-    def _visibility(self) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
+    def _visibility(self, previous: Prepared | None) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
         scene, s = self.scene, self.scene.settings
         if self.plan.shadows == "NONE":
             return Unshadowed(scene.lights)
@@ -103,13 +105,25 @@ class Prepared:
         steps, sentences = light_size.steps(self, self.radii)
         self.warnings += sentences
         soft = union(self.casters.soft, len(scene.lights))
-        reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)])
+        reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])  # none where forced
         nodes = lattice(s.h, reach, s.lattice_rotation, s.lattice_origin)
-        how = self.casters, nodes, np.searchsorted(reach, np.minimum(steps, reach[-1])), s.weights == "SMOOTH"
+        if self.plan.certificate:
+            self._certify(previous, s.h * float(reach[-1]))
+        ring = np.searchsorted(reach, np.minimum(steps, reach[-1]))
+        how = self.casters, nodes, ring, s.weights == "SMOOTH"
         if self.plan.channels:
-            return SemitransparentMeshes(*needed, *how, self.plan.uniform_skip, *through, s.glass == "BOUNDED",
-                                         self.glass.cutouts)
-        return LightMeshes(*needed, *how, self.plan.uniform_skip)
+            return SemitransparentMeshes(*needed, *how, self.plan.uniform_skip, self.certificate, *through,
+                                         s.glass == "BOUNDED", self.glass.cutouts)
+        return LightMeshes(*needed, *how, self.plan.uniform_skip, self.certificate)
+
+    def _certify(self, previous: Prepared | None, r: float) -> None:
+        """Make the certificate, if there are bodies."""
+        casts = np.array([o.visible_shadow for o in self.scene.objects], np.bool_)
+        meets = casts[self.owner(np.arange(len(self.surfaces.triangles)))]
+        with self.stats.stage("certificate"):
+            self.certificate = reuse.certificate(self, previous, meets, r) or certificate(self.surfaces, meets, r)
+        if self.certificate is None:
+            self.plan.reasons["certificate"] = "off: no object is convex, no surface plane"
 
     def _refraction(self, previous: Prepared | None) -> Refraction | None:
         if not self.plan.paths:
@@ -158,29 +172,24 @@ class Prepared:
         active = np.zeros((len(P), max(1, (len(self.scene.lights) + 63) // 64)), np.uint64)
         for i in range(facing.shape[1]):
             active[:, i >> 6] |= facing[:, i].astype(np.uint64) << np.uint64(i & 63)
-        receives = None
-        if triangle is not None:
-            receives = self._receives(triangle)
-            if self.linked is not None:
-                active &= self.linked[self.owner(triangle)]
-        return self.visibility(np.ascontiguousarray(P), np.ascontiguousarray(N), active, lambda: None, receives)
+        if triangle is not None and self.linked is not None:
+            active &= self.linked[self.owner(triangle)]
+        return self.visibility(np.ascontiguousarray(P), np.ascontiguousarray(N), active, lambda: None, triangle)
 
     def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
         """Objects (n,) that triangles (n,) belong to."""
         return self.scene.geometry.instance_object[self.surfaces.instance[triangle]]
-
-    def _receives(self, triangle: NDArray[np.int32]) -> NDArray[np.bool_] | None:
-        return None if self.casters.receives is None else self.casters.receives[triangle]
 
     def closest(self, kind: str, origin: NDArray, direction: NDArray, normal: NDArray | None = None,
                 reach: NDArray | None = None, casters: int = 0) -> tuple[NDArray[np.bool_], Hits]:
         """Which rays hit (n,), and the surface at those that do."""
         triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters)
         hit = triangle >= 0
-        n = int(hit.sum())
+        n = int(np.count_nonzero(hit))
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32),
                     np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.bool_))
-        surface(self.surfaces, triangle[hit], u[hit], v[hit], origin[hit], direction[hit], *hits)
+        rows = slice(None) if n == len(hit) else np.flatnonzero(hit)
+        surface(self.surfaces, triangle[rows], u[rows], v[rows], origin[rows], direction[rows], *hits)
         return hit, hits
 
     def coarse_view(self) -> tuple[NDArray[np.float64], Hits]:
@@ -199,16 +208,15 @@ class Prepared:
         (n,4): filled with what the debug passes show.
         """
         m, settings = self.materials, self.scene.settings
-        Od = m.Od[hits.material]
+        Od = m.Od.take(hits.material, axis=0)
         if self.textures:
             image = m.image[hits.material]
             for i, texture in enumerate(self.textures):
                 if texture is not None:
                     texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
-        emission = m.emission[hits.material]
-        ambient = m.ka[hits.material][:, None] * Od * (settings.ambient * np.array(self.scene.world_color))
-        colour = emission + ambient
-        terms = {"Emission": emission, "Ambient": ambient, "Diffuse": np.zeros_like(colour),
+        colour, ambient = np.empty_like(Od), np.empty_like(Od)
+        shading.unlit(m, hits.material, settings.ambient * np.array(self.scene.world_color), Od, colour, ambient)
+        terms = {"Emission": m.emission[hits.material], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
         shadows = {name: np.zeros_like(colour) for name in self._shadow_lights if first}
         for part, omega, S in self._lit(hits, direction, m, Od, bool(shadows), check, work):
@@ -251,11 +259,11 @@ class Prepared:
             part = slice(i, min(i + step, len(hits.P)))
             with self.stats.stage("shading"):
                 omega, active = self._omega(hits, part, direction, materials, Od, unlit)
-            receives = self._receives(hits.triangle[part])
+            where = hits.P[part], hits.Ng[part], active, check, hits.triangle[part]
             if work is not None and isinstance(self.visibility, LightMeshes):
-                S = self.visibility(hits.P[part], hits.Ng[part], active, check, receives, work[part])
+                S = self.visibility(*where, work[part])
             else:
-                S = self.visibility(hits.P[part], hits.Ng[part], active, check, receives)
+                S = self.visibility(*where)
             yield part, omega, S.reshape(*S.shape[:2], -1)
 
     def _omega(self, hits: Hits, part: slice, direction: NDArray, materials: shading.Materials, Od: NDArray,

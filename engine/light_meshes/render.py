@@ -175,6 +175,7 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
             "nodes_kept": ready.nodes_kept, "node_bytes": lit.store.bytes,
             "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
+            "certified": counts["certified"], "spared_rays": counts["spared_rays"],
         }
         reach, _ = steps(ready, ready.radii)
         report["light_radii"] = {  # of those that do not have the scene's

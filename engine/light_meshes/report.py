@@ -64,7 +64,7 @@ def summary(statistics: dict[str, Any]) -> str:
             ("nodes", f"{s['nodes']:,} evaluated, {s['node_share']:.1%} of the lattice in the scene's box, "
                       f"{s['long_rays']:,} rays to lights"),
             ("receivers", f"{s['receivers']:,}, {s['uniform_skips']:,} skipped, {s['short_rays']:,} short rays, "
-                          f"{s['empty_sets']:,} empty sets"),
+                          f"{s['spared_rays']:,} spared by the certificate, {s['empty_sets']:,} empty sets"),
         ]
     if "refracted_paths" in s:
         lost = s["path_seeds_not_converged"] / max(s["path_seeds"], 1)

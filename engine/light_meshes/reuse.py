@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .certificate import Certificate
 from .compiled import kernel
 from .geometry import Surfaces
 from .interfaces import Interfaces
@@ -75,6 +76,14 @@ def _interfaces_key(ready: Prepared) -> tuple:
 def tracer(new: Prepared, old: Prepared | None) -> Tracer | None:
     """A tracer whose Embree scenes have the right triangles, though other ones may be wanted now."""
     return old.tracer if old and new.surfaces is old.surfaces else None
+
+
+def certificate(new: Prepared, old: Prepared | None, casts: NDArray[np.bool_], r: float) -> Certificate | None:
+    """Where nothing but a receiver's own body is near; it knows what it was made of."""
+    before = old.certificate if old else None
+    if before and new.surfaces is before.surfaces and before.r == r and np.array_equal(before.casts, casts):
+        return before
+    return None
 
 
 def measured_h(new: Prepared, old: Prepared | None) -> float | None:

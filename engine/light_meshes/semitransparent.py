@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .averaging import falloff, squared
 from .bits import has
 from .casters import Casters, Group, union
+from .certificate import Certificate
 from .compiled import kernel
 from .lattice import Lattice, NodeStore
 from .refraction import RefractedPaths
@@ -45,7 +46,7 @@ class Straight:
         self._groups, self._casting = groups, union(groups, self.count)
 
     def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
-                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
         """S (n,L,C) at receivers P with normals N, or at free points (N None)."""
         S = self.straight(P, N, active, check)
         focus = self._refraction is not None and self._refraction.footprint is not None
@@ -97,7 +98,7 @@ class SharpThrough(Straight):
     """V_i(P) of receivers, timed as such."""
 
     def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
-                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         with self._stats.stage("sharp shadows"):
             return super().__call__(P, N, active, check)
@@ -108,8 +109,10 @@ class SemitransparentMeshes(LightMeshes):
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
                  casters: Casters, lattice: Lattice, ring: NDArray[np.intp], smooth: bool, uniform_skip: bool,
-                 factor: Factor, channels: int, refraction: Refraction | None, bounded: bool, cutouts: bool) -> None:
-        super().__init__(lights, targets, tracer, stats, casters, lattice, ring, smooth, uniform_skip)
+                 certificate: Certificate | None, factor: Factor, channels: int, refraction: Refraction | None,
+                 bounded: bool, cutouts: bool) -> None:
+        super().__init__(lights, targets, tracer, stats, casters, lattice, ring, smooth, uniform_skip,
+                         certificate)
         self.channels, self._channels = channels, (channels,)
         self._factor, self._bounded, self._cutouts = factor, bounded, cutouts
         self._dims = casters.dims

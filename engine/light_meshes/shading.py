@@ -96,6 +96,8 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
             if kind == SUN:
                 x, y, z = -lights.direction[i, 0], -lights.direction[i, 1], -lights.direction[i, 2]
                 power = 1.0
+                if not Ng[p, 0] * x + Ng[p, 1] * y + Ng[p, 2] * z > 0.0:
+                    continue  # ξ = 0
             else:
                 x = lights.position[i, 0] - P[p, 0]
                 y = lights.position[i, 1] - P[p, 1]
@@ -103,11 +105,11 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
                 square = x * x + y * y + z * z
                 if not square > 0.0:
                     continue  # the light is on the very point
-                length = np.sqrt(square)
-                x, y, z = x / length, y / length, z / length
-                power = 1.0 / square  # f_att
-            if not Ng[p, 0] * x + Ng[p, 1] * y + Ng[p, 2] * z > 0.0:
-                continue  # ξ = 0
+                if not Ng[p, 0] * x + Ng[p, 1] * y + Ng[p, 2] * z > 0.0:
+                    continue  # ξ = 0
+                inverse = 1.0 / np.sqrt(square)
+                x, y, z = x * inverse, y * inverse, z * inverse
+                power = inverse * inverse  # f_att
             if kind in (SPOT, AREA):
                 axis = -(x * lights.direction[i, 0] + y * lights.direction[i, 1] + z * lights.direction[i, 2])
                 if kind == SPOT:
@@ -138,6 +140,16 @@ def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, act
             out[p, i, 0], out[p, i, 1], out[p, i, 2] = r, g, b
             if unlit or r != 0.0 or g != 0.0 or b != 0.0:
                 active[p, i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+
+
+@kernel
+def unlit(materials, material, Ia, Od, colour, ambient):
+    """Emission + Ia·ka·Od, and the second term alone; Od, colour, ambient (n,3), Ia (3,)."""
+    for p in range(len(material)):
+        m = material[p]
+        for j in range(3):
+            ambient[p, j] = materials.ka[m] * Od[p, j] * Ia[j]
+            colour[p, j] = materials.emission[m, j] + ambient[p, j]
 
 
 def linked(scene: Scene) -> NDArray[np.uint64] | None:

@@ -1,8 +1,8 @@
 """S_i(P): how much of light i a receiver sees. Three ways, one interface.
 
-`visibility(P, N, active, check, receives) -> S` takes receivers P (n,3), world, with unit geometric normals N (n,3) on
+`visibility(P, N, active, check, triangle) -> S` takes receivers P (n,3), world, with unit geometric normals N (n,3) on
 their viewed side, and active (n,W) uint64: bit i of a receiver says that ξ_i·Ω_i ≠ 0. S is (n,L) float32, 0 where not
-active. receives (n,): surfaces that soft shadows fall on, the others get sharp ones; None: all do.
+active. triangle (n,): that receivers are on; None: on surfaces that soft shadows fall on.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .averaging import agreement, ask, listed, mean, sizes, smooth_mean
+from .averaging import agreement, ask, certify, listed, mean, sizes, smooth_mean
 from .bits import mask_of
 from .casters import Casters, Group, union
+from .certificate import MARGIN, Certificate
 from .compiled import kernel
 from .lattice import Lattice, NodeStore, candidates
 from .scene import Light
@@ -67,7 +68,7 @@ class Unshadowed:
         self.count = len(lights)
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         S = np.zeros((len(P), self.count), np.float32)
         _set_bits(active, 0, self.count, 1.0, S)
@@ -83,7 +84,7 @@ class Sharp:
         self._groups, self._casting = groups, union(groups, len(lights))
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 receives: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         S = np.zeros((len(P), self.count), np.float32)
         _set_bits(active & ~self._casting, 0, self.count, 1.0, S)
@@ -105,10 +106,13 @@ class LightMeshes:
     """Algorithm Ψ (paper §3): the average of what the nodes around P see."""
 
     def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 casters: Casters, lattice: Lattice, ring: NDArray[np.intp], smooth: bool, uniform_skip: bool) -> None:
+                 casters: Casters, lattice: Lattice, ring: NDArray[np.intp], smooth: bool, uniform_skip: bool,
+                 certificate: Certificate | None) -> None:
         """ring (L,): which of the lattice's radii each soft light has. smooth: nodes weigh by their distance."""
         self.lattice, self._tracer, self._stats, self._targets = lattice, tracer, stats, targets
-        self._uniform_skip, self._smooth = uniform_skip, smooth
+        self._uniform_skip, self._smooth, self._certificate = uniform_skip, smooth, certificate
+        self._margin = MARGIN * tracer.scale
+        self._receives = casters.receives
         self.count = len(lights)
         self._groups, self._soft = casters.soft, union(casters.soft, self.count)
         self._ring = ring
@@ -121,22 +125,25 @@ class LightMeshes:
         self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.reach[-1]**3 + 4), 64, 16384))
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 receives: NDArray[np.bool_] | None = None, probe: NDArray | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None, probe: NDArray | None = None) -> NDArray[np.float32]:
         """S, see the module. probe (n,4): filled with what the debug passes show, in the order of passes.DEBUG."""
         S = np.zeros((len(P), self.count, *self._channels), np.float32)
         soft = active & self._soft
-        if receives is not None:
-            soft[~receives] = 0
+        if triangle is not None and self._receives is not None:
+            soft[~self._receives[triangle]] = 0
         lit = np.flatnonzero(soft.any(1))
         for i in range(0, len(lit), self._batch):
             check()
-            row = lit[i:i + self._batch]
-            some = np.zeros((len(row), *S.shape[1:]), np.float32)
-            work = None if probe is None else np.zeros((len(row), probe.shape[1]))
-            soft[row] = self._average(P[row], N[row], soft[row], some, check, work)
-            S[row] = some
-            if probe is not None:
-                probe[row] = work
+            row: Any = lit[i:i + self._batch]
+            if row[-1] - row[0] == len(row) - 1:  # all in a row: views need no copies
+                row = slice(row[0], row[-1] + 1)
+            some, work = S[row], None if probe is None else probe[row]
+            on = None if triangle is None else triangle[row]
+            soft[row] = self._average(P[row], N[row], on, soft[row], some, check, work)
+            if not isinstance(row, slice):
+                S[row] = some
+                if probe is not None:
+                    probe[row] = work
         self._stats.add(receivers=len(P))
         dim(S, soft, self._edges, P, N, check)
         left = active & ~soft  # what Ψ has no answer for goes to sharp shadows
@@ -144,8 +151,8 @@ class LightMeshes:
             S += self._sharp(P, N, left, check)  # disjoint bits: the sum is a choice
         return S
 
-    def _average(self, P: NDArray, N: NDArray, soft: NDArray[np.uint64], S: NDArray[np.float32],
-                 check: Check, probe: NDArray | None) -> NDArray[np.uint64]:
+    def _average(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, soft: NDArray[np.uint64],
+                 S: NDArray[np.float32], check: Check, probe: NDArray | None) -> NDArray[np.uint64]:
         """Steps 1 to 5 for receivers' soft lights: S is filled; returns those (n,W) whose set is not empty."""
         stats = self._stats
         with stats.stage("candidates"):
@@ -156,17 +163,28 @@ class LightMeshes:
         with stats.stage("nodes"):
             values = self.store.values(nodes, need, lambda n, todo: self._trace(n, todo, check))
         target = points(position)
-        weight = np.zeros((len(candidate), *self._channels), np.float32 if self._channels else np.bool_)  # v(x_l, P)
+        seen = np.zeros(len(candidate), np.bool_)  # without a ray
         uniform = np.zeros(len(P), np.bool_)
         if self._uniform_skip:
             with stats.stage("uniform skip"):
                 self._agree(start, candidate, values, soft, uniform)
+        if self._certificate is not None and triangle is not None:
+            with stats.stage("certificate"):
+                holds = self._certificate.holds(P, N, triangle)
+                spared = certify(start, candidate, holds, uniform, P, N, position, self._margin, seen)
+                stats.add(certified=int(holds.sum()), spared_rays=spared)
+        weight: NDArray = seen  # v(x_l, P)
+        if self._channels:
+            weight = np.repeat(seen[:, None], self._channels[0], axis=1).astype(np.float32)
+        if self._uniform_skip:
+            with stats.stage("uniform skip"):
                 witness = np.flatnonzero(uniform).astype(np.int32)
-                seen = _any(self._partial(P, witness, target, candidate[start[witness, 0]], N))
-                uniform[witness[~seen]] = False  # whether m > 0 is not certain: the long way
-                stats.add(short_rays=len(witness), uniform_skips=int(seen.sum()))
+                witness = witness[~seen[start[witness, 0]]]
+                clear = _any(self._partial(P, witness, target, candidate[start[witness, 0]], N))
+                uniform[witness[~clear]] = False  # whether m > 0 is not certain: the long way
+                stats.add(short_rays=len(witness), uniform_skips=int(uniform.sum()))
         with stats.stage("short rays"):
-            row, index = listed(start, soft, self._serve, uniform)
+            row, index = listed(start, soft, self._serve, uniform, seen)
             for i in range(0, len(row), PAIRS):
                 check()
                 k = slice(i, i + PAIRS)

@@ -77,6 +77,7 @@ def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
         Decision("light linking", "no light lights some objects only", opaque, lit(receivers=things),
                  instead=lit(receivers=things)),
         Decision("uniform skip", "on", opaque, changed(glass, caustics="FOCUS"), {"uniform_skip": False}),
+        Decision("certificate", "on", opaque, None, {"certificate": False}),
         Decision("node values", "a bit a light: opaque surfaces only", opaque, straight, {"channels": 1}),
         Decision("node values", "a number a light: uncoloured glass", straight, coloured, {"channels": 3}),
         Decision("refracted shadow paths", "none: nothing bends", straight, plain, {"paths": True}),
