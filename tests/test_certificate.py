@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kept import after, moved, with_light, with_object
 from light_meshes.certificate import MARGIN
 from light_meshes.lattice import candidates
 from light_meshes.plan import forced
@@ -153,3 +154,14 @@ def test_a_small_picture_of_many_triangles_goes_without():
     assert render_image(scene).statistics["spared_rays"] == 0
     assert render_image(four_lights(96)).statistics["plan"]["certificate"].startswith("on")
 
+
+
+def test_the_certificate_stays_while_the_casters_and_r_do():
+    scene = scene_of(SHAPES["ball"], None)
+    with forced(certificate=True):
+        _, _, first, moved_light = after(scene, with_light(scene, 0, position=(1.0, 1.0, 3.0)))
+        assert first.certificate is moved_light.certificate is not None
+        for other in (replace(scene, settings=replace(scene.settings, kI=2.5)), moved(scene, 2, (0.1, 0.0, 0.0)),
+                      with_object(scene, 2, visible_shadow=False)):
+            _, _, first, then = after(scene, other)
+            assert first.certificate is not then.certificate

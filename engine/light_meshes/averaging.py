@@ -164,40 +164,36 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
 @kernel
 def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P, position, m, S):
     """S = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius (K,) world."""
-    lights = np.empty(S.shape[1], np.int64)
+    words = values.shape[1]
+    own = np.zeros((len(radius), words), np.uint64)  # the lights of each class
+    for i in range(S.shape[1]):
+        own[ring[i], i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+    lights, ends = np.empty(S.shape[1], np.int64), np.zeros(words + 1, np.int64)  # to add up; of word w up to ends[w+1]
     seen = np.empty(S.shape[1])
-    ends = np.zeros(values.shape[1] + 1, np.int64)  # of each word's lights in `lights`
-    every, some = np.empty(values.shape[1], np.uint64), np.empty(values.shape[1], np.uint64)
+    every, some = np.empty(words, np.uint64), np.empty(words, np.uint64)
     for p in range(len(soft)):
         for k in range(len(radius)):
             if m[p, k] == 0:
                 continue
-            count = 0
-            for i in range(S.shape[1]):
-                if ring[i] == k and soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                    lights[count], seen[count] = i, 0.0
-                    count += 1
-            if count == 0:
-                continue
+            for w in range(words):
+                every[w], some[w] = soft[p, w] & own[k, w], 0
             last = start[p, 0] + 1 if uniform[p] else start[p, k + 1]
-            # Lights that all kept nodes see have S = 1, and those that none sees 0: sums are for the others.
-            every[:], some[:] = ~np.uint64(0), np.uint64(0)
             for c in range(start[p, 0], last):
                 if uniform[p] or weight[c]:
-                    for w in range(values.shape[1]):
+                    for w in range(words):
                         every[w] &= values[candidate[c], w]
                         some[w] |= values[candidate[c], w]
-            mixed = 0
-            ends[:] = 0
-            for j in range(count):
-                i = lights[j]
-                if (every[i >> 6] ^ some[i >> 6]) >> np.uint64(i & 63) & np.uint64(1):
-                    lights[mixed] = i
-                    mixed += 1
-                    ends[(i >> 6) + 1:] = mixed
-                else:
-                    S[p, i] = np.float32(every[i >> 6] >> np.uint64(i & 63) & np.uint64(1))
-            count = mixed
+            count = 0
+            for w in range(words):
+                mixed = some[w] & ~every[w] & soft[p, w] & own[k, w]
+                if mixed | every[w]:  # what all kept nodes see has S = 1, what none sees 0: sums are for the others
+                    for i in range(64 * w, min(64 * w + 64, S.shape[1])):
+                        if every[w] >> np.uint64(i & 63) & np.uint64(1):
+                            S[p, i] = 1.0
+                        elif mixed >> np.uint64(i & 63) & np.uint64(1):
+                            lights[count], seen[count] = i, 0.0
+                            count += 1
+                ends[w + 1] = count
             if count == 0:
                 continue
             total = 0.0
@@ -207,7 +203,7 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                 node = candidate[c]
                 w = falloff(squared(position[node], P[p]) / (radius[k] * radius[k]))
                 total += w
-                for word in range(values.shape[1]):
+                for word in range(words):
                     v = values[node, word]
                     for j in range(ends[word], ends[word + 1]):  # without a branch
                         seen[j] += w * np.float64(v >> np.uint64(lights[j] & 63) & np.uint64(1))
