@@ -6,13 +6,16 @@ from .. import penumbra
 from .panel import LightMeshesPanel, table
 
 
-class LIGHT_MESHES_PT_light(LightMeshesPanel, bpy.types.Panel):
-    bl_label = "Light"
+class _LightPanel(LightMeshesPanel):
     bl_context = "data"
 
     @classmethod
     def poll(cls, context):
         return super().poll(context) and context.light
+
+
+class LIGHT_MESHES_PT_light(_LightPanel, bpy.types.Panel):
+    bl_label = "Light"
 
     def fill(self, layout, context):
         light = context.light
@@ -48,13 +51,8 @@ def _draw_size(layout, light):
         layout.prop(light, "shadow_soft_size", text="Radius")
 
 
-class LIGHT_MESHES_PT_light_shadow(LightMeshesPanel, bpy.types.Panel):
+class LIGHT_MESHES_PT_light_shadow(_LightPanel, bpy.types.Panel):
     bl_label = "Shadow"
-    bl_context = "data"
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.light
 
     def draw_header(self, context):
         self.layout.prop(context.light, "use_shadow", text="")

@@ -8,13 +8,16 @@ from ..properties import PARAMETERS
 from .panel import LightMeshesPanel, paragraph
 
 
-class LIGHT_MESHES_PT_material(LightMeshesPanel, bpy.types.Panel):
-    bl_label = "Light Meshes"
+class _MaterialPanel(LightMeshesPanel):
     bl_context = "material"
 
     @classmethod
     def poll(cls, context):
         return super().poll(context) and context.material
+
+
+class LIGHT_MESHES_PT_material(_MaterialPanel, bpy.types.Panel):
+    bl_label = "Light Meshes"
 
     def fill(self, layout, context):
         material = context.material
@@ -39,13 +42,8 @@ class LIGHT_MESHES_PT_material(LightMeshesPanel, bpy.types.Panel):
             paragraph(layout, context, sentence, 'ERROR')
 
 
-class LIGHT_MESHES_PT_material_shadows(LightMeshesPanel, bpy.types.Panel):
+class LIGHT_MESHES_PT_material_shadows(_MaterialPanel, bpy.types.Panel):
     bl_label = "Shadows"
-    bl_context = "material"
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.material
 
     def fill(self, layout, context):
         material = context.material

@@ -101,8 +101,9 @@ class Prepared:
         if self.plan.shadows == "AREA_SAMPLING":
             edges = sharp(self.casters.sharp) if self.casters.sharp else None
             return AreaSampling(*needed, self.casters, sharp(self.casters.whole), edges, s.light_samples, s.seed)
-        self.radii = light_size.own_radii(self)
-        steps, sentences = light_size.steps(self, self.radii)
+        own = light_size.own_radii(self)
+        steps, sentences = light_size.steps(self, own)
+        self.radii = {i: float(f"{s.h * steps[i]:.9g}") for i in own}
         self.warnings += sentences
         soft = union(self.casters.soft, len(scene.lights))
         reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])  # none where forced

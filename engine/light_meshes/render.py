@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .film import Framebuffer, crop_of
 from .integrator import radiance
 from .lattice import SharedNodesError
-from .light_size import own_radii, steps
+from .light_size import own_radii
 from .prepared import Prepared, measured_h
 from .scene import Camera, Scene
 from .statistics import peak_memory
@@ -141,7 +141,8 @@ def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: i
 
 def measure(scene: Scene) -> dict[str, Any]:
     """h that `auto_h` takes for the scene, and r of its lights whose softness is LIGHT_SIZE, by name."""
-    ready = Prepared(scene)
+    # No more pixels are looked at: what speeds up a large picture need not be made.
+    ready = Prepared(replace(scene, camera=replace(scene.camera, width=64, height=64, crop=None)))
     s, own = ready.scene.settings, own_radii(ready)
     radii = {light.name: own.get(i, s.h * s.kI) for i, light in enumerate(scene.lights)
              if light.softness == "LIGHT_SIZE"}
@@ -177,9 +178,7 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
             "certified": counts["certified"], "spared_rays": counts["spared_rays"],
         }
-        reach, _ = steps(ready, ready.radii)
-        report["light_radii"] = {  # of those that do not have the scene's
-            ready.scene.lights[i].name: float(f"{s.h * reach[i]:.9g}") for i in ready.radii}
+        report["light_radii"] = {ready.scene.lights[i].name: r for i, r in ready.radii.items()}  # not the scene's
     if ready.plan.paths:
         for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):
             report[name] = counts[name]
