@@ -77,7 +77,7 @@ class Job:
             if event["event"] == "started":
                 picture.open(frame)
             elif event["event"] == "progress":
-                self._progress(event["fraction"], event["stage"])
+                self._progress(**event)
             elif event["event"] == "tile" and shows and time.monotonic() - shown > SHOW_SECONDS:
                 picture.show()
                 shown = time.monotonic()
@@ -131,10 +131,13 @@ class Job:
     def _poll(self) -> dict | None:
         self.check()
         try:
-            return self._session.poll(ASK_SECONDS)
+            event = self._session.poll(ASK_SECONDS)
         except session.EngineError:
             session.discard(self._purpose)
             raise
+        if event and event["event"] == "compiling":
+            self._progress(**event)
+        return event
 
     def _finish(self, done: dict) -> None:
         if self.engine.is_preview:
@@ -148,12 +151,12 @@ class Job:
         if bpy.app.background:
             print(f"Light Meshes: {line}", flush=True)
 
-    def _progress(self, fraction: float, stage: str) -> None:
+    def _progress(self, event: str, fraction: float, stage: str, **_) -> None:
         self.engine.update_progress(fraction)
         self._say(stage)
         if self.engine.is_preview:
             return
-        observers.notify(event="progress", frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
+        observers.notify(event=event, frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
 
     def _say(self, text: str) -> None:
         # In a window this moves the clock on; in the background Blender prints a line for each.

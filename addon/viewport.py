@@ -6,7 +6,6 @@ the engine says. Nothing here waits: an export goes on slice by slice, each with
 
 from __future__ import annotations
 
-import threading
 import time
 import traceback
 import weakref
@@ -166,6 +165,8 @@ class Viewport:
         picture = None
         while event := self._session.poll(0):
             kind, last = event["event"], self._asked
+            if kind == "compiling":
+                self._say(event["stage"])
             if event.get("id", 0) not in {last and last.number, None}:
                 continue  # of a command that was cancelled
             if kind == "error":
@@ -232,7 +233,7 @@ class Viewport:
                 scenes.close()  # first, or it would write where the engine has removed everything
             how(engine)
         if engine:
-            threading.Thread(target=leave).start()
+            session.in_background(leave)
         self._session = self._scenes = self._scene = self._asked = None
 
 

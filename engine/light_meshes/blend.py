@@ -48,7 +48,7 @@ def render(file: Path, output: Path, frames: str | None, changes: Changes, progr
     warnings, pictures = [], []
     statistics: dict[str, Any] = {}
     for event in _events(arguments, changes, debug):
-        if event["event"] == "progress":
+        if event["event"] in ("progress", "compiling"):
             progress(event["fraction"], f"frame {event['frame']}: {event['stage']}")
         elif event["event"] == "warning":
             warnings.append(event["message"])

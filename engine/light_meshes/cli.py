@@ -143,8 +143,9 @@ def _render(arguments: argparse.Namespace) -> None:
 
 
 def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple[list[str], dict[str, Any]]:
-    from . import film, passes, render
+    from . import compiled, film, passes, render
 
+    compiled.watch(progress)
     scene = _changed(_read(arguments.file), arguments.set)
     names = passes.all_of(scene) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
     done = render.render(scene, film.Framebuffer.create(scene, names), progress=progress)

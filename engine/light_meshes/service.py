@@ -33,6 +33,7 @@ Child → parent:
     {"event": "cancelled", "id": 1}
     {"event": "error", "id": 1, "message": sentence}         the child lives on, unless the id is null
     {"event": "alive"}                                       every second, so that a stopped child is noticed
+    {"event": "compiling", "fraction": 0.25, "stage": sentence}    a kernel is being compiled, before a command or in it
 Each command ends with exactly one of done, measured, cancelled, error. A command while one runs waits its turn.
 """
 
@@ -48,6 +49,7 @@ import sys
 import tempfile
 import threading
 import traceback
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +80,7 @@ class Service:
         self._send(event="ready", version=__version__, folder=str(self._folder))
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._alive, daemon=True).start()
-        threading.Thread(target=_warm_up, daemon=True).start()
+        threading.Thread(target=_warm_up, args=(self._compiling,), daemon=True).start()
         while True:
             message = self._queue.get()
             if message["command"] == "quit":
@@ -207,6 +209,9 @@ class Service:
         while not wait.wait(ALIVE_SECONDS):
             self._send(event="alive")
 
+    def _compiling(self, fraction: float, stage: str) -> None:
+        self._send(event="compiling", fraction=fraction, stage=stage)
+
     def _send(self, **message: Any) -> None:
         try:
             with self._lock:
@@ -216,16 +221,17 @@ class Service:
             end(self._folder)  # nobody listens
 
 
-def _warm_up() -> None:
+def _warm_up(tell: Callable[[float, str], None]) -> None:
     """Load the kernels that nearly every picture needs, or compile them, while the parent still writes its snapshot.
 
-    A command does not wait for it: what it needs first it compiles itself.
+    A command does not wait for it: what it needs first it compiles itself. `tell` hears of what is compiled.
     """
     import numpy as np
 
-    from . import render
+    from . import compiled, render
     from .scene import Camera, Geometry, Light, Object, Scene, Settings
 
+    compiled.watch(tell)
     triangle = np.array([[-9, -9, -2], [9, -9, -2], [0, 9, -2]], np.float32)
     geometry = Geometry(
         triangle, np.array([[0, 1, 2]], np.int32), np.full((1, 3, 3), 0.5, np.float32),

@@ -216,7 +216,8 @@ def test_without_unregister_no_child_remains(run):
         fast()
         render()
         print("CHILD", child(), flush=True)
-        session.atexit._run_exitfuncs()
+        import atexit
+        atexit._run_exitfuncs()
         os._exit(0)
     """)
     with pytest.raises(ProcessLookupError):
