@@ -18,11 +18,18 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
+
+from . import events
 
 MODULE = "light_meshes.service"
 POLITENESS = 5  # POSIX's niceness of a polite engine
-LAST_EVENTS = {"done", "measured", "cancelled", "error"}
+LAST_EVENTS = events.LAST
+# What may be behind the signal that ended an engine.
+_REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of memory",
+            getattr(signal, "SIGBUS", None): "The disk may be full"}
+_OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory", re.IGNORECASE)
 
 
 def timeout() -> float:
@@ -171,21 +178,22 @@ class Session:
             self._process.stdin.flush()
 
     def _read_events(self) -> None:
-        for line in self._process.stdout:
-            try:
-                event = json.loads(line)
-                kind = event["event"]
-            except (ValueError, TypeError, KeyError):
-                self._log.append(line.rstrip())
+        for line in _lines(self._process.stdout):
+            event = events.read(line)
+            if event is None:
+                self._log.append(line[:1000].rstrip())
                 continue
+            kind = event["event"]
             if kind == "alive":
                 self.listen()
                 continue
             if kind == "ready":
+                if self.folder:
+                    continue
                 self.folder = Path(event["folder"])
             if kind in LAST_EVENTS:
                 with self._changed:
-                    self._unfinished.discard(event.get("id"))
+                    self._unfinished.discard(event["id"])
                     self._changed.notify_all()
             self._events.put(event)
         with self._changed:
@@ -194,8 +202,8 @@ class Session:
         self._events.put(None)
 
     def _read_log(self) -> None:
-        for line in self._process.stderr:
-            self._log.append(line.rstrip())
+        for line in _lines(self._process.stderr):
+            self._log.append(line[:1000].rstrip())
 
     def _died(self) -> EngineError:
         try:
@@ -211,7 +219,15 @@ class Session:
         code = self._process.returncode
         how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         when = "has ended unexpectedly" if self.folder else "cannot start"
-        return EngineError(f"The Light Meshes engine {when} ({how})", log)
+        reason = _REASONS.get(-code, "")
+        if _OUT_OF_MEMORY.search(log):
+            reason = "It ran out of memory: render fewer pixels, a larger h or fewer triangles"
+        return EngineError(f"The Light Meshes engine {when} ({how})" + (reason and f". {reason}"), log)
+
+
+def _lines(stream) -> Iterator[str]:
+    """The lines of a stream; what never ends one comes in parts."""
+    return iter(lambda: stream.readline(events.LONGEST), "")
 
 
 @contextlib.contextmanager
@@ -243,6 +259,7 @@ RENDER, PREVIEW, MEASURE = "render", "preview", "measure"
 
 _python = ""
 _sessions: dict[str, Session] = {}
+_ending: list[threading.Thread] = []
 statistics: dict = {}  # of the last render: its "scene" and "frame", and what the engine gave
 
 
@@ -286,13 +303,17 @@ def discard(purpose: str = RENDER) -> None:
     """Give the engine for `purpose` up without waiting: a thread ends it."""
     session = _sessions.pop(purpose, None)
     if session:
-        threading.Thread(target=session.kill).start()
+        thread = threading.Thread(target=session.kill)
+        _ending[:] = [t for t in _ending if t.is_alive()] + [thread]
+        thread.start()
 
 
 def end() -> None:
-    """End all engines in good order."""
+    """End all engines in good order, and wait for those that were given up: they leave no folder."""
     while _sessions:
         _sessions.popitem()[1].end()
+    for thread in _ending:
+        thread.join()
 
 
 atexit.register(end)
