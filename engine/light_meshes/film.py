@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +65,7 @@ def crop_of(scene: Scene) -> tuple[int, int, int, int]:
 def write(frame: Framebuffer, path: Path) -> None:
     """Write .exr (all passes, scene-linear float32) or .png (Combined, sRGB "Standard" view, 8 bits).
 
-    Raises SceneError where that cannot be done.
+    The file appears at once, whole. Raises SceneError where that cannot be done.
     """
     if path.suffix.lower() == ".exr":
         channels = [f"{name}.{c}" if name != "Combined" else c
@@ -80,11 +81,16 @@ def write(frame: Framebuffer, path: Path) -> None:
         raise SceneError(f"{path.name}: pictures are written as .png or .exr")
     if not path.parent.is_dir():
         raise SceneError(f"the folder {path.parent} does not exist")
-    out = oiio.ImageOutput.create(str(path))
+    new = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
+    out = oiio.ImageOutput.create(str(new))
     if out is None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")
-    if not (out.open(str(path), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()):
-        raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
+    try:
+        if not (out.open(str(new), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()):
+            raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
 
 
 def to_srgb(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
