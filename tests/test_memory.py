@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from light_meshes import memory, snapshot
+from light_meshes import film, memory, snapshot
 from light_meshes.prepared import Prepared
+from light_meshes.render import draw, render_image
 from light_meshes.scene import SceneError
 from scenes import hall, point, tabletop, with_lights, with_settings
 
@@ -38,23 +39,23 @@ def too_large(what):
     return with_settings(replace(crowd, camera=replace(scene.camera, width=4096, height=4096)), h=1e-6, samples=4096)
 
 
-@pytest.mark.parametrize(("what", "words"), [
-    ("triangles", ["2,000,000,000 triangles in 20,000 instances", "hide objects"]),
-    ("pixels", ["65,536 × 65,536 pixels", "smaller picture"]),
-    ("nodes", ["nodes of light meshes with 4,096 lights", "larger step than h = 1e-06"]),
-])
-def test_a_scene_too_large_is_refused_before_it_starts(child, tmp_path, what, words):
-    snapshot.write(too_large(what), tmp_path)
+def test_a_scene_too_large_is_refused_before_it_starts(child, tmp_path):
     passes = ["Combined", "Normal", "Position", "Diffuse", "Glossy", "Shadow", "Ambient"]
-    child.send(command="render", id=1, snapshot=str(tmp_path), framebuffer="frame", passes=passes)
-    error = child.of(1)[-1]
-    assert error["event"] == "error"
-    for word in ["GiB of memory, and there are", *words]:
-        assert word in error["message"]
+    for number, (what, words) in enumerate({
+        "triangles": ["2,000,000,000 triangles in 20,000 instances", "hide objects"],
+        "pixels": ["65,536 × 65,536 pixels", "smaller picture"],
+        "nodes": ["nodes of light meshes with 4,096 lights", "larger step than h = 1e-06"],
+    }.items()):
+        snapshot.write(too_large(what), tmp_path / what)
+        child.send(command="render", id=number, snapshot=str(tmp_path / what), framebuffer="frame", passes=passes)
+        error = child.of(number)[-1]
+        assert error["event"] == "error", what
+        for word in ["GiB of memory, and there are", *words]:
+            assert word in error["message"]
     # The child lives on.
     child.put(tabletop(16))
-    child.send(command="render", id=2, snapshot="scene", framebuffer="frame", passes=["Combined"])
-    assert child.of(2)[-1]["event"] == "done"
+    child.send(command="render", id=9, snapshot="scene", framebuffer="frame", passes=["Combined"])
+    assert child.of(9)[-1]["event"] == "done"
 
 
 def test_where_it_will_be_close_a_warning_says_so(monkeypatch):
@@ -84,30 +85,29 @@ from scenes import hall
 scene = hall(*map(int, sys.argv[2:5]), width=int(sys.argv[5]), h=float(sys.argv[6]))
 ready = Prepared(scene)
 draw(ready, Framebuffer.create(scene, ("Combined",)))
-print(ready.memory, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, ready.soft.store.count)
+print(ready.memory, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
 """
 
 
 def held(*arguments):
-    """Bytes expected and held at most, and nodes, of a process that renders hall(*arguments)."""
+    """Bytes expected and held at most by a process that renders hall(*arguments)."""
+    render_image(hall(arguments[0], 1, 6, 16))  # what compiles is not measured
     done = subprocess.run([sys.executable, "-c", MEASURE, Path(__file__).parent, *map(str, arguments)],
                           capture_output=True, text=True, check=True)
-    return map(float, done.stdout.split())
+    expected, peak = map(float, done.stdout.split())
+    return expected, peak
 
 
-@pytest.mark.parametrize("case", [(4, 10, 120, 64, 0.05), (64, 3, 24, 400, 0.02)], ids=["triangles", "lights"])
+@pytest.mark.parametrize("case", [(4, 8, 120, 64, 0.05), (64, 3, 24, 400, 0.02)], ids=["triangles", "lights"])
 def test_what_is_expected_is_what_it_comes_to(case):
-    expected, peak, _ = held(*case)
+    expected, peak = held(*case)
     assert expected / memory.DOUBT < peak < memory.DOUBT * expected
 
 
 def test_the_nodes_that_are_expected_come_to_be():
-    from light_meshes.film import Framebuffer
-    from light_meshes.render import draw
-
     scene = hall(200, columns=3, width=200, h=0.02)
     ready = Prepared(scene)
-    draw(ready, Framebuffer.create(scene, ("Combined",)))
+    draw(ready, film.Framebuffer.create(scene, ("Combined",)))
     expected = float(memory.nodes(ready).what.split()[1].replace(",", ""))
     assert 0.5 < expected / ready.soft.store.count < 2
 
