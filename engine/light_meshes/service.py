@@ -120,13 +120,14 @@ class Service:
                        f"{str(e).strip().partition(chr(10))[0][:200]}")
 
     def _render(self, number: Any, message: dict[str, Any]) -> None:
-        from . import film, render, snapshot
+        from . import film, memory, render, snapshot
 
         keep = _checked(message, "keep", bool, False)
         if not keep:
             self._kept = self._snapshot = None
         scene = self._scene(message) if keep else snapshot.read(self._path(message, "snapshot"))
         passes = _passes(message)
+        memory.check(memory.before(scene, passes))
         frame = film.Framebuffer.create(scene, passes, self._path(message, "framebuffer"))
         self._send(event="started", id=number, width=frame.width, height=frame.height, passes=frame.channels)
 
