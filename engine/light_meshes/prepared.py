@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from . import light_size, reuse, shading, textures
+from . import light_size, memory, reuse, shading, textures
 from .area_sampling import AreaSampling
 from .bits import has
 from .camera import camera_rays, depth, filter_offsets
@@ -44,6 +44,8 @@ class Prepared:
         began = time.perf_counter()
         self.stats = Statistics()
         self.passes = tuple(passes)
+        parts = memory.before(dataclasses.replace(scene, camera=camera or scene.camera), passes)
+        memory.check(parts)
         with self.stats.stage("geometry"):
             scene = reuse.shared_geometry(scene, previous)
             self.surfaces, self.lost = reuse.surfaces(scene, previous) or flatten(scene)
@@ -82,6 +84,10 @@ class Prepared:
         self.radii: dict[int, float] = {}  # r of lights that have one of their own
         self.certificate: Certificate | None = None
         self.visibility = self._visibility(previous)
+        if isinstance(self.visibility, LightMeshes):
+            parts.append(memory.nodes(self))
+        self.warnings += memory.check(parts)
+        self.memory = memory.expected(parts)  # bytes
         self.nodes_kept = reuse.nodes(self, previous)
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
         self.seconds = time.perf_counter() - began
