@@ -84,7 +84,7 @@ class _Watch(event.Listener):
         if not event.data["dispatcher"].py_func.__module__.startswith(__package__):
             return
         self._count += 1
-        often = "once after an installation" if _folder else "each time, as the folder for them cannot be written"
+        often = "once after an installation" if _folder else "each time, as there is no private folder to keep them in"
         of = f"of about {USUAL}" if self._count <= USUAL else "and more"
         self._tell(min(self._count / USUAL, 1.0), f"Compiling kernels ({often}): {self._count} {of}")
 
