@@ -8,6 +8,7 @@ import bpy
 
 from . import observers, session
 from .export import border, export
+from .export.snapshot import handing_over
 from .picture import Picture
 
 ASK_SECONDS = 0.04  # how often Blender is asked whether the artist pressed ESC
@@ -46,13 +47,14 @@ class Job:
 
     def export(self, overrides: dict[str, dict], folder: Path | None = None) -> None:
         """Write the snapshot of the current frame; `overrides` as `export.export` takes them."""
-        if not folder:
-            # Never over an older one, which the engine may have mapped.
-            self._snapshots += 1
-            folder = self._shared_folder() / f"scene-{self._snapshots}"
-        self._say("Exporting the scene")
-        self._snapshot = folder
-        report = export(self.engine, self.depsgraph, folder, self.check, overrides)
+        with handing_over():
+            if not folder:
+                # Never over an older one, which the engine may have mapped.
+                self._snapshots += 1
+                folder = self._shared_folder() / f"scene-{self._snapshots}"
+            self._say("Exporting the scene")
+            self._snapshot = folder
+            report = export(self.engine, self.depsgraph, folder, self.check, overrides)
         self._warnings.update(dict.fromkeys(report.sentences))
 
     def measure(self) -> dict:
@@ -116,7 +118,7 @@ class Job:
         try:
             while True:
                 event = self._poll()
-                if not event or event.get("id") not in {number, None}:
+                if not event or event.get("id") != number:
                     continue  # nothing, or of an earlier command that was cancelled
                 if event["event"] == "error":
                     raise session.EngineError(session.lacks_package(self._session.python, event["message"])
@@ -132,6 +134,8 @@ class Job:
         self.check()
         try:
             event = self._session.poll(ASK_SECONDS)
+            if event and event["event"] == "error" and event["id"] is None:
+                raise session.EngineError(f"Light Meshes: {event['message']}", self._session.log)
         except session.EngineError:
             session.discard(self._purpose)
             raise

@@ -17,15 +17,21 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+
+from . import events
 
 MODULE = "light_meshes.service"
 # Blender's own Python looks for packages where Blender does. Blender's path alone has those of an extension, and none
 # that the user has for another Python.
 _OWN_START = f"import runpy, sys; sys.path[:] = sys.argv[1:]; runpy.run_module({MODULE!r}, run_name='__main__')"
 POLITENESS = 5  # POSIX's niceness of a polite engine
-LAST_EVENTS = {"done", "measured", "cancelled", "error"}
+LAST_EVENTS = events.LAST
+# What may be behind the signal that ended an engine.
+_REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of memory",
+            getattr(signal, "SIGBUS", None): "The disk may be full"}
+_OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory", re.IGNORECASE)
 
 
 def timeout() -> float:
@@ -174,21 +180,22 @@ class Session:
             self._process.stdin.flush()
 
     def _read_events(self) -> None:
-        for line in self._process.stdout:
-            try:
-                event = json.loads(line)
-                kind = event["event"]
-            except (ValueError, TypeError, KeyError):
-                self._log.append(line.rstrip())
+        for line in _lines(self._process.stdout):
+            event = events.read(line)
+            if event is None:
+                self._log.append(line[:1000].rstrip())
                 continue
+            kind = event["event"]
             if kind == "alive":
                 self.listen()
                 continue
             if kind == "ready":
+                if self.folder:
+                    continue
                 self.folder = Path(event["folder"])
             if kind in LAST_EVENTS:
                 with self._changed:
-                    self._unfinished.discard(event.get("id"))
+                    self._unfinished.discard(event["id"])
                     self._changed.notify_all()
             self._events.put(event)
         with self._changed:
@@ -197,8 +204,8 @@ class Session:
         self._events.put(None)
 
     def _read_log(self) -> None:
-        for line in self._process.stderr:
-            self._log.append(line.rstrip())
+        for line in _lines(self._process.stderr):
+            self._log.append(line[:1000].rstrip())
 
     def _died(self) -> EngineError:
         try:
@@ -214,7 +221,15 @@ class Session:
         code = self._process.returncode
         how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         when = "has ended unexpectedly" if self.folder else "cannot start"
-        return EngineError(f"The Light Meshes engine {when} ({how})", log)
+        reason = _REASONS.get(-code, "")
+        if _OUT_OF_MEMORY.search(log):
+            reason = "It ran out of memory: render fewer pixels, a larger h or fewer triangles"
+        return EngineError(f"The Light Meshes engine {when} ({how})" + (reason and f". {reason}"), log)
+
+
+def _lines(stream) -> Iterator[str]:
+    """The lines of a stream; what never ends one comes in parts."""
+    return iter(lambda: stream.readline(events.LONGEST), "")
 
 
 @contextlib.contextmanager

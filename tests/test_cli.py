@@ -1,5 +1,6 @@
 """The command `light-meshes` on snapshots: pictures, exit codes, one sentence on stderr."""
 
+import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -7,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from light_meshes import snapshot
+from light_meshes import film, snapshot
+from light_meshes.cli import UsageError, frame_numbers
 from light_meshes.passes import PASSES
 from light_meshes.render import render_image
+from light_meshes.scene import SceneError
 from scenes import tabletop, with_lights, with_settings
 
 
@@ -111,3 +114,35 @@ def test_warnings_of_the_scene_are_passed_on(folder):
     snapshot.write(replace(tabletop(8), warnings=("Material 'Jelly': Subsurface is left out",)), folder / "scene")
     done = run("render", folder / "scene", "-o", folder / "out.png")
     assert done.returncode == 0 and "Jelly" in done.stderr
+
+
+def test_a_picture_that_cannot_be_written_whole_leaves_the_one_before(tmp_path):
+    frame = film.Framebuffer(64, 64, {"Combined": np.random.default_rng(0).random((64, 64, 4), np.float32)})
+    path = tmp_path / "out.exr"
+    path.write_bytes(b"the one before")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(SceneError, match=r"out\.exr cannot be written"):
+            film.write(frame, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [p.name for p in tmp_path.iterdir()] == ["out.exr"] and path.read_bytes() == b"the one before"
+    film.write(frame, path)
+    assert [p.name for p in tmp_path.iterdir()] == ["out.exr"] and path.stat().st_size > 10_000
+
+
+def test_resume_leaves_a_picture_that_is_there(folder):
+    (folder / "out.exr").write_bytes(b"rendered before")
+    done = run("render", folder / "scene", "-o", folder / "out.exr", "--resume")
+    assert done.returncode == 0 and "is there already" in done.stdout
+    assert (folder / "out.exr").read_bytes() == b"rendered before"
+    done = run("render", folder / "scene", "-o", folder / "other.exr", "--resume")
+    assert done.returncode == 0 and len(read(folder / "other.exr")[1]) > 4
+
+
+def test_frames_are_listed_as_blender_does_and_as_farms_do():
+    assert frame_numbers("1,3..5") == frame_numbers("1,3-5") == [1, 3, 4, 5]
+    assert frame_numbers("-3--1") == [-3, -2, -1] and frame_numbers("7-7") == [7]
+    with pytest.raises(UsageError, match="empty"):
+        frame_numbers("5-3")

@@ -69,6 +69,9 @@ kernel = _njit(**_options)
 # Called by kernels only. Without its two wrappers, which Python would call it by, it compiles faster.
 part = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_options)
 
+# Part of whatever calls it, so that loops around it become vectors.
+inlined = _njit(inline="always", error_model="numpy")
+
 
 class _Watch(event.Listener):
     """Counts the kernels that are compiled, and not loaded from the cache."""
