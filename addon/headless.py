@@ -3,8 +3,8 @@
     python -m light_meshes_addon.headless render FILE.blend -o OUT.png|.exr [-f 1,3..8] [--resume] [--set key=value]…
     blender -b -P addon/headless.py -- snapshot FILE.blend -o FOLDER [-f N] [--set key=value]…
 
-What a program wants to know is printed on lines "@light-meshes " + JSON: the events progress, wrote, kept (there
-already), warning, statistics and error. Exit codes: 0 done, 1 failed, 2 bad usage.
+What a program wants to know is printed on lines "@light-meshes " + JSON: the events compiling, progress, wrote, kept
+(there already), warning, statistics and error. Exit codes: 0 done, 1 failed, 2 bad usage.
 """
 
 import argparse

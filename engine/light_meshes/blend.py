@@ -52,7 +52,7 @@ def render(file: Path, output: Path, frames: str | None, resume: bool, changes: 
     warnings, pictures = [], {}
     statistics: dict[str, Any] = {}
     for event in _events(arguments, changes, debug):
-        if event["event"] == "progress":
+        if event["event"] in ("progress", "compiling"):
             progress(event["fraction"], f"frame {event['frame']}: {event['stage']}")
         elif event["event"] == "warning":
             warnings.append(event["message"])

@@ -154,8 +154,9 @@ def _render(arguments: argparse.Namespace) -> None:
 
 
 def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple[list[str], dict[str, Any]]:
-    from . import film, memory, passes, render
+    from . import compiled, film, memory, passes, render
 
+    compiled.watch(progress)
     scene = _changed(_read(arguments.file), arguments.set)
     names = passes.all_of(scene) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
     memory.check(memory.before(scene, names))

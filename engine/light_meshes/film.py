@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import secrets
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +34,7 @@ class Framebuffer:
                 arrays[name] = np.zeros(shape, np.float32)
             else:
                 folder.mkdir(parents=True, exist_ok=True)
-                arrays[name] = np.lib.format.open_memmap(folder / f"{name}.npy", "w+", np.float32, shape)
+                arrays[name] = _mapped(folder / f"{name}.npy", shape)
         return cls(x1 - x0, y1 - y0, arrays)
 
     @property
@@ -62,6 +62,15 @@ def crop_of(scene: Scene) -> tuple[int, int, int, int]:
     return scene.camera.crop or (0, 0, scene.camera.width, scene.camera.height)
 
 
+def _mapped(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float32]:
+    """A file of zeros, mapped. OSError where the disk has no room: found out later, it would end the process."""
+    array = np.lib.format.open_memmap(path, "w+", np.float32, shape)
+    if hasattr(os, "posix_fallocate"):  # elsewhere files have no holes, or there is no such call
+        with path.open("r+b") as f:
+            os.posix_fallocate(f.fileno(), 0, path.stat().st_size)
+    return array
+
+
 def write(frame: Framebuffer, path: Path) -> None:
     """Write .exr (all passes, scene-linear float32) or .png (Combined, sRGB "Standard" view, 8 bits).
 
@@ -81,7 +90,7 @@ def write(frame: Framebuffer, path: Path) -> None:
         raise SceneError(f"{path.name}: pictures are written as .png or .exr")
     if not path.parent.is_dir():
         raise SceneError(f"the folder {path.parent} does not exist")
-    new = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
+    new = path.with_name(f"{path.stem}.new{path.suffix}")  # an older picture stays until this one is whole
     out = oiio.ImageOutput.create(str(new))
     if out is None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")

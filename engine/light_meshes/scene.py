@@ -6,6 +6,7 @@ on column vectors, angles are in radians. Nothing here knows of Blender, of file
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -25,6 +26,11 @@ RGB = tuple[float, float, float]
 
 class SceneError(ValueError):
     """Bad input: the message says what was wrong, where, and what to do."""
+
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 80
+quoted = _short.repr  # a value from outside as a message quotes it: in one line, and short whatever it is
 
 
 @dataclass(frozen=True)
