@@ -10,6 +10,7 @@ import argparse
 import base64
 import hashlib
 import importlib.util
+import io
 import json
 import re
 import shutil
@@ -63,7 +64,9 @@ def main(arguments: list[str] | None = None) -> int:
             raise BuildError(f"there is no {' or '.join(options.names)}; there are {', '.join(targets)}")
         options.output.mkdir(parents=True, exist_ok=True)
         for name in wanted:
-            path = build(*targets[name], options.output / f"light_meshes-{version()}-{name}.zip")
+            path = options.output / f"light_meshes-{version()}-{name}.zip"
+            with tempfile.TemporaryDirectory() as folder:
+                build(*targets[name], download(*targets[name], Path(folder)), path)
             print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, {validate(path)}", flush=True)
     except BuildError as e:
         print(f"build: {e}", file=sys.stderr)
@@ -71,18 +74,16 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def build(platform: str, python: Python, path: Path) -> Path:
-    """Write the zip of one platform and Python to `path`."""
-    with tempfile.TemporaryDirectory() as folder:
-        wheels = sorted([engine_wheel(Path(folder)), *download(platform, python, Path(folder))])
-        with zipfile.ZipFile(path, "w") as archive:
-            for file in sorted(p for p in ADDON.rglob("*.py") if p.name not in TOOLS):
-                _add(archive, file.relative_to(ADDON).as_posix(), file.read_bytes())
-            _add(archive, "LICENSE", (ROOT / "LICENSE").read_bytes())
-            _add(archive, "blender_manifest.toml", manifest(platform, python, wheels).encode())
-            for wheel in wheels:
-                _add(archive, f"wheels/{wheel.name}", wheel.read_bytes(), zipfile.ZIP_STORED)
-    return path
+def build(platform: str, python: Python, packages: list[Path], path: Path) -> None:
+    """Write the zip of one platform and Python, with the wheels of `packages`, to `path`."""
+    wheels = dict([engine_wheel(), *((file.name, file.read_bytes()) for file in sorted(packages))])
+    with zipfile.ZipFile(path, "w") as archive:
+        for file in sorted(p for p in ADDON.rglob("*.py") if p.name not in TOOLS):
+            _add(archive, file.relative_to(ADDON).as_posix(), file.read_bytes())
+        _add(archive, "LICENSE", (ROOT / "LICENSE").read_bytes())
+        _add(archive, "blender_manifest.toml", manifest(platform, python, list(wheels)).encode())
+        for name, data in wheels.items():
+            _add(archive, f"wheels/{name}", data, zipfile.ZIP_STORED)
 
 
 def version() -> str:
@@ -95,7 +96,7 @@ def version() -> str:
     return versions.pop()
 
 
-def manifest(platform: str, python: Python, wheels: list[Path]) -> str:
+def manifest(platform: str, python: Python, wheels: list[str]) -> str:
     """The add-on's manifest with what is different in each zip."""
     text = (ADDON / "blender_manifest.toml").read_text(encoding="utf-8")
     own, tables = text.split("\n[", 1)
@@ -104,41 +105,43 @@ def manifest(platform: str, python: Python, wheels: list[Path]) -> str:
     if python.blender_max:
         lines.append(f'blender_version_max = "{python.blender_max}"')
     lines.append(f'platforms = ["{platform}"]')
-    lines.append("wheels = " + json.dumps([f"./wheels/{wheel.name}" for wheel in wheels], indent=2))
+    lines.append("wheels = " + json.dumps([f"./wheels/{name}" for name in wheels], indent=2))
     return "\n".join(lines) + "\n\n[" + tables
 
 
 def download(platform: str, python: Python, folder: Path) -> list[Path]:
-    """The wheels of wheels.txt for one platform and Python."""
+    """The wheels of wheels.txt for one platform and Python, in `folder`."""
     places = [word for tag in PLATFORMS[platform] for word in ("--platform", tag)]
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
                "--only-binary=:all:", "--require-hashes", "--implementation", "cp", "--python-version", python.version,
-               *places, "--dest", str(folder / "wheels"), "--requirement", str(ADDON / "wheels.txt")]
+               *places, "--dest", str(folder), "--requirement", str(ADDON / "wheels.txt")]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         missing = re.search(r"No matching distribution found for (\S+)", done.stderr)
         raise BuildError(f"no wheel of {missing[1]} is to be had for {platform} and Python {python.version}" if missing
                          else f"pip cannot download the wheels: {done.stderr.strip()}")
-    return list((folder / "wheels").glob("*.whl"))
+    return list(folder.glob("*.whl"))
 
 
-def engine_wheel(folder: Path) -> Path:
-    """The engine alone as a wheel; the project's own has the add-on beside it."""
-    info = f"light_meshes-{version()}.dist-info"
+def engine_wheel() -> tuple[str, bytes]:
+    """The engine alone as a wheel: its name and contents. The project's own has the add-on beside it."""
     engine = ROOT / "engine"
     contents = {p.relative_to(engine).as_posix(): p.read_bytes() for p in sorted(engine.rglob("*.py"))}
+    # Blender keeps an installed package of the same name and version, so every engine has a version of its own.
+    release = f"{version()}+{hashlib.sha256(repr(contents).encode()).hexdigest()[:8]}"
+    info = f"light_meshes-{release}.dist-info"
     contents |= {
-        f"{info}/METADATA": f"Metadata-Version: 2.1\nName: light-meshes\nVersion: {version()}\n"
+        f"{info}/METADATA": f"Metadata-Version: 2.1\nName: light-meshes\nVersion: {release}\n"
                             "License: GPL-3.0-or-later\n".encode(),
         f"{info}/WHEEL": b"Wheel-Version: 1.0\nGenerator: light-meshes\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
     }
     record = [f"{name},sha256={_hash(data)},{len(data)}" for name, data in contents.items()]
     contents[f"{info}/RECORD"] = "\n".join([*record, f"{info}/RECORD,,", ""]).encode()
-    path = folder / f"light_meshes-{version()}-py3-none-any.whl"
-    with zipfile.ZipFile(path, "w") as archive:
+    wheel = io.BytesIO()
+    with zipfile.ZipFile(wheel, "w") as archive:
         for name, data in contents.items():
             _add(archive, name, data)
-    return path
+    return f"light_meshes-{release}-py3-none-any.whl", wheel.getvalue()
 
 
 def validate(path: Path) -> str:

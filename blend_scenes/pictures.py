@@ -125,11 +125,12 @@ def control(folder):
 
 
 def light_size(folder):
-    """Lamps of radius .1, .3, .6: light meshes with Light Size above, Cycles below."""
+    """Lamps of radius .1, .3, .6: light meshes with Light Size above, with as many nodes in each edge, Cycles below."""
     scene = exported(folder, "limits")
     radii, size = (0.1, 0.3, 0.6), (scene.camera.width, scene.camera.height)
     return side_by_side([
-        [drawn(replace(scene, lights=altered(scene.lights, Lamp={"radius": radius}))) for radius in radii],
+        [drawn(replace(scene, lights=altered(scene.lights, Lamp={"radius": radius}),
+                       settings=replace(scene.settings, h=radius * scene.settings.h / 0.3))) for radius in radii],
         [by_cycles(folder, "limits", size, Lamp=radius, Fill=None) for radius in radii],
     ])
 

@@ -69,6 +69,9 @@ kernel = _njit(**_options)
 # Called by kernels only. Without its two wrappers, which Python would call it by, it compiles faster.
 part = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_options)
 
+# Part of whatever calls it, so that loops around it become vectors.
+inlined = _njit(inline="always", error_model="numpy")
+
 
 class _Watch(event.Listener):
     """Counts the kernels that are compiled, and not loaded from the cache."""
@@ -81,7 +84,7 @@ class _Watch(event.Listener):
         if not event.data["dispatcher"].py_func.__module__.startswith(__package__):
             return
         self._count += 1
-        often = "once after an installation" if _folder else "each time, as the folder for them cannot be written"
+        often = "once after an installation" if _folder else "each time, as there is no private folder to keep them in"
         of = f"of about {USUAL}" if self._count <= USUAL else "and more"
         self._tell(min(self._count / USUAL, 1.0), f"Compiling kernels ({often}): {self._count} {of}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,7 +91,8 @@ def write(frame: Framebuffer, path: Path) -> None:
         raise SceneError(f"{path.name}: pictures are written as .png or .exr")
     if not path.parent.is_dir():
         raise SceneError(f"the folder {path.parent} does not exist")
-    new = path.with_name(f"{path.stem}.new{path.suffix}")  # an older picture stays until this one is whole
+    # Of one name alone: several machines may write one picture. An older picture stays until this one is whole.
+    new = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
     out = oiio.ImageOutput.create(str(new))
     if out is None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")

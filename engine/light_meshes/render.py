@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from .film import Framebuffer, crop_of
 from .integrator import radiance
-from .lattice import SharedNodesError
 from .light_size import own_radii
 from .memory import processors
+from .node_store import SharedNodesError
 from .prepared import Prepared, measured_h
 from .scene import Camera, Scene
 from .statistics import peak_memory
