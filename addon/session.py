@@ -31,7 +31,8 @@ _REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of me
             getattr(signal, "SIGBUS", None): "The disk may be full",
             signal.SIGSEGV: "It crashed, perhaps for want of memory",  # as a compiler does that gets none
             signal.SIGABRT: "It crashed, perhaps for want of memory"}
-_OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment", re.IGNORECASE)
+_OUT_OF_MEMORY = re.compile("out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment",
+                            re.IGNORECASE)
 
 
 def timeout() -> float:
