@@ -5,7 +5,6 @@ kept between renders. It owns the folder that both sides share and ends by itsel
 does not outlive Blender, however Blender ends.
 """
 
-import atexit
 import collections
 import contextlib
 import json
@@ -18,12 +17,15 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from . import events
 
 MODULE = "light_meshes.service"
+# Blender's own Python looks for packages where Blender does. Blender's path alone has those of an extension, and none
+# that the user has for another Python.
+_OWN_START = f"import runpy, sys; sys.path[:] = sys.argv[1:]; runpy.run_module({MODULE!r}, run_name='__main__')"
 POLITENESS = 5  # POSIX's niceness of a polite engine
 LAST_EVENTS = events.LAST
 # What may be behind the signal that ended an engine.
@@ -31,7 +33,7 @@ _REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of me
             getattr(signal, "SIGBUS", None): "The disk may be full",
             signal.SIGSEGV: "It crashed, perhaps for want of memory",  # as a compiler does that gets none
             signal.SIGABRT: "It crashed, perhaps for want of memory"}
-_OUT_OF_MEMORY = re.compile("out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment",
+_OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment",
                             re.IGNORECASE)
 
 
@@ -71,7 +73,7 @@ class Session:
         try:
             # Only this process holds the other ends of the pipes: close_fds is subprocess's default.
             self._process = subprocess.Popen(
-                [python, "-m", MODULE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                _command(python), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 env=_environment(python), text=True, encoding="utf-8", errors="replace",
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
                 | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if polite else 0),
@@ -139,7 +141,7 @@ class Session:
             return
         self.ask_to_cancel(number)
         if not self._ended(number, seconds):
-            threading.Thread(target=lambda: self._ended(number, 10 * seconds) or self.kill()).start()
+            in_background(lambda: self._ended(number, 10 * seconds) or self.kill())
 
     def ask_to_cancel(self, number: int) -> None:
         """Ask the engine to give command `number` up, and go on without waiting."""
@@ -253,16 +255,20 @@ def lacks_package(python: str, text: str) -> str:
     found = re.search(r"No module named '?([\w.]+)'?", text)
     if not found:
         return ""
-    return (f"The Light Meshes engine cannot start: {python} has no package '{found[1].split('.')[0]}'. Install the "
-            f"engine with '{python} -m pip install light-meshes', or choose another Python in the add-on's preferences")
+    how = f"Install the engine with '{python} -m pip install light-meshes'"
+    if _cache and python == sys.executable:
+        how = f"Install the add-on's zip for this system and Python {sys.version_info[0]}.{sys.version_info[1]}"
+    return (f"The Light Meshes engine cannot start: {python} has no package '{found[1].split('.')[0]}'. {how}, "
+            "or choose another Python in the add-on's preferences")
 
 
 # What an engine is for; each has its own, as they are used by several threads.
 RENDER, PREVIEW, MEASURE = "render", "preview", "measure"
 
 _python = ""
+_cache = ""
 _sessions: dict[str, Session] = {}
-_ending: list[threading.Thread] = []
+_enders: list[threading.Thread] = []
 statistics: dict = {}  # of the last render: its "scene" and "frame", and what the engine gave
 
 
@@ -277,12 +283,22 @@ def engine_python() -> str:
     return os.environ.get("LIGHT_MESHES_PYTHON") or _python or sys.executable
 
 
+def set_cache(folder: str) -> None:
+    """Remember the folder, for this add-on alone, where an engine in this Python keeps its compiled kernels."""
+    global _cache
+    _cache = folder
+
+
+def _command(python: str) -> list[str]:
+    if python != sys.executable:
+        return [python, "-m", MODULE]
+    return [python, "-I", "-c", _OWN_START, *(str(Path(p).absolute()) for p in sys.path if p and Path(p).exists())]
+
+
 def _environment(python: str) -> dict[str, str]:
-    environment = dict(os.environ)
-    if python == sys.executable:
-        # Blender adds the folders of an extension's packages to sys.path, not to the environment.
-        environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p and Path(p).exists())
-    return environment
+    if not _cache or python != sys.executable:
+        return dict(os.environ)
+    return {"LIGHT_MESHES_CACHE": _cache} | os.environ
 
 
 def current(purpose: str = RENDER) -> Session:
@@ -306,17 +322,19 @@ def discard(purpose: str = RENDER) -> None:
     """Give the engine for `purpose` up without waiting: a thread ends it."""
     session = _sessions.pop(purpose, None)
     if session:
-        thread = threading.Thread(target=session.kill)
-        _ending[:] = [t for t in _ending if t.is_alive()] + [thread]
-        thread.start()
+        in_background(session.kill)
+
+
+def in_background(end_one: Callable[[], object]) -> None:
+    """Have an engine ended by a thread."""
+    _enders[:] = [thread for thread in _enders if thread.is_alive()]
+    _enders.append(threading.Thread(target=end_one))
+    _enders[-1].start()
 
 
 def end() -> None:
-    """End all engines in good order, and wait for those that were given up: they leave no folder."""
+    """End all engines in good order, and wait until all are gone: an uninstallation is to find no file in use."""
     while _sessions:
         _sessions.popitem()[1].end()
-    for thread in _ending:
+    for thread in _enders:
         thread.join()
-
-
-atexit.register(end)

@@ -14,7 +14,8 @@ MARK = "@light-meshes "
 SLOW = ["shadows=AREA_SAMPLING", "samples=256", "light_samples=1024", "resolution=640x480"]
 # What is wrong with the engine's process, and what is said of it.
 FAULTS = {
-    "killed": ('(sleep 2; kill -KILL $$) & exec {python} "$@"', r"\(killed by signal 9\)\. The system may have run"),
+    "killed": ('(sleep 2; kill -KILL $$) & exec {python} "$@"',
+               r"\(killed by signal 9\)\. The system may have run out"),
     "stopped": ('(sleep 2; kill -STOP $$) & exec {python} "$@"', "does not answer any more: it was silent for 3 sec"),
     "little memory": ('ulimit -v 150000; exec {python} "$@"', r"\(exit code 1\)\. It ran out of memory: render fewer"),
     "another program": ("exec cat", "does not answer any more"),
