@@ -114,8 +114,8 @@ def sizes(start, weight, uniform, m):
 
 
 @kernel
-def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
-    """S = (number of kept nodes that see the light)/m, eq. (4)."""
+def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, rows, S):
+    """S[rows] = (number of kept nodes that see the light)/m, eq. (4)."""
     rings = len(serve)
     column = np.empty(np.max(start[:, rings] - start[:, 0]), np.uint64) if len(start) else np.empty(0, np.uint64)
     for p in range(len(soft)):
@@ -144,7 +144,7 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
                             every &= column[n] | ~s
                             some |= column[n] & s
                             n += 1
-            _spread(every, w, S[p])
+            _spread(every, w, S[rows[p]])
             mixed = some & ~every  # on all others the nodes agree, as they mostly do
             while mixed:
                 bit = np.uint64(trailing_zeros(mixed))
@@ -153,7 +153,7 @@ def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
                 number = np.uint64(0)
                 for n in range(m[p, ring[i]]):
                     number += column[n] >> bit & np.uint64(1)
-                S[p, i] = np.float32(np.float64(number) / m[p, ring[i]])
+                S[rows[p], i] = np.float32(np.float64(number) / m[p, ring[i]])
 
 
 @part
@@ -165,8 +165,8 @@ def _spread(bits, w, S):
 
 
 @kernel
-def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P, position, m, S):
-    """S = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius (K,) world."""
+def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P, position, m, rows, S):
+    """S[rows] = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius (K,) world."""
     words = values.shape[1]
     own = np.zeros((len(radius), words), np.uint64)  # the lights of each class
     for i in range(S.shape[1]):
@@ -188,7 +188,7 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                         some[w] |= values[candidate[c], w]
             count = 0
             for w in range(words):
-                _spread(every[w], w, S[p])  # what none of the kept nodes sees has S = 0: sums are for the others
+                _spread(every[w], w, S[rows[p]])  # what none of the kept nodes sees has S = 0: sums are for the others
                 mixed = some[w] & ~every[w] & soft[p, w] & own[k, w]
                 while mixed:
                     lights[count], seen[count] = 64 * w + trailing_zeros(mixed), 0.0
@@ -209,7 +209,7 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                     for j in range(ends[word], ends[word + 1]):  # without a branch
                         seen[j] += w * np.float64(v >> np.uint64(lights[j] & 63) & np.uint64(1))
             for j in range(count):
-                S[p, lights[j]] = np.float32(seen[j] / total)
+                S[rows[p], lights[j]] = np.float32(seen[j] / total)
 
 
 @kernel

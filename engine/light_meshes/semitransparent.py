@@ -138,10 +138,10 @@ class SemitransparentMeshes(LightMeshes):
         _uniform_values(start, candidate, values, soft, self._ring, self.channels, uniform)
 
     def _mean(self, start: NDArray, candidate: NDArray, weight: NDArray, uniform: NDArray, values: NDArray,
-              soft: NDArray, P: NDArray, N: NDArray, position: NDArray, m: NDArray, S: NDArray) -> None:
+              soft: NDArray, P: NDArray, N: NDArray, position: NDArray, m: NDArray, rows: NDArray, S: NDArray) -> None:
         alpha, ends = self._apart.rows if self._apart else PathTable.NONE
         _mean(start, candidate, weight, uniform, values, soft, self._ring, self._smooth, self._radius, self.channels,
-              P, N, self._targets, position, alpha, ends, self._focus, m, S)
+              P, N, self._targets, position, alpha, ends, self._focus, m, rows, S)
 
     def _partial(self, P: NDArray, row: NDArray, target: Targets, node: NDArray, N: NDArray) -> NDArray[np.float32]:
         """v(x_l,P) (n,C): 0 for nodes that step 3 drops."""
@@ -251,8 +251,8 @@ def _uniform_values(start, candidate, values, soft, ring, channels, uniform):
 
 @kernel
 def _mean(start, candidate, weight, uniform, values, soft, ring, smooth, radius, channels, P, N, targets, position,
-          alpha, ends, focus, m, S):
-    """Eq. (7) without Ω: S = (1/m) Σ_l v(x_l,P)·v(i,x_l) over the m nodes with v(x_l,P) > 0; smooth: Σ w_l… / Σ w_l.
+          alpha, ends, focus, m, rows, S):
+    """Eq. (7) without Ω: S[rows] = (1/m) Σ_l v(x_l,P)·v(i,x_l) over m nodes with v(x_l,P) > 0; smooth: Σ w_l…/Σ w_l.
 
     With the paths apart v(i,x_l) = V + Σ_j α_j·ξ(P_j,P), the end of paper §5. With focus each counts with its own
     cosine at P: α_j·(N·ω_j)/(N·L_i), as Ω has that of the straight way.
@@ -289,7 +289,7 @@ def _mean(start, candidate, weight, uniform, values, soft, ring, smooth, radius,
                     w = falloff(squared(position[candidate[c]], P[p]) / (radius[ring[i]] * radius[ring[i]]))
                     share_of_all += w
                     total += w * (value - base)  # where all agree exactly 0
-                S[p, i, k] = np.float32(base + total / share_of_all if smooth else total / m[p, ring[i]])
+                S[rows[p], i, k] = np.float32(base + total / share_of_all if smooth else total / m[p, ring[i]])
 
 
 @kernel

@@ -135,16 +135,12 @@ class LightMeshes:
         lit = np.flatnonzero(soft.any(1))
         for i in range(0, len(lit), self._batch):
             check()
-            row: Any = lit[i:i + self._batch]
-            if row[-1] - row[0] == len(row) - 1:  # all in a row: views need no copies
-                row = slice(row[0], row[-1] + 1)
-            some, work = S[row], None if probe is None else probe[row]
+            row = lit[i:i + self._batch]
+            work = None if probe is None else np.empty((len(row), probe.shape[1]))
             on = None if triangle is None else triangle[row]
-            soft[row] = self._average(P[row], N[row], on, soft[row], some, check, work)
-            if not isinstance(row, slice):
-                S[row] = some
-                if probe is not None:
-                    probe[row] = work
+            soft[row] = self._average(P[row], N[row], on, soft[row], row, S, check, work)
+            if probe is not None:
+                probe[row] = work
         self._stats.add(receivers=len(P))
         dim(S, soft, self._edges, P, N, check)
         left = active & ~soft  # what Ψ has no answer for goes to sharp shadows
@@ -153,8 +149,9 @@ class LightMeshes:
         return S
 
     def _average(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, soft: NDArray[np.uint64],
-                 S: NDArray[np.float32], check: Check, probe: NDArray | None) -> NDArray[np.uint64]:
-        """Steps 1 to 5 for receivers' soft lights: S is filled; returns those (n,W) whose set is not empty."""
+                 rows: NDArray[np.intp], S: NDArray[np.float32], check: Check,
+                 probe: NDArray | None) -> NDArray[np.uint64]:
+        """Steps 1 to 5 for receivers' soft lights: S[rows] is filled; returns those (n,W) whose set is not empty."""
         stats = self._stats
         with stats.stage("candidates"):
             start, candidate, nodes = candidates(self.lattice, P, N)
@@ -194,7 +191,7 @@ class LightMeshes:
         with stats.stage("average"):
             m = np.zeros((len(P), len(self._serve)), np.int32)
             sizes(start, weight.reshape(-1, *(self._channels or (1,))), uniform, m)
-            self._mean(start, candidate, weight, uniform, values, soft, P, N, position, m, S)
+            self._mean(start, candidate, weight, uniform, values, soft, P, N, position, m, rows, S)
         # Of the classes with a set the one with the smallest ball serves them all.
         answered = soft & np.where(m[:, -1:] > 0, self._serve[(m > 0).argmax(1)], np.uint64(0))
         empty = (soft & ~answered).any(1)
@@ -212,12 +209,13 @@ class LightMeshes:
         agreement(start, candidate, values, soft, self._serve, uniform)
 
     def _mean(self, start: NDArray, candidate: NDArray, weight: NDArray, uniform: NDArray, values: NDArray,
-              soft: NDArray, P: NDArray, N: NDArray, position: NDArray, m: NDArray, S: NDArray) -> None:
-        """Step 5: fill S."""
+              soft: NDArray, P: NDArray, N: NDArray, position: NDArray, m: NDArray, rows: NDArray, S: NDArray) -> None:
+        """Step 5: fill S[rows]."""
         if self._smooth:
-            smooth_mean(start, candidate, weight, uniform, values, soft, self._ring, self._radius, P, position, m, S)
+            smooth_mean(start, candidate, weight, uniform, values, soft, self._ring, self._radius, P, position, m, rows,
+                        S)
         else:
-            mean(start, candidate, weight, uniform, values, soft, self._serve, self._ring, m, S)
+            mean(start, candidate, weight, uniform, values, soft, self._serve, self._ring, m, rows, S)
 
     @property
     def _radius(self) -> NDArray[np.float64]:
