@@ -205,12 +205,23 @@ def _render(options) -> None:
         scene.render.filepath = str(new)
         try:
             _run(write_still=True)
+            _check_room(new)
             new.replace(path)
         except OSError as e:
             raise FailedError(f"{path} has not been written: is there room, and permission?") from e
         finally:
             new.unlink(missing_ok=True)
         say(event="wrote", frame=frame, path=str(path))
+
+
+def _check_room(picture: Path) -> None:
+    """Raise OSError where the disk is full: Blender writes half a picture there, and says nothing."""
+    with picture.open("r+b") as f:
+        size = f.seek(0, os.SEEK_END)
+        f.write(bytes(1 << 16))
+        f.flush()
+        os.fsync(f.fileno())
+        f.truncate(size)
 
 
 def _snapshot(options) -> None:

@@ -1,6 +1,7 @@
 """An animation by the farm's own files: two workers at once, frames bit for bit those of one machine."""
 
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -47,7 +48,7 @@ for frame, z in ((1, 9), (4, 18)):  # from farther away the automatic step would
 if hasattr(scene.render.image_settings, "media_type"):
     scene.render.image_settings.media_type = 'IMAGE'
 scene.render.image_settings.file_format = 'OPEN_EXR'
-scene.render.image_settings.color_depth = '32'
+scene.render.image_settings.color_depth, scene.render.image_settings.exr_codec = '32', 'NONE'
 scene.render.filepath = sys.argv[2]
 bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
 bpy.ops.render.render(animation=True)
@@ -143,6 +144,19 @@ def test_a_task_that_is_cancelled_leaves_nothing(animation, tmp_path):
     assert task.returncode == 1 and "interrupted" in said
     wait(lambda: not list(tmp_path.glob("tmp/light-meshes-*")))  # the engine has ended too
     assert [p.name for p in tmp_path.iterdir()] == ["tmp"]
+
+
+def test_half_a_picture_is_none(animation, tmp_path):
+    """The disk has room for what the engine says, and not for the picture's file, which is a little larger."""
+    scene, _ = animation
+    size = np.empty((32, 48, 4), np.float32).nbytes + 300
+    before = tmp_path / "frame_0002.exr"
+    before.write_bytes(b"the one before")
+    done = subprocess.run([BIN / "light-meshes", "render", scene, "-o", before, "-f", "2"], text=True,
+                          stderr=subprocess.PIPE, timeout=300,
+                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)))
+    assert done.returncode == 1 and "frame_0002.exr has not been written: is there room" in done.stderr
+    assert [p.name for p in tmp_path.iterdir()] == [before.name] and before.read_bytes() == b"the one before"
 
 
 def wait(happens, seconds=60):
