@@ -105,9 +105,12 @@ engine = session.current()
 while (engine.poll(0.1) or {}).get("event") != "compiling":
     pass
 say("KERNELS", [p.name for p in Path(bpy.utils.extension_path_user(NAME)).glob("kernels/light-meshes/*")])
+# Anything that still calls into a module holds all of it.
+ours = {f"{name}.{key}": weakref.ref(value) for name, module in sys.modules.items() if name.startswith(NAME)
+        for key, value in vars(module).items() if getattr(value, "__module__", "") == name}
 bpy.ops.extensions.package_uninstall(repo_index=repos.index("user_default"), pkg_id="light_meshes")
 say("UNINSTALLED", difference(bare, state()))
-session, engine, own = weakref.ref(session), None, None
-gc.collect()
 say("MODULES", [name for name in sys.modules if name.startswith(NAME)])
-say("REFERRERS", [str(type(r)) + str(r)[:300] for r in gc.get_referrers(session())] if session() else None)
+del session, engine, own, scene
+gc.collect()
+say("ALIVE", sorted(name for name, one in ours.items() if one()))
