@@ -141,6 +141,8 @@ class Job:
             raise
         if event and event["event"] == "compiling":
             self._progress(**event)
+            if bpy.app.background and bpy.app.version >= (5, 0):  # which does not print what is said
+                print(f"Light Meshes: {event['stage']}", flush=True)
         return event
 
     def _finish(self, done: dict) -> None:

@@ -30,8 +30,11 @@ POLITENESS = 5  # POSIX's niceness of a polite engine
 LAST_EVENTS = events.LAST
 # What may be behind the signal that ended an engine.
 _REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of memory",
-            getattr(signal, "SIGBUS", None): "The disk may be full"}
-_OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory", re.IGNORECASE)
+            getattr(signal, "SIGBUS", None): "The disk may be full",
+            signal.SIGSEGV: "It crashed, perhaps for want of memory",  # as a compiler does that gets none
+            signal.SIGABRT: "It crashed, perhaps for want of memory"}
+_OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment",
+                            re.IGNORECASE)
 
 
 def timeout() -> float:

@@ -1,5 +1,6 @@
 """The command `light-meshes` on snapshots: pictures, exit codes, one sentence on stderr."""
 
+import os
 import resource
 import subprocess
 import sys
@@ -92,17 +93,31 @@ FAILURES = [
     (["render", "{f}/scene", "-o", "{f}/o.png", "--set", "samples=many"], 2, "samples"),
     (["render", "{f}/scene", "-o", "{f}/o.png", "-f", "1"], 2, "frame"),
     (["render", "{f}/scene", "-o", "{f}/o.png", "-f", "one"], 2, "one"),
+    (["render", "{f}/broken", "-o", "{f}/o.png"], 1, "cut short"),
     (["inspect", "{f}/nowhere"], 1, "does not exist"),
 ]
 
 
 @pytest.mark.parametrize(("arguments", "code", "word"), FAILURES, ids=[" ".join(f[0]) or "nothing" for f in FAILURES])
 def test_failures_have_a_code_and_a_sentence(folder, arguments, code, word):
+    snapshot.write(tabletop(8), folder / "broken")
+    os.truncate(folder / "broken" / "vertices.npy", 200)
     done = run(*(a.replace("{f}", str(folder)) for a in arguments))
     assert done.returncode == code
     assert word in done.stderr
     assert "Traceback" not in done.stderr
     assert not (folder / "o.png").exists()
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_a_full_disk_leaves_the_older_picture_and_nothing_else(folder, small_disk, suffix):
+    prefix, disk = small_disk
+    script = f"echo old > {disk}/o.{suffix}; yes | head -c 4500000 > {disk}/filler; " \
+        f'"$@" && exit 9; rm {disk}/filler; cd {disk}; echo $(ls) $(cat o.{suffix})'
+    done = subprocess.run([*prefix, "sh", "-c", script, "sh", sys.executable, "-m", "light_meshes.cli", "render",
+                           folder / "scene", "-o", f"{disk}/o.{suffix}"], capture_output=True, text=True, timeout=120)
+    assert f"o.{suffix} cannot be written" in done.stderr and "Traceback" not in done.stderr
+    assert done.stdout == f"o.{suffix} old\n", done.stdout + done.stderr
 
 
 def test_debug_shows_the_traceback(folder):

@@ -18,6 +18,16 @@ def words(bits):
     return np.packbits(wide, axis=1, bitorder="little").view(np.uint64)
 
 
+def within_a_minute(work, *args):
+    """What work(*args) returns; a store that is wrong may wait for ever."""
+    done = []
+    thread = threading.Thread(target=lambda: done.append(work(*args)), daemon=True)
+    thread.start()
+    thread.join(60)
+    assert done
+    return done[0]
+
+
 class Sky:
     """What lights each node sees, by a rule; counts how often it is asked."""
 
@@ -49,7 +59,7 @@ class Sky:
 
     def check(self, store, nodes, need):
         """The store's values of what is needed are the rule's."""
-        value = store.values(nodes, words(need), self.trace)
+        value = within_a_minute(store.values, nodes, words(need), self.trace)
         if self.channels:
             mask = np.repeat(need, self.channels, axis=1)
             np.testing.assert_array_equal(value[mask], self.value(nodes).astype(np.float32)[mask])
@@ -63,13 +73,12 @@ def some_nodes(random, count, far):
 
 
 @pytest.mark.parametrize(("lights", "channels"), [(1, 0), (8, 0), (9, 0), (64, 0), (65, 0), (200, 0), (3, 1), (70, 3)])
-@pytest.mark.parametrize("far", [9, (1 << 20) - 1, 2**31 - 1])
-def test_each_value_is_right_and_computed_once(lights, channels, far):
-    """Near nodes meet again and again; far ones need the long keys, once near ones have their rows."""
+def test_each_value_is_right_and_computed_once(lights, channels):
+    """Near nodes meet again and again; far ones need the long keys, when near ones have their rows."""
     random, sky, store = np.random.default_rng(RANDOM), Sky(lights, channels), NodeStore(lights, channels)
     asked: dict[tuple[int, ...], np.ndarray] = {}
-    for turn in range(12):
-        nodes = some_nodes(random, 700, 9 if turn < 3 else far)
+    for far in np.repeat([9, (1 << 20) - 1, 9, 2**31 - 1, 9], 3):
+        nodes = some_nodes(random, 500, far)
         need = random.random((len(nodes), lights)) < random.random()
         need[::3] = True
         sky.check(store, nodes, need)
@@ -178,7 +187,7 @@ def test_lights_change_places_between_stores(channels):
 
 
 def test_sets_that_no_node_has_any_more_leave():
-    """Each of ten thousand turns gives one node one more set; few are in use at any time."""
+    """With each light every node has another set than before; few are in use at any time."""
     sky, store, random = Sky(256), NodeStore(256), np.random.default_rng(RANDOM)
     nodes = some_nodes(random, 300, 1000)
     for light in random.permutation(256):
@@ -215,12 +224,11 @@ def arrays(thing, seen=None):
     return [*seen.values()]
 
 
-@pytest.mark.parametrize("lights", [1, 4, 9, 16, 17, 64, 100, 256])
+@pytest.mark.parametrize("lights", [1, 9, 17, 64, 256])
 def test_bytes_a_node(lights):
-    """16 and a bit and a half a light, for what a render keeps."""
+    """At most 16, and a bit and a half a light."""
     _, ready = drawn(hall(lights, width=96, h=0.03), passes=("Combined",))
     store = ready.soft.store
     held = sum(a.nbytes for a in arrays(store))
     assert held == store.bytes
-    print(lights, store.count, held / store.count, 16 + lights / 8 * 1.5)
     assert held / store.count <= 16 + lights / 8 * 1.5

@@ -97,7 +97,9 @@ def write(frame: Framebuffer, path: Path) -> None:
     if out is None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")
     try:
-        if not (out.open(str(new), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()):
+        done = out.open(str(new), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()
+        # OpenImageIO does not notice that a disk was full when a small PNG was written: its last chunk is not there.
+        if not done or (new.suffix.lower() == ".png" and not new.read_bytes().endswith(b"IEND\xae\x42\x60\x82")):
             raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
         new.replace(path)
     finally:

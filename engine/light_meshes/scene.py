@@ -25,12 +25,20 @@ RGB = tuple[float, float, float]
 
 
 class SceneError(ValueError):
-    """Bad input: the message says what was wrong, where, and what to do."""
+    """Bad input: the message says what was wrong, where, and what to do. In one line, whatever names it quotes."""
+
+    def __str__(self) -> str:
+        return "".join(c if c.isprintable() else "\ufffd" for c in super().__str__()[:600])
 
 
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = 80
-quoted = _short.repr  # a value from outside as a message quotes it: in one line, and short whatever it is
+
+
+def quoted(value: Any) -> str:
+    """A value from outside as a message quotes it: in one line, and short whatever it is."""
+    text = _short.repr(value)
+    return text if len(text) <= 100 else f"{text[:97]}..."
 
 
 @dataclass(frozen=True)

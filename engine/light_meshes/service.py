@@ -291,10 +291,10 @@ def _steps(message: dict[str, Any]) -> list[tuple[int, int]]:
     return [(divisor, samples) for divisor, samples in steps]
 
 
-def end(folder: Path) -> None:
+def end(folder: Path, code: int = 0) -> None:
     """Remove `folder` and end the process at once, from any thread."""
     shutil.rmtree(folder, ignore_errors=True)
-    os._exit(0)
+    os._exit(code)
 
 
 def main() -> None:
@@ -306,8 +306,10 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the group; the parent decides
     try:
         Service(sys.stdin.buffer, events, folder).run()
-    finally:
-        end(folder)
+    except BaseException:  # a package that cannot be loaded, say: the log tells
+        traceback.print_exc()
+        end(folder, 1)
+    end(folder)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import subprocess
 import sys
 
 import pytest
-from faults import go
+from faults import go, python
 
 
 @pytest.fixture
@@ -167,3 +167,47 @@ def test_without_unregister_no_child_remains(run):
     """)
     with pytest.raises(ProcessLookupError):
         os.kill(int(lines[1].split()[1]), 0)
+
+
+def test_garbage_on_the_engines_output(run, tmp_path):
+    """Lines that are no events go to the log; what did not end its line does not hide the event behind it."""
+    lines = run("""
+        fast()
+        render()
+        print("LOGGED", session._sessions["render"].log.count("no event"), "times")
+        leave()
+    """, LIGHT_MESHES_PYTHON=python(tmp_path, r"""
+printf 'no event\n\377\376\000 no event\n[]\n{"event": []}\n{"event": "no event"}\n{"event": 1e999}\nno event'
+exec {python} "$@"
+"""))
+    assert lines == ["RESULT {'FINISHED'} True", "LOGGED 3 times"]
+
+
+@pytest.mark.parametrize("event", [
+    '{"event": "ready"}', '{"event": "ready", "folder": "%s"}', '{"event": "done", "id": [1]}',
+    '{"event": "done", "id": 1, "statistics": {}}', '{"event": "progress", "id": 1, "fraction": NaN, "stage": ""}'])
+def test_an_event_that_is_not_as_it_should_be(run, tmp_path, event):
+    """It is refused at once, and a folder that is no engine's is not taken for one, nor removed."""
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "work.txt").write_text("years of it")
+    event = event.replace("%s", str(tmp_path / "precious"))
+    lines = run("""
+        fast()
+        render()
+        os.environ["LIGHT_MESHES_PYTHON"] = sys.executable
+        render()
+        leave()
+    """, LIGHT_MESHES_PYTHON=python(tmp_path, f"echo '{event}'; exec sleep 60"))
+    assert re.fullmatch(r"ERROR Error: Light Meshes: the engine's event '\w+' is not as .* the same release\? False",
+                        lines[0])
+    assert lines[1] == "RESULT {'FINISHED'} True"
+    assert (tmp_path / "precious" / "work.txt").read_text() == "years of it"
+
+
+def test_a_program_that_talks_without_end(run, tmp_path):
+    lines = run("""
+        fast()
+        render()
+        leave()
+    """, LIGHT_MESHES_PYTHON=python(tmp_path, r"exec yes | tr -d '\n'"), LIGHT_MESHES_TIMEOUT="2")
+    assert "does not answer any more: it was silent for 2 seconds" in lines[0] and lines[0].endswith("False")
