@@ -22,26 +22,27 @@ from light_meshes_addon.headless import leave
 sys.path.insert(0, {tests!r})
 light_meshes_addon.register()
 import load
-load.make(bpy, **{values!r})
+load.make(bpy, *{values!r})
 bpy.ops.wm.save_as_mainfile(filepath={path!r}, compress=False)
 leave(0)
 """
-# name → triangles of one thing, things, whether they share one mesh, lights, lines of the picture, samples
+# name → triangles a thing, things, whether they share a mesh, lights, lines of the picture, samples, h or 0: automatic
 SCENES = {
-    "small": {"triangles": 2_000, "things": 50, "shared": False, "lights": 4, "height": 135, "samples": 1},
-    "triangles": {"triangles": 10_000, "things": 200, "shared": False, "lights": 64, "height": 1080, "samples": 4},
-    "instances": {"triangles": 2_000, "things": 1_000, "shared": True, "lights": 16, "height": 1080, "samples": 4},
-    "lights": {"triangles": 2_000, "things": 100, "shared": True, "lights": 4_096, "height": 540, "samples": 1},
+    "small": (2_000, 50, False, 4, 135, 1, 0),
+    "triangles": (10_000, 200, False, 64, 1080, 4, 0),
+    "instances": (2_000, 1_000, True, 16, 1080, 4, 0),
+    "lights": (2_000, 100, True, 4_096, 540, 1, 0.05),
 }
 
 
-def make(bpy, triangles, things, shared, lights, height, samples):
+def make(bpy, triangles, things, shared, lights, height, samples, h):
     """A hall with a floor and two walls, full of lumpy balls, under point lights."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
     scene.render.resolution_x, scene.render.resolution_y = height * 16 // 9, height
-    scene.light_meshes.auto_h, scene.light_meshes.samples = True, samples
+    scene.light_meshes.auto_h, scene.light_meshes.samples = not h, samples
+    scene.light_meshes.h = h or 0.1
 
     def add(name, data, location=(0, 0, 0)):
         made = bpy.data.objects.new(name, data)
