@@ -195,9 +195,14 @@ class Service:
         raise SceneError(f"the command '{message['command']}' needs a path '{key}'")
 
     def _read(self) -> None:
-        with contextlib.suppress(OSError, ValueError):
+        try:
             for line in self._commands:
                 self._take(line)
+        except MemoryError:  # without this thread nothing would be heard of any more
+            os.write(sys.stderr.fileno(), b"out of memory\n")
+            end(self._folder, 1)
+        except (OSError, ValueError):
+            pass
         end(self._folder)  # stdin is closed: the parent is gone
 
     def _take(self, line: bytes) -> None:
@@ -217,7 +222,8 @@ class Service:
     def _alive(self) -> None:
         wait = threading.Event()
         while not wait.wait(ALIVE_SECONDS):
-            self._send(event="alive")
+            with contextlib.suppress(MemoryError):  # the next one may find some
+                self._send(event="alive")
 
     def _compiling(self, fraction: float, stage: str) -> None:
         self._send(event="compiling", fraction=fraction, stage=stage)

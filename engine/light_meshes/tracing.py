@@ -21,7 +21,7 @@ from .scene import Scene, SceneError
 
 CHUNK = 16384  # rays a call: the best of what was measured, and a bound on the delay of a cancel
 ULPS = 16 * 2.0**-23  # how far a ray leaves its surface and how far a closed end reaches, in the frame
-BUILD_BYTES = 300  # a triangle, while Embree builds its tree. It crashes where it does not get them
+BUILD_BYTES = 300  # a triangle, while Embree builds its tree. It crashes or hangs where it does not get them
 LIGHT_END = 1 - 1e-5  # a ray to a light stops short of it: a light on a surface is not shadowed by it
 
 
@@ -221,15 +221,15 @@ def _facing(s, k, d):
 
 def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[EmbreeScene, NDArray[np.int32] | None]:
     """An Embree scene of the triangles in `seen`, and their original numbers (None where all are in)."""
-    embree = EmbreeScene()  # robust mode is its default, and needed: without it rays slip through edges
     original = None if seen.all() else np.flatnonzero(seen).astype(np.int32)
     triangles = surfaces.triangles if original is None else surfaces.triangles[original]
-    if len(triangles):
-        try:
-            np.empty(BUILD_BYTES * len(triangles) + 2**25, np.uint8)  # can so much be had? Embree would not ask
+    try:
+        np.empty(BUILD_BYTES * len(triangles) + 2**25, np.uint8)  # can so much be had? Embree would not ask
+        embree = EmbreeScene()  # robust mode is its default, and needed: without it rays slip through edges
+        if len(triangles):
             TriangleMesh(embree, surfaces.vertices, triangles)
-        except MemoryError as e:
-            raise SceneError(f"out of memory while building the accelerator of {len(triangles):,} triangles") from e
+    except MemoryError as e:
+        raise SceneError(f"out of memory while building the accelerator of {len(triangles):,} triangles") from e
     empty = np.zeros((1, 3), np.float32)
     embree.run(empty, empty + 1, query="OCCLUDED")  # commits; later calls come from several threads
     return embree, original
