@@ -25,11 +25,13 @@ from .plan import plan
 from .refraction import RefractedPaths
 from .scene import Camera, Scene
 from .semitransparent import Refraction, SemitransparentMeshes, SharpThrough
+from .sparse import Sparse
 from .statistics import Statistics
 from .tracing import Tracer
 from .visibility import LightMeshes, Sharp, Unshadowed
 
 SHADED = 1 << 22  # receivers × lights held at once, at most
+Sums = tuple[NDArray, dict[str, NDArray], dict[str, NDArray]]  # colour, its terms and the shadow passes of `direct`
 
 
 class Prepared:
@@ -84,6 +86,7 @@ class Prepared:
         self.visibility = self._visibility(previous)
         self.nodes_kept = reuse.nodes(self, previous)
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
+        self.sparse = Sparse(self) if self.plan.shadow_rate > 1 else None
         self.seconds = time.perf_counter() - began
 
     def _visibility(self, previous: Prepared | None) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
@@ -201,13 +204,18 @@ class Prepared:
         return direction[hit], hits
 
     def direct(self, hits: Hits, direction: NDArray, check: Callable[[], None], parts: bool = False,
-               first: bool = False, work: NDArray | None = None) -> tuple[
-                   NDArray, dict[str, NDArray], dict[str, NDArray]]:
+               first: bool = False, work: NDArray | None = None) -> Sums:
         """Ia·ka·Od + Σ S·Ω + emission (n,3), of hits of rays with `direction`.
 
         And its terms, by the passes that show them, where `parts`; and the shadow passes, (n,3), where `first`. work
         (n,4): filled with what the debug passes show.
         """
+        Od, sums = self.unshaded(hits, parts, first)
+        self.add_light(hits, direction, Od, sums, check, work)
+        return sums
+
+    def unshaded(self, hits: Hits, parts: bool, first: bool) -> tuple[NDArray, Sums]:
+        """Od (n,3) of the hits, and what `direct` returns, without the light of lights."""
         m, settings = self.materials, self.scene.settings
         Od = m.Od.take(hits.material, axis=0)
         if self.textures:
@@ -219,18 +227,26 @@ class Prepared:
         shading.unlit(m, hits.material, settings.ambient * np.array(self.scene.world_color), Od, colour, ambient)
         terms = {"Emission": m.emission[hits.material], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
-        shadows = {name: np.zeros_like(colour) for name in self._shadow_lights if first}
-        for part, omega, S in self._lit(hits, direction, m, Od, bool(shadows), check, work):
+        return Od, (colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})
+
+    def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Callable[[], None],
+                  work: NDArray | None = None, lights: NDArray[np.uint64] | None = None) -> None:
+        """Add the light of some lights (W,), None: of all, to what `direct` returns."""
+        m, (colour, terms, shadows) = self.materials, sums
+        for part, omega, S in self.lit(hits, direction, m, Od, bool(shadows), check, work, lights):
             with self.stats.stage("shading"):
                 shading.gather(S, omega, colour[part])
                 if terms:
-                    matt, _ = self._omega(hits, part, direction, m._replace(ks=np.zeros_like(m.ks)), Od, False)
+                    matt, _ = self.omega(hits, part, direction, m._replace(ks=np.zeros_like(m.ks)), Od, False)
                     shading.gather(S, matt, terms["Diffuse"][part])
                     shading.gather(S, omega - matt, terms["Glossy"][part])
                 for name, shadow in shadows.items():
-                    lights = self._shadow_lights[name]
-                    shadow[part] = S[:, lights].sum(1, dtype=np.float64) / max(len(lights), 1)
-        return colour, terms, shadows
+                    shadow[part] += self.shadow(name, S)
+
+    def shadow(self, name: str, S: NDArray) -> NDArray[np.float64]:
+        """The shadow pass (n,C) of S (n,L,C)."""
+        lights = self._shadow_lights[name]
+        return S[:, lights].sum(1, dtype=np.float64) / max(len(lights), 1)
 
     def shadow_ratio(self, hits: Hits, direction: NDArray, check: Callable[[], None],
                      work: NDArray | None = None) -> NDArray[np.float64]:
@@ -243,23 +259,29 @@ class Prepared:
         lit = np.empty((len(hits.P), 3))
         lit[:] = self.scene.settings.ambient * np.array(self.scene.world_color)
         full = lit.copy()
-        for part, omega, S in self._lit(hits, direction, white, np.ones_like(lit), False, check, work):
+        for part, omega, S in self.lit(hits, direction, white, np.ones_like(lit), False, check, work):
             with self.stats.stage("shading"):
                 shading.gather(S, omega, lit[part])
                 shading.gather(np.ones_like(S), omega, full[part])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
-    def _lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
-             check: Callable[[], None], work: NDArray | None) -> Iterator[tuple[slice, NDArray, NDArray]]:
-        """(rows, Ω (n,L,3), S (n,L,C)) of the hits, batch by batch; none without lights."""
-        lights = len(self.scene.lights)
-        step = max(64, SHADED // max(1, lights))
-        for i in range(0, len(hits.P) if lights else 0, step):
+    def lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
+            check: Callable[[], None], work: NDArray | None, lights: NDArray[np.uint64] | None = None) -> Iterator[
+                tuple[slice, NDArray, NDArray]]:
+        """(rows, Ω (n,L,3), S (n,L,C)) of the hits, batch by batch; none without lights. lights (W,): S = 0 of others.
+
+        work: as in `direct`.
+        """
+        count = len(self.scene.lights)
+        step = max(64, SHADED // max(1, count))
+        for i in range(0, len(hits.P) if count else 0, step):
             check()
             part = slice(i, min(i + step, len(hits.P)))
             with self.stats.stage("shading"):
-                omega, active = self._omega(hits, part, direction, materials, Od, unlit)
+                omega, active = self.omega(hits, part, direction, materials, Od, unlit)
+                if lights is not None:
+                    active &= lights
             where = hits.P[part], hits.Ng[part], active, check, hits.triangle[part]
             if work is not None and isinstance(self.visibility, LightMeshes):
                 S = self.visibility(*where, work[part])
@@ -267,8 +289,8 @@ class Prepared:
                 S = self.visibility(*where)
             yield part, omega, S.reshape(*S.shape[:2], -1)
 
-    def _omega(self, hits: Hits, part: slice, direction: NDArray, materials: shading.Materials, Od: NDArray,
-               unlit: bool) -> tuple[NDArray[np.float32], NDArray[np.uint64]]:
+    def omega(self, hits: Hits, part: slice, direction: NDArray, materials: shading.Materials, Od: NDArray,
+              unlit: bool) -> tuple[NDArray[np.float32], NDArray[np.uint64]]:
         """Ω (n,L,3) of the hits in `part`, and the bits of the lights that count; see `shading.omega`."""
         n, lights = part.stop - part.start, len(self.scene.lights)
         out, active = np.empty((n, lights, 3), np.float32), np.zeros((n, (lights + 63) // 64), np.uint64)

@@ -178,6 +178,9 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
             "certified": counts["certified"], "spared_rays": counts["spared_rays"],
         }
+        if ready.sparse:
+            report |= {"shadow_rate": ready.plan.shadow_rate} | {name: counts[name] for name in (
+                "points", "interpolated", "refined", "computed")}
         report["light_radii"] = {ready.scene.lights[i].name: r for i, r in ready.radii.items()}  # not the scene's
     if ready.plan.paths:
         for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):

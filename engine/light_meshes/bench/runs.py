@@ -21,14 +21,14 @@ from typing import Any
 from .. import snapshot
 from ..render import render_image
 from ..scene import Scene
-from . import decisions, errors, scenes
+from . import decisions, errors, rates, scenes
 from .blender import Cycles
 from .embree import ShadowRays
 from .measure import NOT_SHADOWS, Measurement, Method, Say, in_turn
 from .scenes import Case
 
 SCENES = tuple(scenes.FILES)
-PARTS = (*SCENES, "cycles", "errors", "growth", "embree", "process", "decisions")
+PARTS = (*SCENES, "cycles", "errors", "growth", "rates", "embree", "process", "decisions")
 FORMAT = "light-meshes benchmark"
 
 
@@ -47,6 +47,7 @@ class Effort:
     cycles_reference: int = 512  # samples a pixel
     triangles: tuple[int, ...] = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
     growth_lights: int = 16
+    rate_lights: int = 64
     most: float = 10.0  # seconds for all runs of a method on a scene, after the first
     most_target: float = 150.0  # the same for the methods of the targets
     seconds: float = 2400.0  # for everything: past its share of this, a part makes no second runs
@@ -55,7 +56,7 @@ class Effort:
 QUICK = Effort(size=250, repeats=3, lights=(4, 16, 64), kI=(2.0,), steps=(), samples=(1, 4), all_samples=(1, 4),
                error_size=60, cycles_reference=64, triangles=(10_000, 100_000), most=2.0, most_target=6.0,
                seconds=120.0)
-QUICK_PARTS = ("S3", "S7", "cycles", "errors", "embree", "process")
+QUICK_PARTS = ("S3", "S7", "cycles", "errors", "rates", "embree", "process")
 SHARES = {"S3": 0.12, "S5": 0.08, "S7": 0.5, "S8": 0.08, "growth": 0.1, "embree": 0.04}  # of the seconds
 
 
@@ -68,7 +69,7 @@ class Bench:
         self._loaded: dict[str, Scene] = {}
         self.results: dict[str, Any] = {
             "format": FORMAT, "version": 1, "machine": machine(), "effort": dataclasses.asdict(effort),
-            "parts": list(parts), "scenes": [], "times": [], "errors": [], "growth": [], "embree": None,
+            "parts": list(parts), "scenes": [], "times": [], "errors": [], "growth": [], "rates": [], "embree": None,
             "process": None, "decisions": [], "notes": []}
         self.threads = os.cpu_count() or 1
 
@@ -84,6 +85,11 @@ class Bench:
                     self._scene(part, cycles)
                 elif part == "growth":
                     self._growth()
+                elif part == "rates":
+                    for name, lights in (("S7", self.effort.rate_lights), ("S3", None), ("S5", None), ("S8", None)):
+                        self.results["rates"] += rates.table(
+                            scenes.case(name, self._scene_of(name), lights), self.effort.size if lights else
+                            self.effort.size // 2, self.effort.repeats if lights else 1, self._say)
                 elif part == "embree":
                     self._embree()
                 elif part == "process":
