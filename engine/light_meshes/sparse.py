@@ -207,7 +207,7 @@ class Sparse:
 
 @kernel
 def _roughness(S, omega, step, out):
-    """out (n,) = step·max Ω of the lights that are neither seen nor hidden as a whole; of focused light S times that."""
+    """out (n,) = step·max Ω of the lights neither seen nor hidden as a whole; of focused light S times that."""
     for p in range(len(S)):
         for i in range(S.shape[1]):
             partly, most = False, 1.0
