@@ -151,7 +151,7 @@ def test_cycles_needs_a_hundred_times_the_samples_for_a_tenth_of_the_noise():
 
 
 def test_a_shadow_rate_is_measured_against_every_sample(tmp_path):
-    scene = hall(64, width=48)
+    scene = hall(64, width=48, h=0.2)
     case = scenes.Case("S7", scene, tmp_path, 1.0, {}, "")
     rows = rates.table(case, 64, 1, lambda _: None, samples=1)
     assert [r["rate"] for r in rows] == [0, 1, 2, 4, 8] and "rmse" not in rows[0] and rows[1]["max"] == 0

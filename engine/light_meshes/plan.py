@@ -92,11 +92,13 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
                   3: ("RGB a light", "coloured glass")}[p.channels]
         decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
     if s.shadow_rate > 1:
-        smooth = p.shadows == "LIGHT_MESHES" and smooth_lights(casters, len(scene.lights)).any()
-        p.shadow_rate = s.shadow_rate if smooth else 1
-        decide("shadow rate", p.shadow_rate, f"interpolated between points up to {s.shadow_rate} pixels apart" if smooth
-               else "only light meshes' shadows are smooth" if p.shadows != "LIGHT_MESHES" else
-               "all shadows are sharp in part")
+        soft = p.shadows == "LIGHT_MESHES"
+        why_not = ("only light meshes' shadows are smooth" if not soft else
+                   "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
+                   "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
+        p.shadow_rate = 1 if why_not else s.shadow_rate
+        decide("shadow rate", p.shadow_rate, why_not or
+               "what the camera sees is interpolated between points up to so many pixels apart")
     if p.shadows == "LIGHT_MESHES":
         apart = p.paths and (s.leak_free or s.caustics == "FOCUS")
         through = p.channels > 0 and s.glass == "PAPER"

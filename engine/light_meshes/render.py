@@ -49,9 +49,9 @@ def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, i
     return [(x, y, min(x + size, x1), min(y + size, y1)) for y in reversed(rows) for x in range(x0, x1, size)]
 
 
-def _tile_size(pixels: int, samples: int, threads: int) -> int:
-    """About BATCH rays a tile; in a small picture less, so that no thread is left without work."""
-    batch = min(BATCH / samples, pixels / (4 * threads))
+def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> int:
+    """About so many rays a tile; in a small picture less, so that no thread is left without work."""
+    batch = min(rays / samples, pixels / (4 * threads))
     return int(np.clip(2 ** np.round(np.log2(np.sqrt(batch))), 8, 256))
 
 
@@ -98,7 +98,8 @@ def draw(
     crop = crop_of(ready.scene)
     threads = threads or os.cpu_count() or 1
     if tile_size is None:
-        tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads)
+        batch = BATCH * (4 if ready.sparse else 1)  # tiles share the points at their edges, and compute them twice
+        tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     tiles = _tiles(crop, tile_size)
     lock, done = threading.Lock(), 0
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 TOLERANCE = 1 / 40  # radiance by which corners may differ
 NORMAL = 0.9  # cosine of the angle between normals, at least
 AWAY = 0.1  # how far a sample may be from where its corners have it, of the block's diagonal
-STEP = 1 / 8  # what S of a light that is seen in part may jump by within a block
+JUMP = {"UNIFORM": 1 / 8, "SMOOTH": 1 / 16}  # of S within a block, of a light that is seen in part, by the weights
 LOBE = 0.2  # nShiny·(1 − cosine of the angle between directions that a mirror would look in), at most
 BLUR = 4.0  # pixels that a lens may move a sample by
 
@@ -55,8 +55,8 @@ class Corners(NamedTuple):
     material: NDArray[np.int32]
     instance: NDArray[np.int32]
     turned: NDArray[np.float64]  # (n,3) where a mirror would look
-    light: NDArray[np.float64]  # (n,C) diffuse RGB; gloss RGB where there is any; RGB of each shadow pass
-    rough: NDArray[np.float64]  # (n,2) STEP of the brightest light seen in part: its diffuse light and its gloss
+    light: NDArray[np.float64]  # (n,3 or 6) diffuse RGB, and gloss RGB where the scene has any
+    rough: NDArray[np.float64]  # (n,2) JUMP of the brightest light seen in part: its diffuse light and its gloss
 
 
 class Blocks(NamedTuple):
@@ -79,6 +79,7 @@ class Sparse:
         self._steps = [s.shadow_rate >> k for k in range(s.shadow_rate.bit_length()) if s.shadow_rate >> k >= least]
         self._gloss = bool((m.ks > 0).any())
         self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
+        self._jump = JUMP[s.weights]
         self._lights = smooth_lights(ready.casters, lights)
         self._sharp = mask_of(range(lights), lights) & ~self._lights
         self._receives = ready.casters.receives
@@ -90,54 +91,44 @@ class Sparse:
         """As `Prepared.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
         ready, m = self._ready, self._ready.materials
         Od, sums = ready.unshaded(hits, parts, True)
-        colour, terms, shadows = sums
+        colour, terms, _ = sums  # the plan has no shadow passes
         with ready.stats.stage("interpolation"):
             film, left = self._film(hits, pixel, box)
-            done, light = np.zeros(len(film), np.bool_), np.empty((len(film), self._channels(len(shadows))))
+            done, light = np.zeros(len(film), np.bool_), np.empty((len(film), 6 if self._gloss else 3))
         for k, step in enumerate(self._steps):
             check()
             if len(left):
-                corners = self._corners(step, film, left, box, list(shadows), check)
+                corners = self._corners(step, film, left, box, check)
                 with ready.stats.stage("interpolation"):
                     before = len(left)
                     left = _between(corners, self._blocks(corners), film, left, hits, ready.surfaces.instance, m, Od,
-                                    self._gloss, TOLERANCE, light, done)
+                                    self._gloss, light, done)
                     ready.stats.add(**{"refined" if k else "interpolated": before - len(left)})
         with ready.stats.stage("interpolation"):
-            some = np.flatnonzero(done)
+            some, rest = np.flatnonzero(done), np.flatnonzero(~done)
             matt, glossy = (terms["Diffuse"], terms["Glossy"]) if terms else (colour, colour)
             _add(some, hits.material, m.kd, Od, light[:, :3], matt)
             if self._gloss:
-                _add(some, hits.material, m.ks, m.Os.take(hits.material, axis=0), light[:, 3:6], glossy)
+                _add(some, hits.material, m.ks, m.Os.take(hits.material, axis=0), light[:, 3:], glossy)
             if terms:
                 colour += matt + glossy
-            for n, shadow in enumerate(shadows.values()):
-                shadow[some] = light[some][:, self._channels(n):self._channels(n + 1)]
-        if self._sharp.any() and len(some):
-            self._add_light(some, self._sharp, hits, direction, Od, sums, check, work)
-        rest = np.flatnonzero(~done)
         ready.stats.add(computed=len(rest))
-        if len(rest):
-            self._add_light(rest, None, hits, direction, Od, sums, check, work)
-        return colour, terms, shadows
+        self._add_light(rest, None, hits, direction, Od, (colour, terms), check, work)
+        if self._sharp.any():
+            self._add_light(some, self._sharp, hits, direction, Od, (colour, terms), check, work)
+        return sums
 
     def _add_light(self, rows: NDArray, lights: NDArray | None, hits: Hits, direction: NDArray, Od: NDArray,
-                   sums: tuple, check: Check, work: NDArray | None) -> None:
+                   sums: tuple[NDArray, dict[str, NDArray]], check: Check, work: NDArray | None) -> None:
         """`Prepared.add_light` of some hits."""
-        colour, terms, shadows = sums
-        part = (colour[rows], *({name: a[rows] for name, a in named.items()} for named in (terms, shadows)))
+        colour, terms = sums[0][rows], {name: a[rows] for name, a in sums[1].items()}
         count = None if work is None else np.zeros((len(rows), work.shape[1]))
-        self._ready.add_light(hits.at(rows), direction[rows], Od[rows], part, check, count, lights)
-        colour[rows] = part[0]
-        for all_of, some in zip((terms, shadows), part[1:], strict=True):
-            for name, a in some.items():
-                all_of[name][rows] = a
-        if work is not None and count is not None:
+        self._ready.add_light(hits.at(rows), direction[rows], Od[rows], (colour, terms, {}), check, count, lights)
+        sums[0][rows] = colour
+        for name, a in terms.items():
+            sums[1][name][rows] = a
+        if work is not None:
             work[rows] = count
-
-    def _channels(self, shadows: int) -> int:
-        """Numbers a point, with so many shadow passes."""
-        return 3 + 3 * self._gloss + 3 * shadows
 
     def _film(self, hits: Hits, pixel: NDArray, box: tuple[int, int, int, int]) -> tuple[NDArray, NDArray]:
         """Where hits are on the film (n,2), in pixels, and the rows of those that may be interpolated."""
@@ -147,7 +138,7 @@ class Sparse:
                      pixel, len(self._ready.offsets), box[0], box[1], box[2] - box[0], self._reach, film)
         return film, left
 
-    def _corners(self, step: int, film: NDArray, left: NDArray, box: tuple[int, int, int, int], passes: list[str],
+    def _corners(self, step: int, film: NDArray, left: NDArray, box: tuple[int, int, int, int],
                  check: Check) -> Corners:
         """The points of a step around the rows of `film` that are left."""
         ready = self._ready
@@ -172,15 +163,14 @@ class Sparse:
         turned = np.empty_like(direction)
         mirrored(direction, hits.Ng, hits.Ns, turned)
         return Corners(step, x0, y0, row, hits.P, hits.Ng, hits.Ns, hits.material,
-                       ready.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, passes, check))
+                       ready.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, check))
 
-    def _light(self, hits: Hits, direction: NDArray, passes: list[str], check: Check) -> tuple[NDArray, NDArray]:
+    def _light(self, hits: Hits, direction: NDArray, check: Check) -> tuple[NDArray, NDArray]:
         """Corners.light and rough."""
         ready, n = self._ready, len(hits.P)
-        light, rough = np.zeros((n, self._channels(len(passes)))), np.zeros((n, 2))
-        white, sums = np.ones((n, 3)), np.zeros((2, n, 3))
+        white, sums, rough = np.ones((n, 3)), np.zeros((2 if self._gloss else 1, n, 3)), np.zeros((n, 2))
         matt = self._white._replace(ks=np.zeros_like(self._white.ks))
-        for part, omega, S in ready.lit(hits, direction, self._white, white, bool(passes), check, None, self._lights):
+        for part, omega, S in ready.lit(hits, direction, self._white, white, False, check, None, self._lights):
             with ready.stats.stage("shading"):
                 kinds = [omega]
                 if self._gloss:
@@ -188,13 +178,8 @@ class Sparse:
                     kinds = [alone, omega - alone]
                 for kind, of_kind in enumerate(kinds):
                     gather(S, of_kind, sums[kind, part])
-                    _roughness(S, of_kind, STEP, rough[part, kind])
-                for k, name in enumerate(passes):
-                    light[part, self._channels(k):self._channels(k + 1)] = ready.shadow(name, S)
-        light[:, :3] = sums[0]
-        if self._gloss:
-            light[:, 3:6] = sums[1]
-        return light, rough
+                    _roughness(S, of_kind, self._jump, rough[part, kind])
+        return np.concatenate([*sums], axis=1), rough
 
     def _blocks(self, corners: Corners) -> Blocks:
         rows, columns = corners.row.shape
@@ -206,8 +191,8 @@ class Sparse:
 
 
 @kernel
-def _roughness(S, omega, step, out):
-    """out (n,) = step·max Ω of the lights neither seen nor hidden as a whole; of focused light S times that."""
+def _roughness(S, omega, jump, out):
+    """out (n,) = jump·max Ω of the lights neither seen nor hidden as a whole; of focused light S times that."""
     for p in range(len(S)):
         for i in range(S.shape[1]):
             partly, most = False, 1.0
@@ -215,7 +200,7 @@ def _roughness(S, omega, step, out):
                 partly |= S[p, i, c] != 0.0 and S[p, i, c] != 1.0
                 most = max(most, np.float64(S[p, i, c]))
             if partly:
-                out[p] = max(out[p], step * most * max(omega[p, i, 0], max(omega[p, i, 1], omega[p, i, 2])))
+                out[p] = max(out[p], jump * most * max(omega[p, i, 0], max(omega[p, i, 1], omega[p, i, 2])))
 
 
 @kernel
@@ -290,7 +275,7 @@ def _agree(corners, gloss, largest, usable, material, turn, size, spread):
 
 
 @kernel
-def _between(corners, blocks, film, left, hits, instance, materials, Od, gloss, tolerance, light, done):
+def _between(corners, blocks, film, left, hits, instance, materials, Od, gloss, light, done):
     """Fills light and done of the rows in `left` that their block serves; returns the others."""
     rest, count = np.empty(len(left), np.int64), 0
     for p in left:
@@ -312,7 +297,7 @@ def _between(corners, blocks, film, left, hits, instance, materials, Od, gloss, 
             for k in range(3):
                 q = wa * corners.P[a, k] + wb * corners.P[b, k] + wc * corners.P[c, k] + wd * corners.P[d, k]
                 off += (q - hits.P[p, k]) ** 2
-            good = (good and error <= tolerance and off <= AWAY * AWAY * blocks.size[j, i]
+            good = (good and error <= TOLERANCE and off <= AWAY * AWAY * blocks.size[j, i]
                     and instance[hits.triangle[p]] == corners.instance[a]
                     and _dot(hits.Ng[p], corners.Ng[a]) > NORMAL and _dot(hits.Ns[p], corners.Ns[a]) > NORMAL)
         if good:
