@@ -1,10 +1,10 @@
 """Render a .blend without a window, as the command line `light-meshes` has it done.
 
-    python -m light_meshes_addon.headless render FILE.blend -o OUT.png|.exr [-f 1,3..8] [--set key=value]…
+    python -m light_meshes_addon.headless render FILE.blend -o OUT.png|.exr [-f 1,3..8] [--resume] [--set key=value]…
     blender -b -P addon/headless.py -- snapshot FILE.blend -o FOLDER [-f N] [--set key=value]…
 
-What a program wants to know is printed on lines "@light-meshes " + JSON: the events progress, wrote, warning,
-statistics and error. Exit codes: 0 done, 1 failed, 2 bad usage.
+What a program wants to know is printed on lines "@light-meshes " + JSON: the events compiling, progress, wrote, kept
+(there already), warning, statistics and error. Exit codes: 0 done, 1 failed, 2 bad usage.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import importlib.util
 import json
 import os
 import re
+import secrets
 import shutil
 import sys
 from pathlib import Path
@@ -70,6 +71,7 @@ def _parse(arguments: list[str]):
         command.add_argument("file", type=Path)
         command.add_argument("-o", "--output", type=Path, required=True)
         command.add_argument("-f", "--frames", type=frames_of, default=[])
+        command.add_argument("--resume", action="store_true")
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args(arguments)
     if options.command == "render" and options.output.suffix.lower() not in {".png", ".exr"}:
@@ -80,10 +82,10 @@ def _parse(arguments: list[str]):
 
 
 def frames_of(text: str) -> list[int]:
-    """'1,3..8' → frame numbers."""
+    """'1,3..8' or '1,3-8' → frame numbers."""
     frames = []
     for part in text.split(","):
-        match = re.fullmatch(r"(-?\d+)(?:\.\.(-?\d+))?", part.strip())
+        match = re.fullmatch(r"(-?\d+)(?:(?:\.\.|-)(-?\d+))?", part.strip())
         if not match:
             raise UsageError(f"'{part}' is no frame: give numbers and ranges, such as 1,3..8")
         first, last = int(match[1]), int(match[2] or match[1])
@@ -194,12 +196,20 @@ def _render(options) -> None:
         path = path_of(options.output, frame, len(frames) > 1).resolve()
         if not path.parent.is_dir():
             raise FailedError(f"the folder {path.parent} does not exist")
-        before = path.stat().st_mtime_ns if path.exists() else None
+        if options.resume and path.exists():
+            say(event="kept", frame=frame, path=str(path))
+            continue
         scene.frame_set(frame)
-        scene.render.filepath = str(path)
-        _run(write_still=True)
-        if not path.exists() or path.stat().st_mtime_ns == before:
-            raise FailedError(f"{path} has not been written: is there room, and permission?")
+        # Under another name until it is whole: a picture that is there is a finished one.
+        new = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
+        scene.render.filepath = str(new)
+        try:
+            _run(write_still=True)
+            new.replace(path)
+        except OSError as e:
+            raise FailedError(f"{path} has not been written: is there room, and permission?") from e
+        finally:
+            new.unlink(missing_ok=True)
         say(event="wrote", frame=frame, path=str(path))
 
 

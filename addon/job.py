@@ -8,6 +8,7 @@ import bpy
 
 from . import observers, session
 from .export import border, export
+from .export.snapshot import handing_over
 from .picture import Picture
 
 ASK_SECONDS = 0.04  # how often Blender is asked whether the artist pressed ESC
@@ -46,13 +47,14 @@ class Job:
 
     def export(self, overrides: dict[str, dict], folder: Path | None = None) -> None:
         """Write the snapshot of the current frame; `overrides` as `export.export` takes them."""
-        if not folder:
-            # Never over an older one, which the engine may have mapped.
-            self._snapshots += 1
-            folder = self._shared_folder() / f"scene-{self._snapshots}"
-        self._say("Exporting the scene")
-        self._snapshot = folder
-        report = export(self.engine, self.depsgraph, folder, self.check, overrides)
+        with handing_over():
+            if not folder:
+                # Never over an older one, which the engine may have mapped.
+                self._snapshots += 1
+                folder = self._shared_folder() / f"scene-{self._snapshots}"
+            self._say("Exporting the scene")
+            self._snapshot = folder
+            report = export(self.engine, self.depsgraph, folder, self.check, overrides)
         self._warnings.update(dict.fromkeys(report.sentences))
 
     def measure(self) -> dict:
@@ -77,7 +79,7 @@ class Job:
             if event["event"] == "started":
                 picture.open(frame)
             elif event["event"] == "progress":
-                self._progress(event["fraction"], event["stage"])
+                self._progress(**event)
             elif event["event"] == "tile" and shows and time.monotonic() - shown > SHOW_SECONDS:
                 picture.show()
                 shown = time.monotonic()
@@ -116,7 +118,7 @@ class Job:
         try:
             while True:
                 event = self._poll()
-                if not event or event.get("id") not in {number, None}:
+                if not event or event.get("id") != number:
                     continue  # nothing, or of an earlier command that was cancelled
                 if event["event"] == "error":
                     raise session.EngineError(session.lacks_package(self._session.python, event["message"])
@@ -131,10 +133,17 @@ class Job:
     def _poll(self) -> dict | None:
         self.check()
         try:
-            return self._session.poll(ASK_SECONDS)
+            event = self._session.poll(ASK_SECONDS)
+            if event and event["event"] == "error" and event["id"] is None:
+                raise session.EngineError(f"Light Meshes: {event['message']}", self._session.log)
         except session.EngineError:
             session.discard(self._purpose)
             raise
+        if event and event["event"] == "compiling":
+            self._progress(**event)
+            if bpy.app.background and bpy.app.version >= (5, 0):  # which does not print what is said
+                print(f"Light Meshes: {event['stage']}", flush=True)
+        return event
 
     def _finish(self, done: dict) -> None:
         if self.engine.is_preview:
@@ -148,12 +157,12 @@ class Job:
         if bpy.app.background:
             print(f"Light Meshes: {line}", flush=True)
 
-    def _progress(self, fraction: float, stage: str) -> None:
+    def _progress(self, event: str, fraction: float, stage: str, **_) -> None:
         self.engine.update_progress(fraction)
         self._say(stage)
         if self.engine.is_preview:
             return
-        observers.notify(event="progress", frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
+        observers.notify(event=event, frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
 
     def _say(self, text: str) -> None:
         # In a window this moves the clock on; in the background Blender prints a line for each.

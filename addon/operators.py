@@ -1,6 +1,6 @@
 """What an artist can have done: presets of quality, a suggested step, a snapshot for a bug report."""
 
-import contextlib
+import shutil
 import statistics
 import threading
 from pathlib import Path
@@ -217,10 +217,12 @@ class LIGHT_MESHES_OT_keep_snapshot(bpy.types.Operator):
             folder, n = parent / f"snapshot-{name}-{n + 1}", n + 1
         try:
             folder.mkdir(parents=True)
-            export_frame(scene, folder)
+            try:
+                export_frame(scene, folder)
+            except BaseException:
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
         except (OSError, RuntimeError) as e:
-            with contextlib.suppress(OSError):
-                folder.rmdir()
             self.report({'ERROR'}, f"{folder} cannot be made: {e.strerror}" if isinstance(e, OSError) else
                         str(e).strip().removeprefix("Error: "))
             return {'CANCELLED'}

@@ -14,8 +14,8 @@ class LightMeshesPreferences(bpy.types.AddonPreferences):
 
     python: bpy.props.StringProperty(
         name="Engine's Python",
-        description="Python that runs the render engine; it must have the package light-meshes. "
-                    "Empty: Blender's own Python",
+        description="Another Python that runs the render engine, for developers; it must have the package "
+                    "light-meshes. Empty: Blender's own Python, with the packages that the add-on brings along",
         subtype='FILE_PATH', update=_python_changed,
     )
 
@@ -25,6 +25,8 @@ class LightMeshesPreferences(bpy.types.AddonPreferences):
 
 def register() -> None:
     bpy.utils.register_class(LightMeshesPreferences)
+    if __package__.startswith("bl_ext."):  # an extension has a folder of its own, which goes when it is uninstalled
+        session.set_cache(bpy.utils.extension_path_user(__package__, path="kernels"))
     # Read now, because a render must not touch the context. Without an entry the add-on was
     # registered by a script, not enabled by a user.
     addon = bpy.context.preferences.addons.get(__package__)

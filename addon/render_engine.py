@@ -1,5 +1,6 @@
 """The render engine that Blender sees."""
 
+import atexit
 import traceback
 from pathlib import Path
 from typing import ClassVar
@@ -102,6 +103,7 @@ def register() -> None:
     bpy.app.handlers.load_pre.append(_another_file)
     bpy.utils.register_class(LightMeshesEngine)
     step.register()
+    atexit.register(session.end)
 
 
 def unregister() -> None:
@@ -110,3 +112,4 @@ def unregister() -> None:
     bpy.utils.unregister_class(LightMeshesEngine)
     viewport.end_all()
     session.end()
+    atexit.unregister(session.end)

@@ -5,7 +5,6 @@ kept between renders. It owns the folder that both sides share and ends by itsel
 does not outlive Blender, however Blender ends.
 """
 
-import atexit
 import collections
 import contextlib
 import json
@@ -18,11 +17,24 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from . import events
+
 MODULE = "light_meshes.service"
+# Blender's own Python looks for packages where Blender does. Blender's path alone has those of an extension, and none
+# that the user has for another Python.
+_OWN_START = f"import runpy, sys; sys.path[:] = sys.argv[1:]; runpy.run_module({MODULE!r}, run_name='__main__')"
 POLITENESS = 5  # POSIX's niceness of a polite engine
-LAST_EVENTS = {"done", "measured", "cancelled", "error"}
+LAST_EVENTS = events.LAST
+# What may be behind the signal that ended an engine.
+_REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of memory",
+            getattr(signal, "SIGBUS", None): "The disk may be full",
+            signal.SIGSEGV: "It crashed, perhaps for want of memory",  # as a compiler does that gets none
+            signal.SIGABRT: "It crashed, perhaps for want of memory"}
+_OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment",
+                            re.IGNORECASE)
 
 
 def timeout() -> float:
@@ -61,7 +73,7 @@ class Session:
         try:
             # Only this process holds the other ends of the pipes: close_fds is subprocess's default.
             self._process = subprocess.Popen(
-                [python, "-m", MODULE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                _command(python), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 env=_environment(python), text=True, encoding="utf-8", errors="replace",
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
                 | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if polite else 0),
@@ -129,7 +141,7 @@ class Session:
             return
         self.ask_to_cancel(number)
         if not self._ended(number, seconds):
-            threading.Thread(target=lambda: self._ended(number, 10 * seconds) or self.kill()).start()
+            in_background(lambda: self._ended(number, 10 * seconds) or self.kill())
 
     def ask_to_cancel(self, number: int) -> None:
         """Ask the engine to give command `number` up, and go on without waiting."""
@@ -171,21 +183,22 @@ class Session:
             self._process.stdin.flush()
 
     def _read_events(self) -> None:
-        for line in self._process.stdout:
-            try:
-                event = json.loads(line)
-                kind = event["event"]
-            except (ValueError, TypeError, KeyError):
-                self._log.append(line.rstrip())
+        for line in _lines(self._process.stdout):
+            event = events.read(line)
+            if event is None:
+                self._log.append(line[:1000].rstrip())
                 continue
+            kind = event["event"]
             if kind == "alive":
                 self.listen()
                 continue
             if kind == "ready":
+                if self.folder:
+                    continue
                 self.folder = Path(event["folder"])
             if kind in LAST_EVENTS:
                 with self._changed:
-                    self._unfinished.discard(event.get("id"))
+                    self._unfinished.discard(event["id"])
                     self._changed.notify_all()
             self._events.put(event)
         with self._changed:
@@ -194,8 +207,8 @@ class Session:
         self._events.put(None)
 
     def _read_log(self) -> None:
-        for line in self._process.stderr:
-            self._log.append(line.rstrip())
+        for line in _lines(self._process.stderr):
+            self._log.append(line[:1000].rstrip())
 
     def _died(self) -> EngineError:
         try:
@@ -211,7 +224,15 @@ class Session:
         code = self._process.returncode
         how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
         when = "has ended unexpectedly" if self.folder else "cannot start"
-        return EngineError(f"The Light Meshes engine {when} ({how})", log)
+        reason = _REASONS.get(-code, "")
+        if _OUT_OF_MEMORY.search(log):
+            reason = "It ran out of memory: render fewer pixels, a larger h or fewer triangles"
+        return EngineError(f"The Light Meshes engine {when} ({how})" + (reason and f". {reason}"), log)
+
+
+def _lines(stream) -> Iterator[str]:
+    """The lines of a stream; what never ends one comes in parts."""
+    return iter(lambda: stream.readline(events.LONGEST), "")
 
 
 @contextlib.contextmanager
@@ -234,15 +255,20 @@ def lacks_package(python: str, text: str) -> str:
     found = re.search(r"No module named '?([\w.]+)'?", text)
     if not found:
         return ""
-    return (f"The Light Meshes engine cannot start: {python} has no package '{found[1].split('.')[0]}'. Install the "
-            f"engine with '{python} -m pip install light-meshes', or choose another Python in the add-on's preferences")
+    how = f"Install the engine with '{python} -m pip install light-meshes'"
+    if _cache and python == sys.executable:
+        how = f"Install the add-on's zip for this system and Python {sys.version_info[0]}.{sys.version_info[1]}"
+    return (f"The Light Meshes engine cannot start: {python} has no package '{found[1].split('.')[0]}'. {how}, "
+            "or choose another Python in the add-on's preferences")
 
 
 # What an engine is for; each has its own, as they are used by several threads.
 RENDER, PREVIEW, MEASURE = "render", "preview", "measure"
 
 _python = ""
+_cache = ""
 _sessions: dict[str, Session] = {}
+_enders: list[threading.Thread] = []
 statistics: dict = {}  # of the last render: its "scene" and "frame", and what the engine gave
 
 
@@ -257,12 +283,22 @@ def engine_python() -> str:
     return os.environ.get("LIGHT_MESHES_PYTHON") or _python or sys.executable
 
 
+def set_cache(folder: str) -> None:
+    """Remember the folder, for this add-on alone, where an engine in this Python keeps its compiled kernels."""
+    global _cache
+    _cache = folder
+
+
+def _command(python: str) -> list[str]:
+    if python != sys.executable:
+        return [python, "-m", MODULE]
+    return [python, "-I", "-c", _OWN_START, *(str(Path(p).absolute()) for p in sys.path if p and Path(p).exists())]
+
+
 def _environment(python: str) -> dict[str, str]:
-    environment = dict(os.environ)
-    if python == sys.executable:
-        # Blender adds the folders of an extension's packages to sys.path, not to the environment.
-        environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p and Path(p).exists())
-    return environment
+    if not _cache or python != sys.executable:
+        return dict(os.environ)
+    return {"LIGHT_MESHES_CACHE": _cache} | os.environ
 
 
 def current(purpose: str = RENDER) -> Session:
@@ -286,13 +322,19 @@ def discard(purpose: str = RENDER) -> None:
     """Give the engine for `purpose` up without waiting: a thread ends it."""
     session = _sessions.pop(purpose, None)
     if session:
-        threading.Thread(target=session.kill).start()
+        in_background(session.kill)
+
+
+def in_background(end_one: Callable[[], object]) -> None:
+    """Have an engine ended by a thread."""
+    _enders[:] = [thread for thread in _enders if thread.is_alive()]
+    _enders.append(threading.Thread(target=end_one))
+    _enders[-1].start()
 
 
 def end() -> None:
-    """End all engines in good order."""
+    """End all engines in good order, and wait until all are gone: an uninstallation is to find no file in use."""
     while _sessions:
         _sessions.popitem()[1].end()
-
-
-atexit.register(end)
+    for thread in _enders:
+        thread.join()

@@ -6,7 +6,6 @@ the engine says. Nothing here waits: an export goes on slice by slice, each with
 
 from __future__ import annotations
 
-import threading
 import time
 import traceback
 import weakref
@@ -21,6 +20,7 @@ import numpy as np
 from . import screen, session, view
 from .export import ExportError, camera
 from .export.scenes import Scenes
+from .export.snapshot import handing_over
 from .export.walk import settings
 from .job import summary
 
@@ -94,7 +94,8 @@ class Viewport:
             self._session = session.Session(session.engine_python(), polite=True)
             self._say("Starting the engine")
         if self._session.folder and not self._scenes:
-            self._scenes = Scenes(self._session.new_folder())
+            with handing_over():
+                self._scenes = Scenes(self._session.new_folder())
             self._scenes.note(depsgraph)
             self._exporting = True
         self._view = view.current(context, depsgraph.scene, depsgraph)
@@ -114,7 +115,8 @@ class Viewport:
             found = camera.frame(view.Final(scene), scene, depsgraph, report) if scene.camera else self._home
             return found | {"crop": None}
 
-        path = self._scenes.advance(depsgraph, SLICE_SECONDS, eye, lambda ob: ob.visible_in_viewport_get(space))
+        with handing_over():
+            path = self._scenes.advance(depsgraph, SLICE_SECONDS, eye, lambda ob: ob.visible_in_viewport_get(space))
         if path:
             self._scene, self._exporting = path, False
             self._samples = settings(scene, depsgraph.view_layer_eval)["samples"]
@@ -166,6 +168,8 @@ class Viewport:
         picture = None
         while event := self._session.poll(0):
             kind, last = event["event"], self._asked
+            if kind == "compiling":
+                self._say(event["stage"])
             if event.get("id", 0) not in {last and last.number, None}:
                 continue  # of a command that was cancelled
             if kind == "error":
@@ -232,7 +236,7 @@ class Viewport:
                 scenes.close()  # first, or it would write where the engine has removed everything
             how(engine)
         if engine:
-            threading.Thread(target=leave).start()
+            session.in_background(leave)
         self._session = self._scenes = self._scene = self._asked = None
 
 

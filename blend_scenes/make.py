@@ -9,10 +9,11 @@ import desk
 import glass
 import hall
 import lights
+import limits
 import tabletop
 
 if __name__ == "__main__":
     chosen = sys.argv[1:]
-    for scene in (tabletop, glass, lights, hall, desk):
+    for scene in (tabletop, glass, lights, hall, desk, limits):
         if not chosen or scene.__name__ in chosen:
             scene.make()

@@ -1,17 +1,29 @@
-"""Make the README's pictures from the .blend files: `python blend_scenes/pictures.py [name …]`.
+"""Make the documentation's pictures from the .blend files: `python blend_scenes/pictures.py [name …]`.
 
-Every part goes through the command line, so through Blender, the add-on and the engine.
+What a setting changes goes through the command line, so through Blender, the add-on and the engine. What belongs to a
+light, an object or a material is changed in the snapshot that the add-on exports. Cycles renders the same .blend.
+`panels` needs a Blender with a window (LIGHT_MESHES_BLENDER, or on the PATH), Xvfb and ImageMagick.
 """
 
+import json
+import os
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import OpenImageIO as oiio
+from light_meshes import blend, snapshot
+from light_meshes.film import to_srgb
+from light_meshes.render import render_image
+from light_meshes.scene import Light
 
 HERE = Path(__file__).parent
+PICTURES_FOLDER = HERE.parent / "docs" / "pictures"
 GAP = 4  # pixels between two pictures, white
+CYCLES_SAMPLES = 128
 
 
 def rendered(folder, scene, **settings):
@@ -21,6 +33,39 @@ def rendered(folder, scene, **settings):
     subprocess.run(command + [word for k, v in settings.items() for word in ("--set", f"{k}={v}")], check=True)
     picture = oiio.ImageBuf(str(path))
     return oiio.ImageBufAlgo.channels(picture, (0, 1, 2))
+
+
+def exported(folder, scene, **settings):
+    """What the add-on hands to the engine of blend_scenes/SCENE.blend."""
+    blend.export(HERE / f"{scene}.blend", folder / scene, [(k, str(v)) for k, v in settings.items()], False)
+    return snapshot.read(folder / scene)
+
+
+def drawn(scene):
+    """The picture of what was exported, as Blender's view transform "Standard" shows it."""
+    return picture_of(render_image(scene).passes["Combined"])
+
+
+def picture_of(pixels):
+    """Scene-linear pixels (h,w,3 or 4), rows bottom-up, as a picture."""
+    pixels = np.dstack([pixels[::-1, :, :3], np.ones(pixels.shape[:2])]).astype(np.float32)
+    return oiio.ImageBuf(np.ascontiguousarray(to_srgb(pixels)[..., :3]))
+
+
+def altered(things, **by_name):
+    """Lights, objects or materials, some of them with other properties: NAME={property: value}, _ for a space."""
+    names = {name.replace("_", " "): values for name, values in by_name.items()}
+    return tuple(replace(thing, **names.get(thing.name, {})) for thing in things)
+
+
+def by_cycles(folder, scene, size, **radii):
+    """Cycles' direct light on blend_scenes/SCENE.blend with lamps of these radii (None: the file's own)."""
+    path = folder / "cycles.exr"
+    request = {"file": str(HERE / f"{scene}.blend"), "lights": radii, "power": 1.0, "width": size[0],
+               "height": size[1], "samples": CYCLES_SAMPLES, "seed": 0, "picture": str(path)}
+    subprocess.run([sys.executable, str(HERE / "direct_light.py")], input=json.dumps(request) + "\n", text=True,
+                   check=True, capture_output=True)
+    return picture_of(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[::-1])
 
 
 def side_by_side(rows):
@@ -49,6 +94,12 @@ def parameters(folder):
     return side_by_side([[rendered(folder, "parameters", h=h, kI=round(r / h, 6)) for h, r in row] for row in rows])
 
 
+def weights(folder):
+    """kI = 1.5, 2, 3, 4 from left to right at the same r; all nodes alike above, smooth below."""
+    return side_by_side([[rendered(folder, "parameters", h=0.15 / kI, kI=kI, weights=weights, resolution="1000x1000")
+                          for kI in (1.5, 2.0, 3.0, 4.0)] for weights in ("UNIFORM", "SMOOTH")])
+
+
 def cylinder(folder):
     """Fig. 4: RRTA above, light meshes below; no refraction, refraction of view rays, of shadow rays too."""
     return side_by_side([[rendered(folder, "cylinder", shadows=shadows, refraction=refraction, resolution="480x480")
@@ -61,12 +112,70 @@ def lens(folder):
                           for shadows in ("SHARP", "LIGHT_MESHES")]])
 
 
-PICTURES = {"tabletop": tabletop, "parameters": parameters, "cylinder": cylinder, "lens": lens}
+def control(folder):
+    """All is soft, one of the two lights is sharp; the bar casts sharp shadows, the cylinder receives sharp ones."""
+    scene = exported(folder, "tabletop", resolution="480x480", h=0.04, kI=4)
+    second = Light("Second", "POINT", (9.0, 10.0, 12.0), position=(-2.6, -2.2, 3.2))
+    scene = replace(scene, lights=(replace(scene.lights[0], intensity=(10.0, 9.5, 9.0)), second))
+    return side_by_side([
+        [drawn(scene), drawn(replace(scene, lights=altered(scene.lights, Second={"soft_shadows": False})))],
+        [drawn(replace(scene, objects=altered(scene.objects, Bar={"cast_soft_shadows": False}))),
+         drawn(replace(scene, objects=altered(scene.objects, Cylinder={"receive_soft_shadows": False})))],
+    ])
+
+
+def light_size(folder):
+    """Lamps of radius .1, .3, .6: light meshes with Light Size above, with as many nodes in each edge, Cycles below."""
+    scene = exported(folder, "limits")
+    radii, size = (0.1, 0.3, 0.6), (scene.camera.width, scene.camera.height)
+    return side_by_side([
+        [drawn(replace(scene, lights=altered(scene.lights, Lamp={"radius": radius}),
+                       settings=replace(scene.settings, h=radius * scene.settings.h / 0.3))) for radius in radii],
+        [by_cycles(folder, "limits", size, Lamp=radius, Fill=None) for radius in radii],
+    ])
+
+
+def limits(folder):
+    """Posts: Cycles, light meshes, light meshes with sharp shadows of the three thin posts."""
+    scene = exported(folder, "limits")
+    sharp = {f"Post_{n}": {"cast_soft_shadows": False} for n in (3, 4, 5)}
+    return side_by_side([[by_cycles(folder, "limits", (scene.camera.width, scene.camera.height), Lamp=None, Fill=None),
+                          drawn(scene), drawn(replace(scene, objects=altered(scene.objects, **sharp)))]])
+
+
+def panels(folder):
+    """The panels of the render properties, and of a lamp, in a Blender on a virtual screen."""
+    width, height = 640, 900
+    reading, writing = os.pipe()
+    screen = subprocess.Popen(["Xvfb", "-displayfd", str(writing), "-screen", "0", f"{width}x{height}x24", "-nolisten",
+                               "tcp", "+extension", "GLX"], pass_fds=[writing])
+    os.close(writing)
+    try:
+        with os.fdopen(reading) as f:
+            display = f":{f.readline().strip()}"
+        environment = os.environ | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1"}
+        subprocess.run([os.environ.get("LIGHT_MESHES_BLENDER", "blender"), "--factory-startup", "--window-geometry",
+                        "0", "0", str(width), str(height), "-P", str(HERE / "panels.py"), "--", str(folder)],
+                       env=environment, check=True)
+    finally:
+        screen.terminate()
+        screen.wait()
+    shots = [oiio.ImageBuf(str(folder / f"{name}.png")) for name in ("render", "light")]
+    return side_by_side([[oiio.ImageBufAlgo.cut(oiio.ImageBufAlgo.channels(shot, (0, 1, 2)),
+                                                oiio.ROI(0, width, 0, 705)) for shot in shots]])
+
+
+PICTURES = {f.__name__: f for f in (tabletop, parameters, weights, cylinder, lens, control, light_size, limits,
+                                   panels)}
 
 if __name__ == "__main__":
+    PICTURES_FOLDER.mkdir(exist_ok=True)
     for name in sys.argv[1:] or PICTURES:
         with tempfile.TemporaryDirectory() as folder:
             picture = PICTURES[name](Path(folder))
-        if not picture.write(str(HERE / f"{name}.png")):
+        path = PICTURES_FOLDER / f"{name.replace('_', '-')}.jpg"
+        picture.specmod().attribute("Compression", "jpeg:90")
+        picture.specmod().attribute("jpeg:subsampling", "4:4:4")
+        if not picture.write(str(path)):
             sys.exit(picture.geterror())
-        print(f"{name}.png: {(HERE / f'{name}.png').stat().st_size / 1000:.0f} kB")
+        print(f"{path.name}: {path.stat().st_size / 1000:.0f} kB")

@@ -38,11 +38,11 @@ class Child:
         self.process.stdin.flush()
 
     def next(self, timeout=SECONDS):
-        """The next event that is no sign of life."""
+        """The next event that is more than a sign of life."""
         end = time.monotonic() + timeout
         while True:
             event = self.events.get(timeout=max(0.001, end - time.monotonic()))
-            if event["event"] != "alive":
+            if event["event"] not in {"alive", "compiling"}:
                 return event
 
     def until(self, *names):

@@ -1,6 +1,8 @@
 """Hypothesis draws the same examples every time; HYPOTHESIS_PROFILE=explore looks for new ones."""
 
 import os
+import shutil
+import subprocess
 
 import hypothesis
 import pytest
@@ -9,6 +11,9 @@ from children import Child
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=25)
 hypothesis.settings.register_profile("explore", deadline=None, max_examples=500)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+# A command in a namespace of its own, where the folder that is its first argument is a disk of 4 MiB.
+SMALL_DISK = ["sh", "-c", 'mount -t tmpfs -o size=4m tmpfs "$0" && exec "$@"']
 
 
 @pytest.fixture
@@ -19,3 +24,16 @@ def child():
     if child.process.poll() is None:
         child.process.terminate()  # it takes its folder along
     child.process.wait()
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A command's prefix, and the folder that is a small disk to it."""
+    (tmp_path / "disk").mkdir()
+    for unshare in (["unshare", "-m"], ["unshare", "-rm"]):  # root, and who may be root in a namespace
+        prefix = [*unshare, *SMALL_DISK, tmp_path / "disk"]
+        if shutil.which("unshare") and not subprocess.run([*prefix, "true"], capture_output=True).returncode:
+            return prefix, str(tmp_path / "disk")
+    if "LIGHT_MESHES_BLENDER" in os.environ:
+        pytest.fail("no file system can be mounted here")
+    pytest.skip("no file system can be mounted here")

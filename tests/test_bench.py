@@ -2,9 +2,13 @@
 
 import importlib.util
 import json
+import re
+import runpy
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -153,7 +157,7 @@ def test_cycles_needs_a_hundred_times_the_samples_for_a_tenth_of_the_noise():
 def test_a_shadow_rate_is_measured_against_every_sample(tmp_path):
     scene = hall(64, width=48, h=0.2)
     case = scenes.Case("S7", scene, tmp_path, 1.0, {}, "")
-    rows = rates.table(case, 64, 1, lambda _: None, samples=1)
+    rows = rates.table(case, 64, 1, True, lambda _: None, samples=1)
     assert [r["rate"] for r in rows] == [0, 1, 2, 4, 8] and "rmse" not in rows[0] and rows[1]["max"] == 0
     for r in rows[2:]:
         assert 0 < r["rmse"] < r["max"] and sum(r[name] for name in rates.SHARES) == pytest.approx(1)
@@ -271,6 +275,23 @@ def test_the_tables_and_figures_are_written(tiny):
     assert {p.name for p in written} == {f"error-{r}.{kind}" for r in ("rrta", "half-ball", "sphere")
                                          for kind in ("svg", "png")}
     assert all(p.stat().st_size > 5000 for p in written)
+
+
+@needs_blender
+def test_what_was_measured_goes_into_the_documentation(tiny, tmp_path):
+    found, table, folder = tiny
+    plots.draw(found, folder)
+    script = runpy.run_path(str(Path(__file__).parent.parent / "docs" / "benchmark.py"))
+    page = tmp_path / "speed.md"
+    shutil.copy(script["PAGE"], page)
+    script["insert"](folder, page)
+    said = page.read_text(encoding="utf-8")
+    assert all(f"| {r['what']} |" in said for r in found["targets"]) and table.strip() in said
+    pictures = re.findall(r"\]\((pictures/.*)\)", said)
+    assert "pictures/bench-error-sphere.svg" in pictures and all((tmp_path / p).is_file() for p in pictures)
+    assert said.count(script["NOT_MEASURED"]) == 3  # the hall's lamps, its growth, and decisions
+    script["insert"](folder, page)
+    assert page.read_text(encoding="utf-8") == said
 
 
 @needs_blender

@@ -1,5 +1,7 @@
 """The command `light-meshes` on snapshots: pictures, exit codes, one sentence on stderr."""
 
+import os
+import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -7,9 +9,11 @@ from dataclasses import replace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from light_meshes import snapshot
+from light_meshes import film, snapshot
+from light_meshes.cli import UsageError, frame_numbers
 from light_meshes.passes import PASSES
 from light_meshes.render import render_image
+from light_meshes.scene import SceneError
 from scenes import tabletop, with_lights, with_settings
 
 
@@ -89,17 +93,31 @@ FAILURES = [
     (["render", "{f}/scene", "-o", "{f}/o.png", "--set", "samples=many"], 2, "samples"),
     (["render", "{f}/scene", "-o", "{f}/o.png", "-f", "1"], 2, "frame"),
     (["render", "{f}/scene", "-o", "{f}/o.png", "-f", "one"], 2, "one"),
+    (["render", "{f}/broken", "-o", "{f}/o.png"], 1, "cut short"),
     (["inspect", "{f}/nowhere"], 1, "does not exist"),
 ]
 
 
 @pytest.mark.parametrize(("arguments", "code", "word"), FAILURES, ids=[" ".join(f[0]) or "nothing" for f in FAILURES])
 def test_failures_have_a_code_and_a_sentence(folder, arguments, code, word):
+    snapshot.write(tabletop(8), folder / "broken")
+    os.truncate(folder / "broken" / "vertices.npy", 200)
     done = run(*(a.replace("{f}", str(folder)) for a in arguments))
     assert done.returncode == code
     assert word in done.stderr
     assert "Traceback" not in done.stderr
     assert not (folder / "o.png").exists()
+
+
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_a_full_disk_leaves_the_older_picture_and_nothing_else(folder, small_disk, suffix):
+    prefix, disk = small_disk
+    script = f"echo old > {disk}/o.{suffix}; yes | head -c 4500000 > {disk}/filler; " \
+        f'"$@" && exit 9; rm {disk}/filler; cd {disk}; echo $(ls) $(cat o.{suffix})'
+    done = subprocess.run([*prefix, "sh", "-c", script, "sh", sys.executable, "-m", "light_meshes.cli", "render",
+                           folder / "scene", "-o", f"{disk}/o.{suffix}"], capture_output=True, text=True, timeout=120)
+    assert f"o.{suffix} cannot be written" in done.stderr and "Traceback" not in done.stderr
+    assert done.stdout == f"o.{suffix} old\n", done.stdout + done.stderr
 
 
 def test_debug_shows_the_traceback(folder):
@@ -111,3 +129,35 @@ def test_warnings_of_the_scene_are_passed_on(folder):
     snapshot.write(replace(tabletop(8), warnings=("Material 'Jelly': Subsurface is left out",)), folder / "scene")
     done = run("render", folder / "scene", "-o", folder / "out.png")
     assert done.returncode == 0 and "Jelly" in done.stderr
+
+
+def test_a_picture_that_cannot_be_written_whole_leaves_the_one_before(tmp_path):
+    frame = film.Framebuffer(64, 64, {"Combined": np.random.default_rng(0).random((64, 64, 4), np.float32)})
+    path = tmp_path / "out.exr"
+    path.write_bytes(b"the one before")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(SceneError, match=r"out\.exr cannot be written"):
+            film.write(frame, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [p.name for p in tmp_path.iterdir()] == ["out.exr"] and path.read_bytes() == b"the one before"
+    film.write(frame, path)
+    assert [p.name for p in tmp_path.iterdir()] == ["out.exr"] and path.stat().st_size > 10_000
+
+
+def test_resume_leaves_a_picture_that_is_there(folder):
+    (folder / "out.exr").write_bytes(b"rendered before")
+    done = run("render", folder / "scene", "-o", folder / "out.exr", "--resume")
+    assert done.returncode == 0 and "is there already" in done.stdout
+    assert (folder / "out.exr").read_bytes() == b"rendered before"
+    done = run("render", folder / "scene", "-o", folder / "other.exr", "--resume")
+    assert done.returncode == 0 and len(read(folder / "other.exr")[1]) > 4
+
+
+def test_frames_are_listed_as_blender_does_and_as_farms_do():
+    assert frame_numbers("1,3..5") == frame_numbers("1,3-5") == [1, 3, 4, 5]
+    assert frame_numbers("-3--1") == [-3, -2, -1] and frame_numbers("7-7") == [7]
+    with pytest.raises(UsageError, match="empty"):
+        frame_numbers("5-3")

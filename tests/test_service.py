@@ -122,6 +122,10 @@ def test_a_bad_line_is_answered_and_the_child_lives_on(child, line):
     ({"command": "render", "snapshot": "scene", "framebuffer": "f", "passes": ["Mist"]}, "Mist"),
     ({"command": "render", "snapshot": "scene", "framebuffer": "f", "passes": 3}, "passes"),
     ({"command": "measure", "snapshot": "nowhere"}, "no snapshot"),
+    ({"command": "measure", "snapshot": "no\nwhere\x15"}, "no\ufffdwhere\ufffd is no snapshot"),
+    ({"command": "measure", "snapshot": "no\0where"}, "snapshot"),
+    ({"command": "measure", "snapshot": "\ud800"}, "snapshot"),
+    ({"command": "x" * 10**6}, "unknown command 'xxx"),
     ({"command": "render", "snapshot": "broken", "framebuffer": "f"}, "cut short"),
 ])
 def test_a_bad_command_is_answered_in_a_sentence_with_its_id(child, command, sentence):
@@ -134,6 +138,43 @@ def test_a_bad_command_is_answered_in_a_sentence_with_its_id(child, command, sen
     assert event["event"] == "error" and sentence in event["message"]
     child.send(command="measure", id=6, snapshot="scene")
     assert child.of(6)[-1]["event"] == "measured"
+
+
+def test_broken_snapshots_are_refused_and_the_child_renders_on(child):
+    def text(old, new):
+        def edit(folder):
+            json_file = folder / "scene.json"
+            assert old in json_file.read_text()
+            json_file.write_text(json_file.read_text().replace(old, new, 1))
+        return edit
+
+    def array(name, change):
+        return lambda folder: np.save(folder / name, change(np.load(folder / name)))
+
+    broken = {
+        "cut short": lambda folder: os.truncate(folder / "triangles.npy", 500),
+        "corner_normals.npy has": array("corner_normals.npy", lambda a: a[:-1]),
+        "vertices.npy is float64": array("vertices.npy", np.float64),
+        "vertex does not exist": array("triangles.npy", lambda a: a + 10**6),
+        "points outside": array("meshes.npy", lambda a: a * 10**12),
+        "kI is nan": text('"kI": 3.0', '"kI": NaN'),
+        "leads out of a folder": text('"images": []', '"images": [{"name": "x", "path": "../../etc/passwd"}]'),
+        "no plain name": text('"images": []', '"images": [], "blocks": ["../scene"]'),
+        "version 2": text('"version": 1', '"version": 2'),
+        "no such file": lambda folder: (folder / "uvs.npy").unlink(),
+        "is no snapshot": lambda folder: ((folder / "scene.json").unlink(), (folder / "scene.json").mkdir()),
+    }
+    for number, (sentence, edit) in enumerate(broken.items()):
+        child.put(tabletop(8), f"broken-{number}")
+        edit(child.folder / f"broken-{number}")
+        child.send(command="render", id=number, snapshot=f"broken-{number}", framebuffer="frame")
+        (event,) = child.of(number)
+        assert event["event"] == "error" and sentence in event["message"], event
+        assert len(event["message"]) < 300 and event["message"].isprintable()
+    assert not (child.folder / "frame").exists()
+    child.put(tabletop(8))
+    child.send(command="render", id=99, snapshot="scene", framebuffer="frame")
+    assert child.of(99)[-1]["event"] == "done"
 
 
 def test_it_says_that_it_is_alive_every_second(child):

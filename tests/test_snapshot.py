@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -150,6 +151,17 @@ BAD_JSON = {
     "no object": (change("objects", to=[]), "object"),
     "warnings": (change("warnings", to=[1]), "warnings"),
     "a huge whole number": (change("settings", "seed", to=10**40), "seed"),
+    "a whole number that is too long to print": (change("settings", "samples", to=10**400), "samples is 1000"),
+    "a number that no float holds": (change("camera", "width", to=1e300), "width is 1e.300; it must be a whole"),
+    "a number that no array holds": (change("materials", 0, "priority", to=2**63), "priority is 922"),
+    "text without end": (change("settings", "mode", to="X" * 10**6), "mode is 'X.{,90}; choose"),
+    "text of several lines": (change("materials", 0, "name", to=["a\nb\r\x1b[2J"]), r"name is \['a\\n"),
+    "an object without end": (change("world_color", to=[[{"x" * 999: [0] * 99}] * 99] * 3),
+                              r"world_color is \[.{,99}; it must be a finite number"),
+    "a key without end": (change("settings", "x" * 10**6, to=1), "no property 'x.{,90}$"),
+    "a path out of the folder": (change("images", to=[{"name": "i", "path": "a/../../passwd"}]), r"'i'.*\.\."),
+    "blocks elsewhere": (change("blocks", to=["../mesh"]), "blocks names '../mesh'"),
+    "instances elsewhere": (change("instances", to="/tmp"), "instances names '/tmp'"),
     "a huge number": (change("world_color", to=[10**400, 0, 0]), "world_color"),
 }
 
@@ -166,8 +178,9 @@ def test_bad_json_is_named(folder, case):
     data = json.loads((folder / "scene.json").read_text())
     edit(data)
     (folder / "scene.json").write_text(json.dumps(data))
-    with pytest.raises(SceneError, match=sentence):
+    with pytest.raises(SceneError, match=sentence) as error:
         snapshot.read(folder)
+    assert len(str(error.value)) < 700 and str(error.value).isprintable()
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", '"scene"', "\x00", "[" * 100_000, '{"format": 1e999}'])
@@ -210,12 +223,15 @@ def put(index, value):
 
 BAD_ARRAYS = {
     "missing": (lambda f: (f / "triangles.npy").unlink(), "triangles.npy"),
+    "a pipe": (lambda f: ((f / "uvs.npy").unlink(), os.mkfifo(f / "uvs.npy")), "uvs.npy.*no such file"),
     "a folder": (lambda f: ((f / "uvs.npy").unlink(), (f / "uvs.npy").mkdir()), "uvs.npy"),
     "empty file": (rewrite("vertices.npy", lambda b: b""), "vertices.npy"),
     "cut short": (rewrite("vertices.npy", lambda b: b[:-4]), "vertices.npy is cut short"),
     "too long": (rewrite("vertices.npy", lambda b: b + b"1234"), "vertices.npy"),
     "not numpy": (rewrite("meshes.npy", lambda b: b"PK" + b[2:]), "meshes.npy"),
     "broken header": (rewrite("meshes.npy", lambda b: b[:12] + b"}" * 40 + b[52:]), "meshes.npy"),
+    "huge counts": (rewrite("vertices.npy", lambda b: b.replace(b", 3), }           ", b"999999999999, 3), }")),
+                    r"vertices.npy is cut short: \d+ of \d{13,} bytes"),
     "float64": (resave("vertices.npy", lambda a: a.astype(np.float64)), "vertices.npy is float64"),
     "big-endian": (resave("vertices.npy", lambda a: a.astype(">f4")), "vertices.npy"),
     "Fortran's order": (resave("vertices.npy", np.asfortranarray), "vertices.npy"),

@@ -1,6 +1,7 @@
 """Image textures → files that the engine can read."""
 
 import struct
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -68,9 +69,10 @@ class Images:
         elif image.source == 'TILED':
             self._warn(image, "UDIM tiles are not translated; the first tile is used everywhere")
         elif image.source == 'FILE' and not image.packed_file and not image.is_dirty:
-            path = Path(bpy.path.abspath(image.filepath, library=image.library)).resolve()
-            if path.is_file():
-                return str(path)
+            with suppress(OSError, RuntimeError):  # a name that is too long, a folder that is closed to us
+                path = Path(bpy.path.abspath(image.filepath, library=image.library)).resolve()
+                if path.is_file():
+                    return str(path)
         original = image.original
         if original.session_uid in self._written and not original.is_dirty:
             return self._written[original.session_uid]

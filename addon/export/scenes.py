@@ -21,8 +21,8 @@ import numpy as np
 from .blocks import Blocks
 from .geometry import Geometry
 from .materials import Materials
-from .report import ExportError, Report
-from .snapshot import write_arrays, write_description
+from .report import Report
+from .snapshot import handing_over, write_arrays, write_description
 from .walk import Walk
 
 
@@ -88,11 +88,8 @@ class Scenes:
     def written(self) -> bool:
         """Whether all files are there. Raises ExportError when one could not be written."""
         while self._jobs and self._jobs[0].done():
-            try:
+            with handing_over():
                 self._jobs.pop(0).result()
-            except OSError as e:
-                raise ExportError(f"The scene cannot be handed to the Light Meshes engine: {e.strerror} "
-                                  f"({self._folder})") from e
         return not self._jobs
 
     def only(self, scene: Path) -> None:

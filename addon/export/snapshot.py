@@ -1,12 +1,26 @@
 """The snapshot folder: scene.json and one .npy an array, as the engine's `snapshot` module reads it."""
 
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
+from .report import ExportError
+
 FORMAT = "light-meshes snapshot"
 VERSION = 1
+
+
+@contextmanager
+def handing_over():
+    """Makes an ExportError of a file that cannot be written."""
+    try:
+        yield
+    except OSError as e:
+        reason = e.strerror or "the disk is full"  # numpy does not say why it wrote less
+        where = f" ({e.filename})" if e.filename else ""
+        raise ExportError(f"The scene cannot be handed to the Light Meshes engine: {reason}{where}") from e
 
 
 def write(folder: Path, arrays: dict[str, np.ndarray], description: dict) -> None:

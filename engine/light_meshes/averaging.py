@@ -8,8 +8,9 @@ ring (L,) is each light's class, and m (n,K) the size of the set of each class. 
 from __future__ import annotations
 
 import numpy as np
+from numba.cpython.unsafe.numbers import trailing_zeros
 
-from .compiled import kernel
+from .compiled import kernel, part
 
 # How wide the blur is: a light of radius ρ seen past an edge has variance ρ²/4, the mean over the half-ball this
 # share of r².
@@ -114,51 +115,53 @@ def sizes(start, weight, uniform, m):
 
 @kernel
 def mean(start, candidate, weight, uniform, values, soft, serve, ring, m, S):
-    """S = (number of kept nodes that see the light)/m, eq. (4).
-
-    The numbers of 64 lights are counted at once: plane b holds bit b of each light's number.
-    """
-    plane = np.zeros(32, np.uint64)
+    """S = (number of kept nodes that see the light)/m, eq. (4)."""
     rings = len(serve)
+    column = np.empty(np.max(start[:, rings] - start[:, 0]), np.uint64) if len(start) else np.empty(0, np.uint64)
     for p in range(len(soft)):
         if m[p, rings - 1] == 0:
             continue
+        inner = 0  # the innermost ring with a kept node: lights that count no further one have no set
+        while m[p, inner] == 0:
+            inner += 1
         for w in range(soft.shape[1]):
-            if soft[p, w] == 0:
+            lit = soft[p, w] & serve[inner, w]
+            if lit == 0:
                 continue
-            planes = 0
-            every, some = ~np.uint64(0), np.uint64(0)
+            every, some = lit, np.uint64(0)
             if uniform[p]:
-                every = values[candidate[start[p, 0]], w]
+                every &= values[candidate[start[p, 0]], w]
                 some = every
             else:
+                n = 0
                 for g in range(rings):
-                    s = soft[p, w] & serve[g, w]
+                    s = lit & serve[g, w]
                     if s == 0:
-                        continue
+                        break
                     for c in range(start[p, g], start[p, g + 1]):
-                        if not weight[c]:
-                            continue
-                        carry = values[candidate[c], w] & s
-                        every &= carry | ~s
-                        some |= carry
-                        b = 0
-                        while carry:
-                            if b == planes:
-                                plane[b] = 0
-                                planes += 1
-                            carry, plane[b] = carry & plane[b], carry ^ plane[b]
-                            b += 1
-            for i in range(64 * w, min(64 * w + 64, S.shape[1])):
-                bit = np.uint64(i & 63)
-                if soft[p, w] >> bit & np.uint64(1) and m[p, ring[i]]:
-                    if not (every ^ some) >> bit & np.uint64(1):  # all nodes agree, as they mostly do
-                        S[p, i] = np.float32(every >> bit & np.uint64(1))
-                        continue
-                    number = np.uint64(0)
-                    for b in range(planes):
-                        number |= (plane[b] >> bit & np.uint64(1)) << np.uint64(b)
-                    S[p, i] = np.float32(np.float64(number) / m[p, ring[i]])
+                        if weight[c]:
+                            column[n] = values[candidate[c], w]
+                            every &= column[n] | ~s
+                            some |= column[n] & s
+                            n += 1
+            _spread(every, w, S[p])
+            mixed = some & ~every  # on all others the nodes agree, as they mostly do
+            while mixed:
+                bit = np.uint64(trailing_zeros(mixed))
+                mixed &= mixed - np.uint64(1)
+                i = 64 * w + np.int64(bit)
+                number = np.uint64(0)
+                for n in range(m[p, ring[i]]):
+                    number += column[n] >> bit & np.uint64(1)
+                S[p, i] = np.float32(np.float64(number) / m[p, ring[i]])
+
+
+@part
+def _spread(bits, w, S):
+    """S (L,) += 1 for each light of word w that is in bits; without a branch."""
+    row = S[64 * w:64 * w + 64]
+    for i in range(len(row)):
+        row[i] += np.float32(bits >> np.uint64(i) & np.uint64(1))
 
 
 @kernel
@@ -185,14 +188,12 @@ def smooth_mean(start, candidate, weight, uniform, values, soft, ring, radius, P
                         some[w] |= values[candidate[c], w]
             count = 0
             for w in range(words):
+                _spread(every[w], w, S[p])  # what none of the kept nodes sees has S = 0: sums are for the others
                 mixed = some[w] & ~every[w] & soft[p, w] & own[k, w]
-                if mixed | every[w]:  # what all kept nodes see has S = 1, what none sees 0: sums are for the others
-                    for i in range(64 * w, min(64 * w + 64, S.shape[1])):
-                        if every[w] >> np.uint64(i & 63) & np.uint64(1):
-                            S[p, i] = 1.0
-                        elif mixed >> np.uint64(i & 63) & np.uint64(1):
-                            lights[count], seen[count] = i, 0.0
-                            count += 1
+                while mixed:
+                    lights[count], seen[count] = 64 * w + trailing_zeros(mixed), 0.0
+                    mixed &= mixed - np.uint64(1)
+                    count += 1
                 ends[w + 1] = count
             if count == 0:
                 continue

@@ -41,19 +41,23 @@ def driver() -> list[str]:
         "of version 4.2 or later on the PATH")
 
 
-def render(file: Path, output: Path, frames: str | None, changes: Changes, progress: Callable[[float, str], None],
-           debug: bool) -> tuple[list[str], list[Path], dict[str, Any]]:
-    """Render frames of a .blend as Blender would; returns warnings, the pictures written, the last's statistics."""
-    arguments = ["render", str(file), "-o", str(output)] + (["-f", frames] if frames else [])
-    warnings, pictures = [], []
+def render(file: Path, output: Path, frames: str | None, resume: bool, changes: Changes,
+           progress: Callable[[float, str], None], debug: bool) -> tuple[list[str], dict[Path, bool], dict[str, Any]]:
+    """Render frames of a .blend as Blender would; `resume` leaves out those whose picture is there.
+
+    Returns warnings, the pictures and whether each was rendered, and the last's statistics.
+    """
+    arguments = ["render", str(file), "-o", str(output), *(["--resume"] if resume else []),
+                 *([f"--frames={frames}"] if frames else [])]
+    warnings, pictures = [], {}
     statistics: dict[str, Any] = {}
     for event in _events(arguments, changes, debug):
-        if event["event"] == "progress":
+        if event["event"] in ("progress", "compiling"):
             progress(event["fraction"], f"frame {event['frame']}: {event['stage']}")
         elif event["event"] == "warning":
             warnings.append(event["message"])
-        elif event["event"] == "wrote":
-            pictures.append(Path(event["path"]))
+        elif event["event"] in ("wrote", "kept"):
+            pictures[Path(event["path"])] = event["event"] == "wrote"
         elif event["event"] == "statistics":
             statistics = event["statistics"]
     return warnings, pictures, statistics

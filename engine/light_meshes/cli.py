@@ -6,6 +6,8 @@ Exit codes: 0 done, 1 failed, 2 bad usage; one sentence on stderr, a traceback o
 from __future__ import annotations
 
 import argparse
+import re
+import signal
 import sys
 import tempfile
 import time
@@ -44,6 +46,7 @@ class Progress:
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     arguments = _parser().parse_args(argv)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a farm's cancel leaves nothing behind, as Ctrl-C
     try:
         arguments.run(arguments)
         return 0
@@ -75,6 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("-o", "--output", metavar="OUT.png|.exr", type=Path, required=True,
                         help="#### stands for the frame number")
     render.add_argument("-f", "--frames", metavar="1,3..8", help="frames of a .blend; its current one otherwise")
+    render.add_argument("--resume", action="store_true", help="leave out frames whose picture is there already")
     render.set_defaults(run=_render)
     inspect = commands.add_parser("inspect", help="say what a scene holds, what the plan decides, what is missing")
     inspect.add_argument("file", metavar="FILE.blend|SNAPSHOT", type=Path)
@@ -124,13 +128,16 @@ def _render(arguments: argparse.Namespace) -> None:
         if _is_blend(arguments.file):
             from . import blend
 
-            warnings, pictures, statistics = blend.render(arguments.file, output, arguments.frames, arguments.set,
-                                                          progress, arguments.debug)
+            warnings, pictures, statistics = blend.render(arguments.file, output, arguments.frames, arguments.resume,
+                                                          arguments.set, progress, arguments.debug)
         else:
             if frames:
                 raise UsageError("a snapshot is one frame: leave out -f")
-            pictures = [output]
-            warnings, statistics = _render_snapshot(arguments, progress)
+            if arguments.resume and output.exists():
+                warnings, pictures, statistics = [], {output: False}, {}
+            else:
+                warnings, statistics = _render_snapshot(arguments, progress)
+                pictures = {output: True}
     finally:
         progress.clear()
     for warning in warnings:
@@ -139,14 +146,20 @@ def _render(arguments: argparse.Namespace) -> None:
         from . import report
 
         print(report.summary(statistics))
-    print(f"{', '.join(map(str, pictures))} in {time.monotonic() - started:.1f} s")
+    for picture in (path for path, rendered in pictures.items() if not rendered):
+        print(f"{picture} is there already")
+    if any(pictures.values()):
+        rendered = ", ".join(str(path) for path, rendered in pictures.items() if rendered)
+        print(f"{rendered} in {time.monotonic() - started:.1f} s")
 
 
 def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple[list[str], dict[str, Any]]:
-    from . import film, passes, render
+    from . import compiled, film, memory, passes, render
 
+    compiled.watch(progress)
     scene = _changed(_read(arguments.file), arguments.set)
     names = passes.all_of(scene) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
+    memory.check(memory.before(scene, names))
     done = render.render(scene, film.Framebuffer.create(scene, names), progress=progress)
     film.write(done.frame, arguments.output)
     return [*scene.warnings, *done.warnings], done.statistics
@@ -173,14 +186,13 @@ def _changed(scene: Scene, changes: list[tuple[str, str]]) -> Scene:
 
 
 def frame_numbers(text: str) -> list[int]:
-    """Frames of a list as Blender takes it: "1,3..8" is 1 and 3 to 8. Raises UsageError."""
+    """Frames of a list: "1,3..8" is 1 and 3 to 8, as Blender takes it, and so is 1,3-8. Raises UsageError."""
     frames: list[int] = []
     for part in text.split(","):
-        first, dots, last = part.partition("..")
-        try:
-            low, high = int(first), int(last if dots else first)
-        except ValueError:
-            raise UsageError(f"-f {text}: '{part}' is not a frame or a range such as 3..8") from None
+        match = re.fullmatch(r"(-?\d+)(?:(?:\.\.|-)(-?\d+))?", part.strip())
+        if not match:
+            raise UsageError(f"-f {text}: '{part}' is not a frame or a range such as 3..8")
+        low, high = int(match[1]), int(match[2] or match[1])
         if low > high:
             raise UsageError(f"-f {text}: the range {part} is empty")
         frames += range(low, high + 1)

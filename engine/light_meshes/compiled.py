@@ -6,12 +6,15 @@ import hashlib
 import os
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
 
 KEPT = 4  # caches of other versions that stay, as an installed engine and a checkout may take turns
+USUAL = 55  # kernels of a picture without glass
 
 
 def _cache_folder() -> Path | None:
@@ -20,7 +23,10 @@ def _cache_folder() -> Path | None:
     numba looks only at the file of a kernel itself: what it calls elsewhere may be older. So every version of the
     sources gets a folder of its own.
     """
-    if "NUMBA_CACHE_DIR" in os.environ:
+    kept = KEPT
+    if "LIGHT_MESHES_CACHE" in os.environ:  # of one installation, which an upgrade replaces
+        root, kept = Path(os.environ["LIGHT_MESHES_CACHE"]), 0
+    elif "NUMBA_CACHE_DIR" in os.environ:
         root = Path(os.environ["NUMBA_CACHE_DIR"])
     elif sys.platform == "win32":
         root = Path(os.environ.get("LOCALAPPDATA", Path.home()))
@@ -36,11 +42,19 @@ def _cache_folder() -> Path | None:
         if not folder.is_dir():
             folder.mkdir(parents=True, mode=0o700)
             older = sorted(folder.parent.iterdir(), key=lambda f: f.stat().st_mtime)
-            for old in older[:-1 - KEPT]:
+            for old in older[:-1 - kept]:
                 shutil.rmtree(old, ignore_errors=True)
-        return folder if os.access(folder, os.W_OK | os.X_OK) else None
+        return folder if os.access(folder, os.W_OK | os.X_OK) and _private(folder) else None
     except OSError:
         return None
+
+
+def _private(folder: Path) -> bool:
+    """Whether nobody else may write there: what is loaded from there is run."""
+    if not hasattr(os, "getuid"):  # Windows: the folder is in the user's own
+        return True
+    status = folder.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & 0o022
 
 
 _folder = _cache_folder()
@@ -54,3 +68,30 @@ kernel = _njit(**_options)
 
 # Called by kernels only. Without its two wrappers, which Python would call it by, it compiles faster.
 part = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_options)
+
+# Part of whatever calls it, so that loops around it become vectors.
+inlined = _njit(inline="always", error_model="numpy")
+
+
+class _Watch(event.Listener):
+    """Counts the kernels that are compiled, and not loaded from the cache."""
+
+    def __init__(self, tell: Callable[[float, str], None]) -> None:
+        self._tell, self._count = tell, 0
+
+    def on_start(self, event: Any) -> None:
+        """A function begins to be compiled; most are numba's own."""
+        if not event.data["dispatcher"].py_func.__module__.startswith(__package__):
+            return
+        self._count += 1
+        often = "once after an installation" if _folder else "each time, as there is no private folder to keep them in"
+        of = f"of about {USUAL}" if self._count <= USUAL else "and more"
+        self._tell(min(self._count / USUAL, 1.0), f"Compiling kernels ({often}): {self._count} {of}")
+
+    def on_end(self, event: Any) -> None:
+        """It is compiled."""
+
+
+def watch(tell: Callable[[float, str], None]) -> None:
+    """Have `tell(fraction, sentence)` called whenever a kernel is compiled, by the thread that needs it."""
+    event.register("numba:compile", _Watch(tell))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +35,7 @@ class Framebuffer:
                 arrays[name] = np.zeros(shape, np.float32)
             else:
                 folder.mkdir(parents=True, exist_ok=True)
-                arrays[name] = np.lib.format.open_memmap(folder / f"{name}.npy", "w+", np.float32, shape)
+                arrays[name] = _mapped(folder / f"{name}.npy", shape)
         return cls(x1 - x0, y1 - y0, arrays)
 
     @property
@@ -61,10 +63,19 @@ def crop_of(scene: Scene) -> tuple[int, int, int, int]:
     return scene.camera.crop or (0, 0, scene.camera.width, scene.camera.height)
 
 
+def _mapped(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float32]:
+    """A file of zeros, mapped. OSError where the disk has no room: found out later, it would end the process."""
+    array = np.lib.format.open_memmap(path, "w+", np.float32, shape)
+    if hasattr(os, "posix_fallocate"):  # elsewhere files have no holes, or there is no such call
+        with path.open("r+b") as f:
+            os.posix_fallocate(f.fileno(), 0, path.stat().st_size)
+    return array
+
+
 def write(frame: Framebuffer, path: Path) -> None:
     """Write .exr (all passes, scene-linear float32) or .png (Combined, sRGB "Standard" view, 8 bits).
 
-    Raises SceneError where that cannot be done.
+    The file appears at once, whole. Raises SceneError where that cannot be done.
     """
     if path.suffix.lower() == ".exr":
         channels = [f"{name}.{c}" if name != "Combined" else c
@@ -80,11 +91,19 @@ def write(frame: Framebuffer, path: Path) -> None:
         raise SceneError(f"{path.name}: pictures are written as .png or .exr")
     if not path.parent.is_dir():
         raise SceneError(f"the folder {path.parent} does not exist")
-    out = oiio.ImageOutput.create(str(path))
+    # Of one name alone: several machines may write one picture. An older picture stays until this one is whole.
+    new = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
+    out = oiio.ImageOutput.create(str(new))
     if out is None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")
-    if not (out.open(str(path), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()):
-        raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
+    try:
+        done = out.open(str(new), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()
+        # OpenImageIO does not notice that a disk was full when a small PNG was written: its last chunk is not there.
+        if not done or (new.suffix.lower() == ".png" and not new.read_bytes().endswith(b"IEND\xae\x42\x60\x82")):
+            raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
 
 
 def to_srgb(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:

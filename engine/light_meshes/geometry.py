@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class Hits(NamedTuple):
     triangle: NDArray[np.int32]  # (n,)
     front: NDArray[np.bool_]  # (n,) the ray came from the side that the winding calls outside
 
-    def at(self, rows: NDArray) -> Hits:
+    def at(self, rows: Any) -> Hits:
         """These hits only."""
         return Hits(*(a[rows] for a in self))
 

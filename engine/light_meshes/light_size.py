@@ -83,8 +83,7 @@ def _measured(ready: Prepared, numbers: list[int]) -> list[float | None]:
     direction, hits = ready.coarse_view()
     n, owner = len(hits.P), ready.owner(hits.triangle)
     shines = np.zeros((n, (len(lights) + 63) // 64), np.uint64)
-    shading.omega(arrays, ready.materials, hits.P, hits.Ng, hits.Ns, direction, np.zeros((n, 3)), hits.material, True,
-                  np.empty((n, len(lights), 3), np.float32), shines)
+    shading.reaching(arrays, ready.materials, hits, direction, np.zeros((n, 3)), True, shines)
     found: list[float | None] = []
     for k, light in enumerate(lights):
         on = has(shines.T, k)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
-from .scene import Scene, SceneError
+from .scene import Scene, SceneError, quoted
 
 NO_DEPTH = 1e10  # as Cycles writes it
 
@@ -48,8 +48,8 @@ DIRECT, REFLECTED, TRANSMITTED = range(3)  # how the camera sees what a ray meet
 def letters(name: str) -> str:
     """Letters of the channels of pass `name`; raises SceneError where there is none."""
     if name not in PASSES and shadow_number(name) is None:
-        raise SceneError(f"there is no pass '{name}'; there are {', '.join(PASSES)}, and 'Shadow N' of the lights "
-                         "whose shadow_pass is N")
+        raise SceneError(f"there is no pass {quoted(name)}; there are {', '.join(PASSES)}, and 'Shadow N' of the "
+                         "lights whose shadow_pass is N")
     return PASSES.get(name, "RGB")
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from . import light_size, reuse, shading, textures
+from . import light_size, memory, reuse, shading, textures
 from .area_sampling import AreaSampling
 from .bits import has
 from .camera import camera_rays, depth, filter_offsets
@@ -46,6 +46,8 @@ class Prepared:
         began = time.perf_counter()
         self.stats = Statistics()
         self.passes = tuple(passes)
+        parts = memory.before(dataclasses.replace(scene, camera=camera or scene.camera), passes)
+        memory.check(parts)
         with self.stats.stage("geometry"):
             scene = reuse.shared_geometry(scene, previous)
             self.surfaces, self.lost = reuse.surfaces(scene, previous) or flatten(scene)
@@ -84,6 +86,10 @@ class Prepared:
         self.radii: dict[int, float] = {}  # r of lights that have one of their own
         self.certificate: Certificate | None = None
         self.visibility = self._visibility(previous)
+        if isinstance(self.visibility, LightMeshes):
+            parts.append(memory.nodes(self))
+        self.warnings += memory.check(parts)
+        self.memory = memory.expected(parts)  # bytes
         self.nodes_kept = reuse.nodes(self, previous)
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
         self.sparse = Sparse(self) if self.plan.shadow_rate > 1 else None
@@ -232,21 +238,15 @@ class Prepared:
     def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Callable[[], None],
                   work: NDArray | None = None, lights: NDArray[np.uint64] | None = None) -> None:
         """Add the light of some lights (W,), None: of all, to what `direct` returns."""
-        m, (colour, terms, shadows) = self.materials, sums
-        for part, omega, S in self.lit(hits, direction, m, Od, bool(shadows), check, work, lights):
+        colour, terms, shadows = sums
+        nothing = np.zeros((0, 3))
+        matt, gloss = (terms["Diffuse"], terms["Glossy"]) if terms else (nothing, nothing)
+        for part, lit, _, S in self.lit(hits, direction, self.materials, Od, bool(shadows), check, work, lights):
             with self.stats.stage("shading"):
-                shading.gather(S, omega, colour[part])
-                if terms:
-                    matt, _ = self.omega(hits, part, direction, m._replace(ks=np.zeros_like(m.ks)), Od, False)
-                    shading.gather(S, matt, terms["Diffuse"][part])
-                    shading.gather(S, omega - matt, terms["Glossy"][part])
+                shading.gather(*lit, S, colour[part], matt[part], gloss[part])
                 for name, shadow in shadows.items():
-                    shadow[part] += self.shadow(name, S)
-
-    def shadow(self, name: str, S: NDArray) -> NDArray[np.float64]:
-        """The shadow pass (n,C) of S (n,L,C)."""
-        lights = self._shadow_lights[name]
-        return S[:, lights].sum(1, dtype=np.float64) / max(len(lights), 1)
+                    shown = self._shadow_lights[name]
+                    shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
 
     def shadow_ratio(self, hits: Hits, direction: NDArray, check: Callable[[], None],
                      work: NDArray | None = None) -> NDArray[np.float64]:
@@ -259,46 +259,42 @@ class Prepared:
         lit = np.empty((len(hits.P), 3))
         lit[:] = self.scene.settings.ambient * np.array(self.scene.world_color)
         full = lit.copy()
-        for part, omega, S in self.lit(hits, direction, white, np.ones_like(lit), False, check, work):
+        nothing, unshadowed = np.zeros((0, 3)), Unshadowed(self.scene.lights)
+        for part, some, active, S in self.lit(hits, direction, white, np.ones_like(lit), False, check, work):
             with self.stats.stage("shading"):
-                shading.gather(S, omega, lit[part])
-                shading.gather(np.ones_like(S), omega, full[part])
+                shading.gather(*some, S, lit[part], nothing, nothing)
+                V = unshadowed(hits.P[part], hits.Ng[part], active, check)
+                shading.gather(*some, V[..., None], full[part], nothing, nothing)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
     def lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
             check: Callable[[], None], work: NDArray | None, lights: NDArray[np.uint64] | None = None) -> Iterator[
-                tuple[slice, NDArray, NDArray]]:
-        """(rows, Ω (n,L,3), S (n,L,C)) of the hits, batch by batch; none without lights. lights (W,): S = 0 of others.
+                tuple[slice, tuple, NDArray, NDArray]]:
+        """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of the hits, batch by batch.
 
-        work: as in `direct`.
+        None without lights. lights (W,): those that count; None: all.
         """
         count = len(self.scene.lights)
         step = max(64, SHADED // max(1, count))
         for i in range(0, len(hits.P) if count else 0, step):
             check()
             part = slice(i, min(i + step, len(hits.P)))
+            some = hits.at(part)
+            lit = self.lights, materials, some, direction[part], Od[part]
+            active = np.empty((len(some.P), (count + 63) // 64), np.uint64)
             with self.stats.stage("shading"):
-                omega, active = self.omega(hits, part, direction, materials, Od, unlit)
+                shading.reaching(*lit, unlit, active)
+                if self.linked is not None:
+                    shading.unlink(self.linked, self.owner(some.triangle), active)
                 if lights is not None:
                     active &= lights
-            where = hits.P[part], hits.Ng[part], active, check, hits.triangle[part]
+            where = some.P, some.Ng, active, check, some.triangle
             if work is not None and isinstance(self.visibility, LightMeshes):
                 S = self.visibility(*where, work[part])
             else:
                 S = self.visibility(*where)
-            yield part, omega, S.reshape(*S.shape[:2], -1)
-
-    def omega(self, hits: Hits, part: slice, direction: NDArray, materials: shading.Materials, Od: NDArray,
-              unlit: bool) -> tuple[NDArray[np.float32], NDArray[np.uint64]]:
-        """Ω (n,L,3) of the hits in `part`, and the bits of the lights that count; see `shading.omega`."""
-        n, lights = part.stop - part.start, len(self.scene.lights)
-        out, active = np.empty((n, lights, 3), np.float32), np.zeros((n, (lights + 63) // 64), np.uint64)
-        shading.omega(self.lights, materials, hits.P[part], hits.Ng[part], hits.Ns[part], direction[part], Od[part],
-                      hits.material[part], unlit, out, active)
-        if self.linked is not None:
-            shading.unlink(self.linked, self.owner(hits.triangle[part]), out, active)
-        return out, active
+            yield part, lit, active, S.reshape(*S.shape[:2], -1)
 
 
 def measured_h(ready: Prepared) -> float:

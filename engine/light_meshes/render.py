@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 
 from .film import Framebuffer, crop_of
 from .integrator import radiance
-from .lattice import SharedNodesError
 from .light_size import own_radii
+from .memory import LARGER, processors
+from .node_store import SharedNodesError
 from .prepared import Prepared, measured_h
 from .scene import Camera, Scene
 from .statistics import peak_memory
@@ -96,9 +96,9 @@ def draw(
     stopped = threading.Event()
     check()
     crop = crop_of(ready.scene)
-    threads = threads or os.cpu_count() or 1
+    threads = threads or processors()
     if tile_size is None:
-        batch = BATCH * (4 if ready.sparse else 1)  # tiles share the points at their edges, and compute them twice
+        batch = BATCH * (LARGER if ready.sparse else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     tiles = _tiles(crop, tile_size)
     lock, done = threading.Lock(), 0
@@ -161,14 +161,16 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         "threads": threads, "tiles": len(tiles),
         "seconds": round(seconds, 3),
         "stages": {k: round(v, 3) for k, v in ready.stats.seconds.items()},  # thread seconds
-        "peak_memory": peak_memory(),
+        "peak_memory": peak_memory(), "memory_expected": round(ready.memory),
     }
     for name in ("camera_rays", "secondary_rays", "shadow_rays"):
         report[name] = counts[name]
     if ready.plan.shadows == "LIGHT_MESHES":
         lit = ready.soft
-        vertices = ready.surfaces.vertices[np.isfinite(ready.surfaces.vertices).all(1)]
-        box = np.ptp(vertices.astype(np.float64), axis=0) * ready.surfaces.scale if len(vertices) else np.zeros(3)
+        vertices = ready.surfaces.vertices
+        finite = np.isfinite(vertices).all(1)[:, None]
+        low, high = vertices.min(0, where=finite, initial=1), vertices.max(0, where=finite, initial=-1)
+        box = np.maximum(high.astype(np.float64) - low, 0) * ready.surfaces.scale
         radii = (s.h * lit.lattice.reach).tolist()
         lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all that any receiver can reach
         report |= {

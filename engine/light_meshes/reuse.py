@@ -125,14 +125,7 @@ def nodes(new: Prepared, old: Prepared | None) -> int:
     elif new.plan.paths:
         return 0
     else:
-        known = store.known.copy()
-        targets = old.lights.targets()
-        frame = Targets(np.where(targets.directional[:, None], targets.position,
-                                 (targets.position - old.surfaces.centre) / old.surfaces.scale), targets.directional)
-        if len(boxes):
-            position = (old.visibility.lattice.position(store.nodes) - old.surfaces.centre) / old.surfaces.scale
-            _forget(position, frame, boxes, known)
-        new.visibility.store.inherit(store, source, known)
+        new.visibility.store.inherit(store, source, lambda nodes, known: _forget_near(old, boxes, nodes, known))
     return new.visibility.store.count
 
 
@@ -236,6 +229,15 @@ def _changed(new: Prepared, old: Prepared) -> NDArray[np.float64]:
     if len(out) > BOXES:
         out = np.stack([out[:, 0].min(0), out[:, 1].max(0)])[None]
     return out + np.array([[-PAD], [PAD]])
+
+
+def _forget_near(old: Prepared, boxes: NDArray[np.float64], nodes: NDArray[np.int32], known: NDArray) -> None:
+    """Clear the bits of known (n,W) for segments from nodes (n,3) to lights that may meet a box."""
+    if len(boxes):
+        targets, centre, scale = old.lights.targets(), old.surfaces.centre, old.surfaces.scale
+        place = np.where(targets.directional[:, None], targets.position, (targets.position - centre) / scale)
+        x = (old.soft.lattice.position(nodes) - centre) / scale
+        _forget(x, Targets(place, targets.directional), boxes, known)
 
 
 @kernel

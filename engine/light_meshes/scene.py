@@ -6,6 +6,7 @@ on column vectors, angles are in radians. Nothing here knows of Blender, of file
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -24,7 +25,20 @@ RGB = tuple[float, float, float]
 
 
 class SceneError(ValueError):
-    """Bad input: the message says what was wrong, where, and what to do."""
+    """Bad input: the message says what was wrong, where, and what to do. In one line, whatever names it quotes."""
+
+    def __str__(self) -> str:
+        return "".join(c if c.isprintable() else "\ufffd" for c in super().__str__()[:600])
+
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 80
+
+
+def quoted(value: Any) -> str:
+    """A value from outside as a message quotes it: in one line, and short whatever it is."""
+    text = _short.repr(value)
+    return text if len(text) <= 100 else f"{text[:97]}..."
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from .bits import has
 from .casters import Casters, Group, union
 from .certificate import Certificate
 from .compiled import kernel
-from .lattice import Lattice, NodeStore
+from .lattice import Lattice
+from .node_store import NodeStore
 from .refraction import RefractedPaths
 from .scene import Light
 from .statistics import Statistics

@@ -33,12 +33,14 @@ Child → parent:
     {"event": "cancelled", "id": 1}
     {"event": "error", "id": 1, "message": sentence}         the child lives on, unless the id is null
     {"event": "alive"}                                       every second, so that a stopped child is noticed
+    {"event": "compiling", "fraction": 0.25, "stage": sentence}    a kernel is being compiled, before a command or in it
 Each command ends with exactly one of done, measured, cancelled, error. A command while one runs waits its turn.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import queue
@@ -48,6 +50,7 @@ import sys
 import tempfile
 import threading
 import traceback
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,7 +81,7 @@ class Service:
         self._send(event="ready", version=__version__, folder=str(self._folder))
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._alive, daemon=True).start()
-        threading.Thread(target=_warm_up, daemon=True).start()
+        threading.Thread(target=_warm_up, args=(self._compiling,), daemon=True).start()
         while True:
             message = self._queue.get()
             if message["command"] == "quit":
@@ -87,7 +90,7 @@ class Service:
 
     def _carry_out(self, message: dict[str, Any]) -> None:
         from .render import Cancelled  # late: "ready" must not wait for numba
-        from .scene import SceneError
+        from .scene import SceneError, quoted
 
         number = message.get("id")
         try:
@@ -100,7 +103,7 @@ class Service:
             elif message["command"] == "measure":
                 self._measure(number, message)
             else:
-                self._send(event="error", id=number, message=f"unknown command '{message['command']}'")
+                raise SceneError(f"unknown command {quoted(message['command'])}")
         except Cancelled:
             self._send(event="cancelled", id=number)
         except SceneError as e:
@@ -109,19 +112,22 @@ class Service:
             self._kept = None
             self._send(event="error", id=number, message="the engine ran out of memory: render fewer pixels, "
                        "a larger h or fewer triangles")
+        except OSError as e:
+            self._send(event="error", id=number, message=_trouble(e, self._folder))
         except Exception as e:  # the boundary: whatever it is, the parent hears of it
             traceback.print_exc()
             self._send(event="error", id=number, message=f"the engine failed: {type(e).__name__}: "
                        f"{str(e).strip().partition(chr(10))[0][:200]}")
 
     def _render(self, number: Any, message: dict[str, Any]) -> None:
-        from . import film, render, snapshot
+        from . import film, memory, render, snapshot
 
         keep = _checked(message, "keep", bool, False)
         if not keep:
             self._kept = self._snapshot = None
         scene = self._scene(message) if keep else snapshot.read(self._path(message, "snapshot"))
         passes = _passes(message)
+        memory.check(memory.before(scene, passes))
         frame = film.Framebuffer.create(scene, passes, self._path(message, "framebuffer"))
         self._send(event="started", id=number, width=frame.width, height=frame.height, passes=frame.channels)
 
@@ -180,32 +186,41 @@ class Service:
     def _path(self, message: dict[str, Any], key: str) -> Path:
         from .scene import SceneError
 
-        value = message.get(key)
-        if not isinstance(value, str):
-            raise SceneError(f"the command '{message['command']}' needs a path '{key}'")
-        return self._folder / value
+        value: Any = message.get(key)
+        try:
+            if b"\0" not in os.fsencode(value):
+                return self._folder / value
+        except (TypeError, UnicodeEncodeError):
+            pass
+        raise SceneError(f"the command '{message['command']}' needs a path '{key}'")
 
     def _read(self) -> None:
         with contextlib.suppress(OSError, ValueError):
             for line in self._commands:
-                try:
-                    message = json.loads(line)
-                    command, number = message["command"], message.get("id")
-                    if not isinstance(number, int | str | None):
-                        raise TypeError
-                except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-                    self._send(event="error", id=None, message=f"not a command: {line.strip()[:80]!r}")
-                    continue
-                if command == "cancel":
-                    self._cancelled.add(number)
-                else:
-                    self._queue.put(message)
+                self._take(line)
         end(self._folder)  # stdin is closed: the parent is gone
+
+    def _take(self, line: bytes) -> None:
+        try:
+            message = json.loads(line)
+            command, number = message["command"], message.get("id")
+            if not isinstance(number, int | str | None):
+                raise TypeError
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            self._send(event="error", id=None, message=f"not a command: {line.strip()[:80]!r}")
+            return
+        if command == "cancel":
+            self._cancelled.add(number)
+        else:
+            self._queue.put(message)
 
     def _alive(self) -> None:
         wait = threading.Event()
         while not wait.wait(ALIVE_SECONDS):
             self._send(event="alive")
+
+    def _compiling(self, fraction: float, stage: str) -> None:
+        self._send(event="compiling", fraction=fraction, stage=stage)
 
     def _send(self, **message: Any) -> None:
         try:
@@ -216,16 +231,17 @@ class Service:
             end(self._folder)  # nobody listens
 
 
-def _warm_up() -> None:
+def _warm_up(tell: Callable[[float, str], None]) -> None:
     """Load the kernels that nearly every picture needs, or compile them, while the parent still writes its snapshot.
 
-    A command does not wait for it: what it needs first it compiles itself.
+    A command does not wait for it: what it needs first it compiles itself. `tell` hears of what is compiled.
     """
     import numpy as np
 
-    from . import render
+    from . import compiled, render
     from .scene import Camera, Geometry, Light, Object, Scene, Settings
 
+    compiled.watch(tell)
     triangle = np.array([[-9, -9, -2], [9, -9, -2], [0, 9, -2]], np.float32)
     geometry = Geometry(
         triangle, np.array([[0, 1, 2]], np.int32), np.full((1, 3, 3), 0.5, np.float32),
@@ -238,12 +254,19 @@ def _warm_up() -> None:
         render.render_image(scene, threads=1)
 
 
+def _trouble(e: OSError, folder: Path) -> str:
+    """A sentence for a file that could not be read or written."""
+    if e.errno in (None, errno.ENOSPC, errno.EDQUOT, errno.EFBIG):  # numpy does not say why it wrote less
+        return f"the disk is full: the engine writes to {folder}, and what it compiles to its cache"
+    return f"{e.filename or folder} cannot be used: {e.strerror}"
+
+
 def _checked(message: dict[str, Any], key: str, kind: type, default: Any) -> Any:
-    from .scene import SceneError
+    from .scene import SceneError, quoted
 
     value = message.get(key, default)
     if not isinstance(value, kind):
-        raise SceneError(f"{key} is {value!r}; it must be {'true or false' if kind is bool else 'a list'}")
+        raise SceneError(f"{key} is {quoted(value)}; it must be {'true or false' if kind is bool else 'a list'}")
     return value
 
 
@@ -257,21 +280,21 @@ def _passes(message: dict[str, Any]) -> list[str]:
 
 
 def _steps(message: dict[str, Any]) -> list[tuple[int, int]]:
-    from .scene import SceneError
+    from .scene import SceneError, quoted
 
     steps = _checked(message, "steps", list, [[1, 1]])
     for step in steps:
         if not (isinstance(step, list) and len(step) == 2 and all(type(n) is int and 1 <= n <= 4096 for n in step)):
-            raise SceneError(f"steps has {step!r}; a step is a divisor of the resolution and a number of samples")
+            raise SceneError(f"steps has {quoted(step)}; a step is a divisor of the resolution and a number of samples")
     if not steps:
         raise SceneError("steps is empty: a view needs at least one step")
     return [(divisor, samples) for divisor, samples in steps]
 
 
-def end(folder: Path) -> None:
+def end(folder: Path, code: int = 0) -> None:
     """Remove `folder` and end the process at once, from any thread."""
     shutil.rmtree(folder, ignore_errors=True)
-    os._exit(0)
+    os._exit(code)
 
 
 def main() -> None:
@@ -283,8 +306,10 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the group; the parent decides
     try:
         Service(sys.stdin.buffer, events, folder).run()
-    finally:
-        end(folder)
+    except BaseException:  # a package that cannot be loaded, say: the log tells
+        traceback.print_exc()
+        end(folder, 1)
+    end(folder)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel
+from .compiled import inlined, kernel, part
 from .scene import LIGHT_TYPES, Light, Material, Scene
 from .tracing import Targets
 
@@ -80,66 +80,231 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
     )
 
 
-@kernel
-def omega(lights, materials, P, Ng, Ns, direction, Od, material, unlit, out, active):
-    """Ω(i,P) for hits of rays with `direction`; out (n,L,3) float32, active (n,W): the bits of ξ_i·Ω_i ≠ 0.
+BLOCK = 32  # receivers that are lit side by side: a processor computes several at once
 
-    unlit: lights that reach P (ξ_i·I_i·f_att ≠ 0) count as active even where the material returns nothing (the
-    shadow passes want them).
+
+class Block(NamedTuple):
+    """Receivers side by side: (3,BLOCK) each, or (BLOCK,)."""
+
+    P: NDArray[np.float64]
+    Ng: NDArray[np.float64]
+    Ns: NDArray[np.float64]
+    eye: NDArray[np.float64]  # the way to it
+    matt: NDArray[np.float64]  # kd·Od
+    gloss: NDArray[np.float64]  # ks·Os
+    facing: NDArray[np.float64]  # N·V
+    returns: NDArray[np.uint64]  # bits of the channels in which matt, then gloss, is not 0
+
+
+class Source(NamedTuple):
+    """One of `Lights`."""
+
+    x: float  # position
+    y: float
+    z: float
+    u: float  # direction
+    v: float
+    w: float
+    edge: float
+    slope: float
+    red: float  # intensity
+    green: float
+    blue: float
+
+
+@part
+def _source(lights, i):
+    a, d, c = lights.position[i], lights.direction[i], lights.intensity[i]
+    return Source(a[0], a[1], a[2], d[0], d[1], d[2], lights.edge[i], lights.slope[i], c[0], c[1], c[2])
+
+
+@part
+def _empty():
+    return Block(np.empty((3, BLOCK)), np.empty((3, BLOCK)), np.empty((3, BLOCK)), np.empty((3, BLOCK)),
+                 np.empty((3, BLOCK)), np.empty((3, BLOCK)), np.empty(BLOCK), np.empty(BLOCK, np.uint64))
+
+
+@part
+def _fill(block, first, materials, hits, direction, Od):
+    """Take the receivers from `first` on; the last also fills the places that are left. Returns whether any shines."""
+    glossy = False
+    for k in range(BLOCK):
+        p = min(first + k, len(direction) - 1)
+        m = hits.material[p]
+        block.facing[k], block.returns[k] = 0.0, 0
+        for j in range(3):
+            block.P[j, k], block.Ng[j, k], block.Ns[j, k] = hits.P[p, j], hits.Ng[p, j], hits.Ns[p, j]
+            block.eye[j, k] = -direction[p, j]
+            block.facing[k] -= hits.Ns[p, j] * direction[p, j]
+            block.matt[j, k], block.gloss[j, k] = materials.kd[m] * Od[p, j], materials.ks[m] * materials.Os[m, j]
+            block.returns[k] |= np.uint64(block.matt[j, k] != 0.0) << np.uint64(j)
+            block.returns[k] |= np.uint64(block.gloss[j, k] != 0.0) << np.uint64(3 + j)
+        glossy = glossy or block.returns[k] > 7
+    return glossy
+
+
+@inlined
+def _arriving(kind, light, block, k):
+    """At receiver k: ξ_i·f_att,i ≠ 0, f_att,i, 1/|L_i − P|, and N·L_i and R_i·V, both times |L_i − P|.
+
+    Nothing branches on k: loops over k become vectors, and the root is left out where nobody wants it.
     """
-    for p in range(len(P)):
-        m = material[p]
-        kd, ks, shiny = materials.kd[m], materials.ks[m], materials.nShiny[m]
-        for i in range(len(lights.type)):
-            out[p, i, 0] = out[p, i, 1] = out[p, i, 2] = 0.0
-            kind = lights.type[i]
-            if kind == SUN:
-                x, y, z = -lights.direction[i, 0], -lights.direction[i, 1], -lights.direction[i, 2]
-                power = 1.0
-                if not Ng[p, 0] * x + Ng[p, 1] * y + Ng[p, 2] * z > 0.0:
-                    continue  # ξ = 0
-            else:
-                x = lights.position[i, 0] - P[p, 0]
-                y = lights.position[i, 1] - P[p, 1]
-                z = lights.position[i, 2] - P[p, 2]
-                square = x * x + y * y + z * z
-                if not square > 0.0:
-                    continue  # the light is on the very point
-                if not Ng[p, 0] * x + Ng[p, 1] * y + Ng[p, 2] * z > 0.0:
-                    continue  # ξ = 0
-                inverse = 1.0 / np.sqrt(square)
-                x, y, z = x * inverse, y * inverse, z * inverse
-                power = inverse * inverse  # f_att
-            if kind in (SPOT, AREA):
-                axis = -(x * lights.direction[i, 0] + y * lights.direction[i, 1] + z * lights.direction[i, 2])
-                if kind == SPOT:
-                    t = min(max((axis - lights.edge[i]) * lights.slope[i], 0.0), 1.0)
-                    power *= t * t * (3.0 - 2.0 * t)
+    if kind == SUN:
+        x, y, z = -light.u, -light.v, -light.w
+        inverse, power, lit = 1.0, 1.0, True
+    else:
+        x, y, z = light.x - block.P[0, k], light.y - block.P[1, k], light.z - block.P[2, k]
+        square = x * x + y * y + z * z
+        inverse = 1.0 / np.sqrt(square)
+        power = inverse * inverse
+        lit = square > 0.0  # else the light is on the very point
+    axis = -(x * light.u + y * light.v + z * light.w) * inverse
+    if kind == SPOT:
+        t = (axis - light.edge) * light.slope
+        t = t if t > 0.0 else 0.0
+        t = t if t < 1.0 else 1.0
+        lit &= t > 0.0
+        power *= t * t * (3.0 - 2.0 * t)
+    if kind == AREA:
+        lit &= axis > 0.0  # else behind the lamp
+        power *= axis if axis > 0.0 else 0.0
+        sine = 1.0 - axis * axis
+        spread = (light.edge - np.sqrt(sine if sine > 0.0 else 0.0) / axis) * light.slope
+        spread = spread if light.slope > 0.0 else 1.0
+        lit &= spread > 0.0
+        power *= spread if spread > 0.0 else 0.0
+    lit &= block.Ng[0, k] * x + block.Ng[1, k] * y + block.Ng[2, k] * z > 0.0
+    cosine = block.Ns[0, k] * x + block.Ns[1, k] * y + block.Ns[2, k] * z
+    # R·V with R = 2(N·L)N − L
+    lobe = 2.0 * cosine * block.facing[k] - (x * block.eye[0, k] + y * block.eye[1, k] + z * block.eye[2, k])
+    return lit, power, inverse, cosine, lobe
+
+
+@kernel
+def reaching(lights, materials, hits, direction, Od, unlit, active):
+    """Fills active (n,W): the bits of ξ_i·Ω_i ≠ 0, for hits of rays with `direction`.
+
+    unlit: lights that reach P (ξ_i·I_i·f_att ≠ 0) count even where the material returns nothing (the shadow passes
+    want them).
+    """
+    block, bits = _empty(), np.empty(BLOCK, np.uint64)
+    for first in range(0, len(direction), BLOCK):
+        _fill(block, first, materials, hits, direction, Od)
+        for w in range(active.shape[1]):
+            bits[:] = 0
+            for i in range(64 * w, min(64 * w + 64, len(lights.type))):
+                kind, light, bit = lights.type[i], _source(lights, i), np.uint64(1) << np.uint64(i & 63)
+                if kind == POINT:
+                    _mark(POINT, light, bit, unlit, block, bits)
+                elif kind == SUN:
+                    _mark(SUN, light, bit, unlit, block, bits)
+                elif kind == SPOT:
+                    _mark(SPOT, light, bit, unlit, block, bits)
                 else:
-                    if axis <= 0.0:
-                        continue  # behind the lamp
-                    power *= axis
-                    if lights.slope[i] > 0.0:
-                        tangent = np.sqrt(max(1.0 - axis * axis, 0.0)) / axis
-                        power *= max((lights.edge[i] - tangent) * lights.slope[i], 0.0)
-            r, g, b = power * lights.intensity[i, 0], power * lights.intensity[i, 1], power * lights.intensity[i, 2]
-            if r == 0.0 and g == 0.0 and b == 0.0:
-                continue
-            cosine = Ns[p, 0] * x + Ns[p, 1] * y + Ns[p, 2] * z
-            diffuse = kd * max(cosine, 0.0)
-            gloss = 0.0
-            if ks > 0.0:
-                # (R·V) with R = 2(N·L)N − L and V = −direction
-                view = -(Ns[p, 0] * direction[p, 0] + Ns[p, 1] * direction[p, 1] + Ns[p, 2] * direction[p, 2])
-                lobe = 2.0 * cosine * view + x * direction[p, 0] + y * direction[p, 1] + z * direction[p, 2]
-                if lobe > 0.0:
-                    gloss = ks * min(lobe, 1.0) ** shiny
-            r *= diffuse * Od[p, 0] + gloss * materials.Os[m, 0]
-            g *= diffuse * Od[p, 1] + gloss * materials.Os[m, 1]
-            b *= diffuse * Od[p, 2] + gloss * materials.Os[m, 2]
-            out[p, i, 0], out[p, i, 1], out[p, i, 2] = r, g, b
-            if unlit or r != 0.0 or g != 0.0 or b != 0.0:
-                active[p, i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+                    _mark(AREA, light, bit, unlit, block, bits)
+            for k in range(min(BLOCK, len(direction) - first)):
+                active[first + k, w] = bits[k]
+
+
+@inlined
+def _mark(kind, light, bit, unlit, block, bits):
+    """Set the bit of the receivers that the light reaches."""
+    colour = np.uint64(light.red != 0.0) | np.uint64(light.green != 0.0) << np.uint64(1) | (
+        np.uint64(light.blue != 0.0) << np.uint64(2))
+    if colour == 0:
+        return
+    for k in range(BLOCK):
+        lit, _, _, cosine, lobe = _arriving(kind, light, block, k)
+        matt, gloss = block.returns[k] & colour != 0, block.returns[k] & (colour << np.uint64(3)) != 0
+        lit &= unlit | (matt & (cosine > 0.0)) | (gloss & (lobe > 0.0))
+        bits[k] |= bit if lit else np.uint64(0)
+
+
+@kernel
+def gather(lights, materials, hits, direction, Od, S, colour, matt, gloss):
+    """Adds U = Σ_i S_i·Ω_i, eqs. (2), (4) and (7), to colour (n,3); to matt and gloss, (n,3) or (0,3), its two terms.
+
+    S is (n,L,C): one number a light, or RGB; 0 where ξ_i·Ω_i is, which is not asked again.
+    """
+    channels = S.shape[2]
+    block, share, total, shine = _empty(), np.empty((3, BLOCK)), np.empty((3, BLOCK)), np.empty((3, BLOCK))
+    for first in range(0, len(direction), BLOCK):
+        glossy = _fill(block, first, materials, hits, direction, Od)
+        total[:], shine[:] = 0.0, 0.0
+        for i in range(len(lights.type)):
+            for c in range(channels):
+                for k in range(BLOCK):
+                    share[c, k] = S[min(first + k, len(direction) - 1), i, c]
+            S_i = share[0], share[channels // 2], share[channels - 1]
+            kind, light = lights.type[i], _source(lights, i)
+            if kind == POINT:
+                _add(POINT, light, S_i, block, total)
+            elif kind == SUN:
+                _add(SUN, light, S_i, block, total)
+            elif kind == SPOT:
+                _add(SPOT, light, S_i, block, total)
+            else:
+                _add(AREA, light, S_i, block, total)
+            if glossy:
+                _add_gloss(kind, light, S_i, block, materials.nShiny, hits.material, first, shine)
+        for k in range(min(BLOCK, len(direction) - first)):
+            p = first + k
+            for j in range(3):
+                colour[p, j] += total[j, k] * block.matt[j, k] + shine[j, k] * block.gloss[j, k]
+                if len(matt):
+                    matt[p, j] += total[j, k] * block.matt[j, k]
+                    gloss[p, j] += shine[j, k] * block.gloss[j, k]
+
+
+@inlined
+def _add(kind, light, S, block, total):
+    """total += S·f_att·I·(N·L); S is 0 where ξ is."""
+    red, green, blue = S
+    for k in range(BLOCK):
+        _, power, inverse, cosine, _ = _arriving(kind, light, block, k)
+        power *= cosine * inverse
+        power = power if cosine > 0.0 else 0.0
+        total[0, k] += red[k] * (power * light.red)
+        total[1, k] += green[k] * (power * light.green)
+        total[2, k] += blue[k] * (power * light.blue)
+
+
+@part
+def _add_gloss(kind, light, S, block, nShiny, material, first, total):
+    """total += S·f_att·I·(R·V)^nShiny."""
+    red, green, blue = S
+    for k in range(min(BLOCK, len(material) - first)):
+        _, power, inverse, _, lobe = _arriving(kind, light, block, k)
+        if block.returns[k] > 7 and lobe > 0.0 and (red[k] != 0.0 or green[k] != 0.0 or blue[k] != 0.0):
+            power *= min(lobe * inverse, 1.0) ** nShiny[material[first + k]]
+            total[0, k] += red[k] * (power * light.red)
+            total[1, k] += green[k] * (power * light.green)
+            total[2, k] += blue[k] * (power * light.blue)
+
+
+@kernel
+def partly(lights, materials, hits, direction, Od, S, matt, gloss):
+    """The most that one light seen in part would give a white surface if it were seen: matt and gloss (n,).
+
+    Where S > 1, focused light, S times that.
+    """
+    block = _empty()
+    for first in range(0, len(direction), BLOCK):
+        _fill(block, first, materials, hits, direction, Od)
+        for i in range(len(lights.type)):
+            kind, light = lights.type[i], _source(lights, i)
+            for k in range(min(BLOCK, len(direction) - first)):
+                p, some, most = first + k, False, 1.0
+                for c in range(S.shape[2]):
+                    some |= S[p, i, c] != 0.0 and S[p, i, c] != 1.0
+                    most = max(most, np.float64(S[p, i, c]))
+                if some:
+                    _, power, inverse, cosine, lobe = _arriving(kind, light, block, k)
+                    power *= most * max(light.red, max(light.green, light.blue))
+                    matt[p] = max(matt[p], power * cosine * inverse)
+                    if block.returns[k] > 7 and lobe > 0.0:
+                        shine = min(lobe * inverse, 1.0) ** materials.nShiny[hits.material[p]]
+                        gloss[p] = max(gloss[p], power * shine)
 
 
 @kernel
@@ -165,33 +330,11 @@ def linked(scene: Scene) -> NDArray[np.uint64] | None:
 
 
 @kernel
-def unlink(linked, owner, out, active):
-    """Ω = 0 from lights that do not light the object owner[p]; out and active are those of `omega`."""
+def unlink(linked, owner, active):
+    """Clears the bits of lights that do not light the object owner[p]."""
     for p in range(len(owner)):
         for w in range(active.shape[1]):
             active[p, w] &= linked[owner[p], w]
-        for i in range(out.shape[1]):
-            if not linked[owner[p], i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                out[p, i, 0] = out[p, i, 1] = out[p, i, 2] = 0.0
-
-
-@kernel
-def gather(S, out, colour):
-    """Adds U = Σ_i S_i·Ω_i, eqs. (2), (4) and (7), to colour (n,3).
-
-    S is (n,L,C): one number a light, or RGB.
-    """
-    green, blue = S.shape[2] // 2, S.shape[2] - 1
-    for p in range(len(S)):
-        r, g, b = 0.0, 0.0, 0.0
-        for i in range(S.shape[1]):
-            x, y, z = np.float64(S[p, i, 0]), np.float64(S[p, i, green]), np.float64(S[p, i, blue])
-            r += x * out[p, i, 0]
-            g += y * out[p, i, 1]
-            b += z * out[p, i, 2]
-        colour[p, 0] += r
-        colour[p, 1] += g
-        colour[p, 2] += b
 
 
 @kernel

@@ -34,6 +34,7 @@ from .scene import (
     SceneError,
     Settings,
     names_of,
+    quoted,
 )
 from .snapshot_arrays import ARRAYS, check_geometry, read_geometry
 
@@ -127,17 +128,22 @@ def read(path: Path, mapped: bool = True) -> Scene:
     known = {f.name for f in dataclasses.fields(Scene)} - {"geometry"}
     unknown = set(data) - known - {"format", "version", "blocks", "instances"}
     if unknown:
-        raise SceneError(f"scene.json has an unknown entry '{min(unknown)}'")
+        raise SceneError(f"scene.json has an unknown entry {quoted(min(unknown))}")
     world = _value("scene.json", "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]))
     warnings = data.get("warnings", [])
     if not isinstance(warnings, list) or not all(isinstance(w, str) for w in warnings):
         raise SceneError("scene.json: warnings must be a list of sentences")
+    images = _many(Image, data, "images")
+    for image in images:
+        if ".." in Path(image.path).parts:
+            raise SceneError(f"image {quoted(image.name)}: its path {quoted(image.path)} leads out of a folder by "
+                             "'..'; give it in full, or put the image into the snapshot's folder")
     scene = Scene(
         camera=camera(data.get("camera")),
         geometry=geometry,
         lights=_many(Light, data, "lights"),
         materials=_many(Material, data, "materials"),
-        images=_many(Image, data, "images"),
+        images=images,
         objects=_many(Object, data, "objects"),
         world_color=world,
         settings=_build(Settings, data.get("settings", {}), "settings"),
@@ -170,7 +176,7 @@ def _read_json(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise SceneError(f"{path} is not a Light Meshes snapshot")
     if data.get("version") != VERSION:
-        raise SceneError(f"{path} has version {data.get('version')!r}; this engine reads version {VERSION}: "
+        raise SceneError(f"{path} has version {quoted(data.get('version'))}; this engine reads version {VERSION}: "
                          "export it again with the add-on of the engine's release")
     return data
 
@@ -189,9 +195,9 @@ def _build(cls: type, data: Any, where: str) -> Any:
     fields = names_of(cls)
     unknown = set(data) - set(fields)
     if unknown:
-        raise SceneError(f"{where}: there is no property '{min(unknown)}'")
+        raise SceneError(f"{where}: there is no property {quoted(min(unknown))}")
     if isinstance(data.get("name"), str):
-        where = f"{where} '{data['name']}'"
+        where = f"{where} {quoted(data['name'])}"
     values = {}
     for name, default in fields.items():
         if name in data:
@@ -243,7 +249,7 @@ def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
     value = _value(where, name, sample, value)
     choices = _CHOICES.get((cls, name))
     if choices and value not in choices:
-        raise SceneError(f"{where}: {name} is '{value}'; choose one of {', '.join(choices)}")
+        raise SceneError(f"{where}: {name} is {quoted(value)}; choose one of {', '.join(choices)}")
     low, high = _RANGES.get((cls, name), (-math.inf, math.inf))
     if isinstance(value, int | float) and not low <= value <= high:
         raise SceneError(f"{where}: {name} is {value:g}; it must lie between {low:g} and {high:g}")
@@ -263,12 +269,12 @@ def _value(where: str, name: str, sample: Any, value: Any) -> Any:
         if isinstance(value, str):
             return value
     elif isinstance(sample, int):
-        if isinstance(value, int) or (isinstance(value, float) and value.is_integer()):
+        if (isinstance(value, int) or (isinstance(value, float) and value.is_integer())) and abs(value) < 2**63:
             return int(value)
     elif isinstance(value, int | float) and abs(value) <= sys.float_info.max:
         return float(value)
     kind = {bool: "true or false", str: "text", int: "a whole number"}.get(type(sample), "a finite number")
-    raise SceneError(f"{where}: {name} is {value!r}; it must be {kind}")
+    raise SceneError(f"{where}: {name} is {quoted(value)}; it must be {kind}")
 
 
 def check(scene: Scene) -> None:
@@ -278,10 +284,10 @@ def check(scene: Scene) -> None:
     for material in scene.materials:
         for image in (material.image, material.alpha_image):
             if not -1 <= image < len(scene.images):
-                raise SceneError(f"material '{material.name}': image {image} does not exist")
+                raise SceneError(f"material {quoted(material.name)}: image {image} does not exist")
             if image >= 0 and not len(g.uvs) and len(g.triangles):
-                raise SceneError(f"material '{material.name}' has an image, but uvs.npy is empty")
+                raise SceneError(f"material {quoted(material.name)} has an image, but uvs.npy is empty")
     for light in scene.lights:
         for what, named in (("receiver", light.receivers), ("blocker", light.blockers)):
             if named and not (min(named) >= 0 and max(named) < len(scene.objects)):
-                raise SceneError(f"light '{light.name}' has a {what} that does not exist")
+                raise SceneError(f"light {quoted(light.name)} has a {what} that does not exist")

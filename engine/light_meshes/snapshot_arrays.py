@@ -8,6 +8,7 @@ materials of the scene. `"instances": "instances-12"` names the subfolder of the
 from __future__ import annotations
 
 import dataclasses
+import errno
 import math
 import re
 import tokenize
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from .scene import Geometry, SceneError
+from .scene import Geometry, SceneError, quoted
 
 # Geometry field → (dtype, trailing shape)
 ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -49,8 +50,8 @@ def read_geometry(folder: Path, blocks: Any, instances: Any, mapped: bool) -> Ge
 def _plain_name(name: Any, where: str) -> str:
     """`name`, if it is one of a folder right here."""
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*", name):
-        raise SceneError(f"scene.json: {where} names {name!r}, which is no plain name of a folder: letters, digits, "
-                         "'_', '-' and '.' only, and no '.' in front")
+        raise SceneError(f"scene.json: {where} names {quoted(name)}, which is no plain name of a folder: letters, "
+                         "digits, '_', '-' and '.' only, and no '.' in front")
     return name
 
 
@@ -83,6 +84,8 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
     shown = f"{block}/{name}.npy" if block else f"{name}.npy"
     dtype, tail = ARRAYS[name]
     try:
+        if not path.is_file():  # a pipe, say, would keep us waiting
+            raise FileNotFoundError("there is no such file")
         # An empty array cannot be mapped.
         with path.open("rb") as f:
             version = np.lib.format.read_magic(f)
@@ -92,15 +95,19 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
             start = f.tell()
         size = math.prod(shape) * found.itemsize
         if fortran or found != np.dtype(dtype) or len(shape) != 1 + len(tail) or shape[1:] != tail:
-            raise SceneError(f"{shown} is {found} {shape}; needed: {dtype} (n, {str(tail)[1:]}")
+            raise SceneError(f"{shown} is {found} {quoted(shape)}; needed: {dtype} (n, {str(tail)[1:]}")
         if path.stat().st_size - start != size:
             raise SceneError(f"{shown} is cut short: {path.stat().st_size - start} of {size} bytes")
         # "c": mapped, and like an array in memory to the kernels; nothing is ever written to the file.
         return np.asarray(np.load(path, mmap_mode="c" if size and mapped else None, allow_pickle=False))
     except SceneError:
         raise
-    except (OSError, ValueError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as e:
-        raise SceneError(f"{shown} in the snapshot cannot be read: {e}") from e
+    except OSError as e:
+        if e.errno == errno.ENOMEM:
+            raise MemoryError from e
+        raise SceneError(f"{shown} in the snapshot cannot be read: {e.strerror or e}") from e
+    except (ValueError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as e:
+        raise SceneError(f"{shown} in the snapshot cannot be read: {quoted(str(e))}") from e
 
 
 def check_geometry(g: Geometry, objects: int, materials: int) -> None:

@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from . import shading
 from .bits import mask_of
 from .camera import camera_rays, coarser
 from .casters import smooth_lights
 from .compiled import kernel
 from .geometry import Hits
-from .shading import gather, mirrored
 from .visibility import Check
 
 if TYPE_CHECKING:
@@ -161,25 +161,23 @@ class Sparse:
         row.reshape(-1)[asked[rows]] = np.arange(len(rows), dtype=np.int32)
         ready.stats.add(points=len(rows))
         turned = np.empty_like(direction)
-        mirrored(direction, hits.Ng, hits.Ns, turned)
+        shading.mirrored(direction, hits.Ng, hits.Ns, turned)
         return Corners(step, x0, y0, row, hits.P, hits.Ng, hits.Ns, hits.material,
                        ready.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, check))
 
     def _light(self, hits: Hits, direction: NDArray, check: Check) -> tuple[NDArray, NDArray]:
         """Corners.light and rough."""
         ready, n = self._ready, len(hits.P)
-        white, sums, rough = np.ones((n, 3)), np.zeros((2 if self._gloss else 1, n, 3)), np.zeros((n, 2))
-        matt = self._white._replace(ks=np.zeros_like(self._white.ks))
-        for part, omega, S in ready.lit(hits, direction, self._white, white, False, check, None, self._lights):
+        white, light, rough = np.ones((n, 3)), np.zeros((n, 6 if self._gloss else 3)), np.zeros((2, n))
+        both, matt, gloss = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        for part, lit, _, S in ready.lit(hits, direction, self._white, white, False, check, None, self._lights):
             with ready.stats.stage("shading"):
-                kinds = [omega]
-                if self._gloss:
-                    alone, _ = ready.omega(hits, part, direction, matt, white, False)
-                    kinds = [alone, omega - alone]
-                for kind, of_kind in enumerate(kinds):
-                    gather(S, of_kind, sums[kind, part])
-                    _roughness(S, of_kind, self._jump, rough[part, kind])
-        return np.concatenate([*sums], axis=1), rough
+                shading.gather(*lit, S, both[part], matt[part], gloss[part])
+                shading.partly(*lit, S, rough[0, part], rough[1, part])
+        light[:, :3] = matt
+        if self._gloss:
+            light[:, 3:] = gloss
+        return light, self._jump * rough.T
 
     def _blocks(self, corners: Corners) -> Blocks:
         rows, columns = corners.row.shape
@@ -188,19 +186,6 @@ class Sparse:
                         np.empty((*shape, 2)))
         _agree(corners, self._gloss, self._largest**2, *blocks)
         return blocks
-
-
-@kernel
-def _roughness(S, omega, jump, out):
-    """out (n,) = jump·max Ω of the lights neither seen nor hidden as a whole; of focused light S times that."""
-    for p in range(len(S)):
-        for i in range(S.shape[1]):
-            partly, most = False, 1.0
-            for c in range(S.shape[2]):
-                partly |= S[p, i, c] != 0.0 and S[p, i, c] != 1.0
-                most = max(most, np.float64(S[p, i, c]))
-            if partly:
-                out[p] = max(out[p], jump * most * max(omega[p, i, 0], max(omega[p, i, 1], omega[p, i, 2])))
 
 
 @kernel

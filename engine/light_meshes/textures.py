@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from .compiled import kernel
-from .scene import Image
+from .scene import Image, SceneError
 
 _EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
 
@@ -21,6 +21,8 @@ class Texture:
 
     def __init__(self, image: Image) -> None:
         self.key = _key(image)
+        if not Path(image.path).is_file():  # a pipe, say, would keep us waiting
+            raise OSError("there is no such file")
         straight = oiio.ImageSpec()  # colours as painted, not multiplied by alpha
         straight.attribute("oiio:UnassociatedAlpha", 1)
         source = oiio.ImageInput.open(image.path, straight)
@@ -72,7 +74,9 @@ def load(images: tuple[Image, ...], old: Sequence[Texture | None] = ()) -> tuple
         except OSError as e:
             textures.append(None)
             warnings.append(f"image '{image.name}' ({image.path}) cannot be read, the surfaces keep their plain "
-                            f"colour: {str(e).strip() or 'unknown reason'}")
+                            f"colour: {' '.join(str(e).split()) or 'unknown reason'}")
+        except MemoryError as e:
+            raise SceneError(f"image '{image.name}' ({image.path}) needs more memory than there is") from e
     return textures, warnings
 
 

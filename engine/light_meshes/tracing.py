@@ -21,6 +21,7 @@ from .scene import Scene, SceneError
 
 CHUNK = 16384  # rays a call: the best of what was measured, and a bound on the delay of a cancel
 ULPS = 16 * 2.0**-23  # how far a ray leaves its surface and how far a closed end reaches, in the frame
+BUILD_BYTES = 300  # a triangle, while Embree builds its tree. It crashes where it does not get them
 LIGHT_END = 1 - 1e-5  # a ray to a light stops short of it: a light on a surface is not shadowed by it
 
 
@@ -225,6 +226,7 @@ def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[EmbreeScene, ND
     triangles = surfaces.triangles if original is None else surfaces.triangles[original]
     if len(triangles):
         try:
+            np.empty(BUILD_BYTES * len(triangles) + 2**25, np.uint8)  # can so much be had? Embree would not ask
             TriangleMesh(embree, surfaces.vertices, triangles)
         except MemoryError as e:
             raise SceneError(f"out of memory while building the accelerator of {len(triangles):,} triangles") from e

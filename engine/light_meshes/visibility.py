@@ -18,7 +18,8 @@ from .bits import mask_of
 from .casters import Casters, Group, union
 from .certificate import MARGIN, Certificate
 from .compiled import kernel
-from .lattice import Lattice, NodeStore, candidates
+from .lattice import Lattice, candidates
+from .node_store import NodeStore
 from .scene import Light
 from .statistics import Statistics
 from .tracing import Targets, Tracer, points

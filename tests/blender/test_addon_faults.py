@@ -7,72 +7,18 @@ import os
 import re
 import subprocess
 import sys
-import textwrap
 
 import pytest
-
-# A scene that takes minutes, `first_progress(act)` to act when it has begun, and `render()`.
-PRELUDE = """
-import os, signal, sys, threading, time
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
-from pathlib import Path
-import bpy
-import light_meshes_addon
-from light_meshes_addon import observers, session
-light_meshes_addon.register()
-scene = bpy.context.scene
-own = scene.light_meshes
-scene.render.engine = 'LIGHT_MESHES'
-
-def slow():
-    scene.render.resolution_x, scene.render.resolution_y = 640, 480
-    own.shadows, own.samples, own.light_samples = 'AREA_SAMPLING', 256, 1024
-
-def fast():
-    scene.render.resolution_x, scene.render.resolution_y = 32, 24
-    own.shadows, own.samples = 'SHARP', 1
-
-def first_progress(act):
-    def see(event):
-        if event["event"] == "progress" and event["fraction"] > 0:
-            observers.observers.remove(see)
-            see.process = session._sessions["render"]._process
-            act()
-    observers.observers.append(see)
-    return see
-
-def child():
-    return session._sessions["render"]._process.pid
-
-def render():
-    scene.render.filepath = sys.argv[1]
-    Path(sys.argv[1]).unlink(missing_ok=True)
-    try:
-        result = bpy.ops.render.render(write_still=True)
-        print("RESULT", result, Path(sys.argv[1]).exists(), flush=True)
-    except RuntimeError as e:
-        print("ERROR", str(e).splitlines()[0], Path(sys.argv[1]).exists(), flush=True)
-
-def leave():
-    light_meshes_addon.unregister()
-    sys.stdout.flush()
-    os._exit(0)
-"""
+from faults import go, python
 
 
 @pytest.fixture
 def run(tmp_path):
-    """(script) → the lines it printed that begin with a word in capitals; the engine's folders are in tmp_path."""
-    def go(script, **environment):
-        done = subprocess.run(
-            [sys.executable, "-c", PRELUDE + textwrap.dedent(script),
-             str(tmp_path / "picture.png")],
-            env=os.environ | {"TMPDIR": str(tmp_path)} | environment, capture_output=True, text=True, timeout=120)
-        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-        go.output = done.stdout
-        assert not list(tmp_path.glob("light-meshes-*")), "a folder is left"
-        return re.findall(r"^[A-Z]{4,} .*$", done.stdout, re.M)
-    return go
+    """(script) → the lines it printed that begin with a word in capitals; temporary files are in tmp_path."""
+    def run(script, **environment):
+        lines, run.output = go(tmp_path, script, **environment)
+        return lines
+    return run
 
 
 def test_child_killed_in_mid_render(run):
@@ -154,12 +100,11 @@ def test_the_engines_own_error(run):
 def test_a_fault_of_the_addon_is_told(run):
     lines = run("""
         fast()
-        os.environ["TMPDIR"] = "/no/such/folder"
-        session.Session.new_folder = lambda self: open("/no/such/file")
+        session.Session.new_folder = lambda self: 1 / 0
         render()
         leave()
     """)
-    assert re.match(r"ERROR Error: The Light Meshes add-on failed: FileNotFoundError.* False", lines[0])
+    assert re.match(r"ERROR Error: The Light Meshes add-on failed: ZeroDivisionError.* False", lines[0])
     assert "Traceback" in run.output
 
 
@@ -216,8 +161,53 @@ def test_without_unregister_no_child_remains(run):
         fast()
         render()
         print("CHILD", child(), flush=True)
-        session.atexit._run_exitfuncs()
+        import atexit
+        atexit._run_exitfuncs()
         os._exit(0)
     """)
     with pytest.raises(ProcessLookupError):
         os.kill(int(lines[1].split()[1]), 0)
+
+
+def test_garbage_on_the_engines_output(run, tmp_path):
+    """Lines that are no events go to the log; what did not end its line does not hide the event behind it."""
+    lines = run("""
+        fast()
+        render()
+        print("LOGGED", session._sessions["render"].log.count("no event"), "times")
+        leave()
+    """, LIGHT_MESHES_PYTHON=python(tmp_path, r"""
+printf 'no event\n\377\376\000 no event\n[]\n{"event": []}\n{"event": "no event"}\n{"event": 1e999}\nno event'
+exec {python} "$@"
+"""))
+    assert lines == ["RESULT {'FINISHED'} True", "LOGGED 3 times"]
+
+
+@pytest.mark.parametrize("event", [
+    '{"event": "ready"}', '{"event": "ready", "folder": "%s"}', '{"event": "done", "id": [1]}',
+    '{"event": "done", "id": 1, "statistics": {}}', '{"event": "progress", "id": 1, "fraction": NaN, "stage": ""}'])
+def test_an_event_that_is_not_as_it_should_be(run, tmp_path, event):
+    """It is refused at once, and a folder that is no engine's is not taken for one, nor removed."""
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "work.txt").write_text("years of it")
+    event = event.replace("%s", str(tmp_path / "precious"))
+    lines = run("""
+        fast()
+        render()
+        os.environ["LIGHT_MESHES_PYTHON"] = sys.executable
+        render()
+        leave()
+    """, LIGHT_MESHES_PYTHON=python(tmp_path, f"echo '{event}'; exec sleep 60"))
+    assert re.fullmatch(r"ERROR Error: Light Meshes: the engine's event '\w+' is not as .* the same release\? False",
+                        lines[0])
+    assert lines[1] == "RESULT {'FINISHED'} True"
+    assert (tmp_path / "precious" / "work.txt").read_text() == "years of it"
+
+
+def test_a_program_that_talks_without_end(run, tmp_path):
+    lines = run("""
+        fast()
+        render()
+        leave()
+    """, LIGHT_MESHES_PYTHON=python(tmp_path, r"exec yes | tr -d '\n'"), LIGHT_MESHES_TIMEOUT="2")
+    assert "does not answer any more: it was silent for 2 seconds" in lines[0] and lines[0].endswith("False")

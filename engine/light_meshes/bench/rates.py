@@ -15,10 +15,12 @@ RATES = (1, 2, 4, 8)
 SHARES = ("interpolated", "refined", "computed")
 
 
-def table(case: Case, size: int, repeats: int, say: Say, samples: int = 4) -> list[dict[str, Any]]:
-    """Rows of a case, RRTA first (rate 0): seconds of the frame, and the errors that the rate adds."""
+def table(case: Case, size: int, repeats: int, sharp: bool, say: Say, samples: int = 4) -> list[dict[str, Any]]:
+    """Rows of a case: seconds of the frame, and the errors that the rate adds; of RRTA too (rate 0) where `sharp`."""
     scene = sized(case.scene, size, samples=samples)
-    ways = {0: changed(scene, shadows="SHARP")} | {rate: changed(scene, shadow_rate=rate) for rate in RATES}
+    ways = {rate: changed(scene, shadow_rate=rate) for rate in RATES}
+    if sharp:
+        ways = {0: changed(scene, shadows="SHARP")} | ways
     frames: dict[int, list[float]] = {rate: [] for rate in ways}
     pictures, reports = {}, {}
     for way in ways.values():

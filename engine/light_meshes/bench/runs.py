@@ -56,7 +56,7 @@ class Effort:
 QUICK = Effort(size=250, repeats=3, lights=(4, 16, 64), kI=(2.0,), steps=(), samples=(1, 4), all_samples=(1, 4),
                error_size=60, cycles_reference=64, triangles=(10_000, 100_000), most=2.0, most_target=6.0,
                seconds=120.0)
-QUICK_PARTS = ("S3", "S7", "cycles", "errors", "rates", "embree", "process")
+QUICK_PARTS = ("S3", "S7", "cycles", "errors", "embree", "process")
 SHARES = {"S3": 0.12, "S5": 0.08, "S7": 0.5, "S8": 0.08, "growth": 0.1, "embree": 0.04}  # of the seconds
 
 
@@ -86,10 +86,11 @@ class Bench:
                 elif part == "growth":
                     self._growth()
                 elif part == "rates":
-                    for name, lights in (("S7", self.effort.rate_lights), ("S3", None), ("S5", None), ("S8", None)):
-                        self.results["rates"] += rates.table(
-                            scenes.case(name, self._scene_of(name), lights), self.effort.size if lights else
-                            self.effort.size // 2, self.effort.repeats if lights else 1, self._say)
+                    timed = scenes.case("S7", self._scene_of("S7"), self.effort.rate_lights)
+                    self.results["rates"] += rates.table(timed, self.effort.size, self.effort.repeats, True, self._say)
+                    for name in ("S3", "S5", "S8"):
+                        case = scenes.case(name, self._scene_of(name))
+                        self.results["rates"] += rates.table(case, self.effort.size // 2, 1, False, self._say)
                 elif part == "embree":
                     self._embree()
                 elif part == "process":

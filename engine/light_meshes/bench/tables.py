@@ -102,7 +102,7 @@ def _rates(rows: Rows) -> list[str]:
         ["scene", "lights", "size", "rate", "frame", "/ RRTA", "added RMSE", "largest", "interpolated",
          "in small blocks", "computed"],
         [[r["scene"], str(r["lights"]), f"{r['size']}²", str(r["rate"]) if r["rate"] else "RRTA", _span(r["frame"]),
-          f"{r['frame']['median'] / sharp[r['scene'], r['lights']]:.3f}",
+          f"{r['frame']['median'] / sharp[r['scene'], r['lights']]:.3f}" if (r["scene"], r["lights"]) in sharp else "",
           *([f"{r['rmse']:.2e}", f"{r['max']:.2e}"] if r["rate"] else ["", ""]),
           *(f"{r[name]:.0%}" if r["rate"] > 1 else "" for name in ("interpolated", "refined", "computed"))]
          for r in rows])]

@@ -1,0 +1,105 @@
+"""Faults brought about for real: Blender as a process of its own, and what it must leave behind, whatever happens."""
+
+import os
+import re
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+# A scene that takes minutes, `first_progress(act)` to act when it has begun, and `render()`.
+PRELUDE = """
+import os, signal, sys, threading, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
+from pathlib import Path
+import bpy
+import light_meshes_addon
+from light_meshes_addon import observers, session
+light_meshes_addon.register()
+bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
+blend = Path(sys.argv[1]).read_bytes(), os.stat(sys.argv[1]).st_mtime_ns
+scene = bpy.context.scene
+own = scene.light_meshes
+scene.render.engine = 'LIGHT_MESHES'
+
+def slow():
+    scene.render.resolution_x, scene.render.resolution_y = 640, 480
+    own.shadows, own.samples, own.light_samples = 'AREA_SAMPLING', 256, 1024
+
+def fast():
+    scene.render.resolution_x, scene.render.resolution_y = 32, 24
+    own.shadows, own.samples = 'SHARP', 1
+
+def first_progress(act):
+    def see(event):
+        if event["event"] == "progress" and event["fraction"] > 0:
+            observers.observers.remove(see)
+            see.process = session._sessions["render"]._process
+            act()
+    observers.observers.append(see)
+    return see
+
+def child():
+    return session._sessions["render"]._process.pid
+
+def render():
+    scene.render.filepath = sys.argv[2]
+    Path(sys.argv[2]).unlink(missing_ok=True)
+    try:
+        result = bpy.ops.render.render(write_still=True)
+        print("RESULT", result, Path(sys.argv[2]).exists(), flush=True)
+    except RuntimeError as e:
+        print("ERROR", " | ".join(sorted(set(str(e).strip().splitlines()))), Path(sys.argv[2]).exists(), flush=True)
+
+def leave():
+    light_meshes_addon.unregister()
+    assert blend == (Path(sys.argv[1]).read_bytes(), os.stat(sys.argv[1]).st_mtime_ns)
+    sys.stdout.flush()
+    os._exit(0)
+"""
+MADE = {"scene.blend", "picture.png"}  # by PRELUDE
+
+
+def go(folder: Path, script: str, prefix=(), timeout=120, **environment) -> tuple[list[str], str]:
+    """Run PRELUDE and `script`: the lines it printed that begin with a word in capitals, and all of its output.
+
+    `folder` is where temporary files go. prefix: a command that runs it, such as `env`.
+    """
+    before = names(folder)
+    done = subprocess.run(
+        [*prefix, sys.executable, "-c", PRELUDE + textwrap.dedent(script), folder / "scene.blend",
+         folder / "picture.png"],
+        env=os.environ | {"TMPDIR": str(folder)} | environment, capture_output=True, text=True, timeout=timeout)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    assert names(folder) - before <= MADE, "a file is left"
+    end = time.monotonic() + 5
+    while running(folder) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not running(folder), "an engine is left"
+    return re.findall(r"^[A-Z]{4,} .*$", done.stdout, re.M), done.stdout + done.stderr
+
+
+def names(folder: Path) -> set[str]:
+    """What lies in `folder`, but for the temporary files of Blender itself."""
+    return {p.name for p in folder.iterdir() if not p.name.startswith("blender_")}
+
+
+def running(folder: Path) -> list[int]:
+    """Processes whose temporary files go to `folder`."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if f"TMPDIR={folder}\0".encode() in (process / "environ").read_bytes():
+                found.append(int(process.name))
+        except OSError:  # it has ended, or is not ours
+            continue
+    return found
+
+
+def python(folder: Path, script: str) -> str:
+    """A Python for the engine that runs the shell's `script` first, which may end with `exec {python} "$@"`."""
+    path = folder / "python"
+    path.write_text(f"#!/bin/sh\n{script.replace('{python}', sys.executable)}\n")
+    path.chmod(0o755)
+    return str(path)

@@ -1,0 +1,170 @@
+"""The zip as an artist has it: nothing but Blender, no other Python, no network, a user's folder that is new."""
+
+import importlib.util
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from blender_scene import SCENE, read
+
+ROOT = Path(__file__).parents[2]
+PLATFORM = {"linux": "linux-x64", "darwin": "macos-arm64", "win32": "windows-x64"}[sys.platform]
+PYTHONS = [p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p]
+
+
+def builder(root: Path):
+    """addon/build.py of a checkout."""
+    spec = importlib.util.spec_from_file_location("build", root / "addon" / "build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Installed:
+    """A Blender of its own, offline, with the add-on installed from a zip."""
+
+    def __init__(self, blender: str, folder: Path) -> None:
+        for name in ("user", "tmp", "home", "no programs", "wheels"):
+            (folder / name).mkdir()
+        self.blender, self.folder, self.user, self.tmp = blender, folder, folder / "user", folder / "tmp"
+        self._alone = [shutil.which("unshare"), "-rn"] if shutil.which("unshare") else []
+        if self._alone and subprocess.run([*self._alone, shutil.which("true")], capture_output=True).returncode:
+            self._alone = []  # a container that does not allow it
+        self.environment = {
+            "BLENDER_USER_RESOURCES": str(self.user), "HOME": str(folder / "home"), "TMPDIR": str(self.tmp),
+            "PATH": str(folder / "no programs"), "https_proxy": "http://127.0.0.1:9", "http_proxy": "http://127.0.0.1:9",
+        }
+        said = self.run("-b", "--python-expr", "import sys; print('PYTHON', *sys.version_info[:2])")
+        self.version = ".".join(re.search(r"PYTHON (\d+) (\d+)", said).groups())
+        build = builder(ROOT)
+        python = next(p for p in build.PYTHONS if p.version == self.version)
+        wheels = build.download(PLATFORM, python, folder / "wheels")
+        self.zip, self.newer = folder / "light_meshes.zip", folder / "newer.zip"
+        build.build(PLATFORM, python, wheels, self.zip)
+        self._newer_checkout(folder / "newer").build(PLATFORM, python, wheels, self.newer)
+
+    def run(self, *arguments, program=None, code=0) -> str:
+        """What Blender, or another program, says until it has ended."""
+        done = subprocess.run([*self._alone, program or self.blender, *map(str, arguments)], env=self.environment,
+                              capture_output=True, text=True, errors="replace", timeout=400)
+        assert done.returncode == code, done.stdout[-5000:] + done.stderr[-3000:]
+        return done.stdout + done.stderr
+
+    @staticmethod
+    def _newer_checkout(folder: Path):
+        for name in ("addon", "engine"):
+            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(ROOT / "LICENSE", folder)
+        shutil.copy(ROOT / "pyproject.toml", folder)
+        for name in ("addon/blender_manifest.toml", "engine/light_meshes/__init__.py", "pyproject.toml"):
+            text = (folder / name).read_text(encoding="utf-8")
+            (folder / name).write_text(re.sub(r'(?m)(^(?:__)?version(?:__)? = ")[\d.]+"', r'\g<1>99.0.0"', text))
+        return builder(folder)
+
+
+@pytest.fixture(scope="module")
+def installed(blender_path, tmp_path_factory):
+    found = Installed(blender_path, tmp_path_factory.mktemp("installed"))
+    assert "Success" in found.run("--command", "extension", "validate", found.zip)
+    found.run("--command", "extension", "install-file", "-r", "user_default", "--enable", found.zip)
+    found.run("-b", "--python-exit-code", "3", "--python-expr",
+              SCENE + f"bpy.ops.wm.save_as_mainfile(filepath={str(found.folder / 'scene.blend')!r})")
+    return found
+
+
+def assert_right(picture):
+    assert picture.shape[:2] == (48, 64)
+    assert picture[24, 32, :3] == pytest.approx((0.5, 0.5, 0.5), abs=2e-3) and not picture[24, 2, :3].any()
+
+
+@pytest.mark.slow
+def test_one_zip_renders(installed):
+    """blender -b scene.blend -E LIGHT_MESHES -o … -f 1, the first time: with all kernels to compile."""
+    said = installed.run("-b", installed.folder / "scene.blend", "-E", "LIGHT_MESHES", "-o",
+                         installed.folder / "f_####", "-F", "OPEN_EXR", "-f", "1")
+    assert_right(read(installed.folder / "f_0001.exr"))
+    counts = [int(n) for n in re.findall(r"Compiling kernels \(once after an installation\): (\d+) of about \d+$",
+                                         said, re.M)]
+    # What the sentence promises is not far off.
+    assert counts == list(range(1, len(counts) + 1)) and 0.6 < len(counts) / int(
+        re.search(r"of about (\d+)", said)[1]) <= 1
+    kernels = installed.user / "extensions" / ".user" / "user_default" / "light_meshes" / "kernels" / "light-meshes"
+    (folder,) = kernels.iterdir()
+    assert folder.stat().st_mode & 0o777 == 0o700 and list(folder.rglob("*.nbc"))
+    assert not list(installed.tmp.iterdir())
+
+
+# As a user with a bpy has it, in the same folder: kernels are compiled once for all that have this Python.
+WITH_BPY = SCENE.replace("import bpy", "import bpy, sys").replace("scene.render.engine", """
+bpy.ops.extensions.package_install_files(filepath=sys.argv[1], repo="user_default", enable_on_install=True)
+scene.render.engine""", 1) + """
+image = scene.render.image_settings
+if hasattr(image, "media_type"):
+    image.media_type = 'IMAGE'
+image.file_format = 'OPEN_EXR'
+scene.render.filepath = sys.argv[2]
+bpy.ops.render.render(write_still=True)
+session = next(module for name, module in sys.modules.items() if name.endswith("light_meshes.session"))
+print("ENGINE", *session._sessions["render"]._process.args[:2], flush=True)
+bpy.ops.preferences.addon_disable(module="bl_ext.user_default.light_meshes")
+"""
+
+
+@pytest.mark.slow
+def test_one_zip_renders_in_bpy(installed):
+    library = f"lib/python{installed.version}"
+    python = next((p for p in PYTHONS if (Path(p).parents[1] / library).is_dir()), None)
+    if not python:
+        pytest.skip(f"LIGHT_MESHES_BPY_PYTHONS names no Python {installed.version}")
+    picture = installed.folder / "bpy.exr"
+    said = installed.run("-c", WITH_BPY, installed.zip, picture, program=python)
+    assert_right(read(picture))
+    assert f"ENGINE {python} -I" in said
+    assert not list(installed.tmp.glob("light-meshes-*"))
+
+
+@pytest.mark.slow
+def test_nothing_is_left(installed):
+    """F12, disabled, enabled, upgraded and uninstalled in one running Blender."""
+    said = installed.run("-b", "--factory-startup", "--python-exit-code", "3", "-P",
+                         Path(__file__).with_name("installed_story.py"), "--", installed.folder / "scene.blend",
+                         installed.newer, installed.folder / "picture.png")
+    told = [(word, json.loads(what)) for word, what in re.findall(r"^([A-Z]+) ([\[{n].*)$", said, re.M)]
+    renders = [what for word, what in told if word == "RENDER"]
+    assert renders == [[["FINISHED"], 1]] * 2  # one child each time
+    found = dict(told)
+    # Blender takes packages away when no add-on needs them, and brings them back. Kernels stay until then.
+    new = found["DISABLED"].pop("files", [[], []])[1]
+    assert not [path for path in new if "/kernels/" not in path] and found["DISABLED"] == {}
+    assert found["UPGRADED"] == ["LIGHT_MESHES", 2.5, "SHARP", "UNIFORM", []]
+    assert found["VERSIONS"] == [[99, 0, 0], ["light_meshes-99.0.0"]]
+    assert len(found["KERNELS"]) == 1  # the older version's are gone
+    assert found["UNINSTALLED"].pop("files")[1] == [] and found["UNINSTALLED"] == {}
+    assert found["MODULES"] == [] and found["REFERRERS"] is None
+    assert not list(installed.tmp.iterdir())
+    left = [p for p in installed.user.rglob("*") if p.is_file() and p.name not in {"userpref.blend", "compat.dat"}]
+    assert not left
+
+
+def test_settings_of_the_first_version_load(addon, snapshot):
+    """first_version.blend was saved by the first add-on there was, in Blender 4.2."""
+    import bpy
+
+    bpy.ops.wm.open_mainfile(filepath=str(Path(__file__).with_name("first_version.blend")))
+    scene = bpy.context.scene
+    assert scene.render.engine == 'LIGHT_MESHES'
+    found = snapshot(scene)
+    settings = found.settings
+    assert (settings.mode, settings.shadows, settings.auto_h) == ('RAY_CASTING', 'LIGHT_MESHES', False)
+    assert (settings.h, settings.kI, settings.ambient) == pytest.approx((0.2, 2.5, 0.25))
+    assert (settings.samples, settings.light_samples, settings.max_depth) == (2, 33, 3)
+    (light,), (material,) = found.lights, [m for m in found.materials if m.name == "Grey"]
+    assert not light.soft_shadows
+    assert material.Od == pytest.approx((0.5, 0.25, 0.125)) and (material.ks, material.nShiny) == (0, 12.5)
+    own = bpy.data.materials["Grey"].light_meshes
+    assert tuple(own.mirror) == pytest.approx((0.1, 0.2, 0.3)) and not own.override_mirror

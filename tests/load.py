@@ -1,0 +1,129 @@
+"""Memory and time of scenes as large as productions have: python tests/load.py [scene …]
+
+Each scene is made as a .blend and rendered through Blender. Prints a row a scene, MiB and seconds: of the nodes; what
+Blender and the engine held at most, and what the engine expected; the time of the engine, and of all with Blender's
+start and the export. `small` is a quick look. A run by hand: times are no test.
+"""
+
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+from light_meshes import blend
+
+MAKE = """
+import sys
+import bpy, light_meshes_addon
+from light_meshes_addon.headless import leave
+sys.path.insert(0, {tests!r})
+light_meshes_addon.register()
+import load
+load.make(bpy, **{values!r})
+bpy.ops.wm.save_as_mainfile(filepath={path!r}, compress=False)
+leave(0)
+"""
+# name → triangles of one thing, things, whether they share one mesh, lights, lines of the picture, samples
+SCENES = {
+    "small": {"triangles": 2_000, "things": 50, "shared": False, "lights": 4, "height": 135, "samples": 1},
+    "triangles": {"triangles": 10_000, "things": 200, "shared": False, "lights": 64, "height": 1080, "samples": 4},
+    "instances": {"triangles": 2_000, "things": 1_000, "shared": True, "lights": 16, "height": 1080, "samples": 4},
+    "lights": {"triangles": 2_000, "things": 100, "shared": True, "lights": 4_096, "height": 540, "samples": 1},
+}
+
+
+def make(bpy, triangles, things, shared, lights, height, samples):
+    """A hall with a floor and two walls, full of lumpy balls, under point lights."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.engine = 'LIGHT_MESHES'
+    scene.render.resolution_x, scene.render.resolution_y = height * 16 // 9, height
+    scene.light_meshes.auto_h, scene.light_meshes.samples = True, samples
+
+    def add(name, data, location=(0, 0, 0)):
+        made = bpy.data.objects.new(name, data)
+        made.location = location
+        scene.collection.objects.link(made)
+        return made
+
+    def mesh(name, vertices, faces):
+        made = bpy.data.meshes.new(name)
+        made.vertices.add(len(vertices))
+        made.vertices.foreach_set("co", np.asarray(vertices, np.float32).ravel())
+        made.loops.add(faces.size)
+        made.loops.foreach_set("vertex_index", faces.astype(np.int32).ravel())
+        made.polygons.add(len(faces))
+        made.polygons.foreach_set("loop_start", np.arange(0, faces.size, faces.shape[1], dtype=np.int32))
+        made.update(calc_edges=True)
+        made.validate()
+        return made
+
+    floor = [(-2.2, -2.2, 0), (2.2, -2.2, 0), (2.2, 2.2, 0), (-2.2, 2.2, 0), (-2.2, -2.2, 2), (-2.2, 2.2, 2),
+             (2.2, 2.2, 2)]
+    add("Hall", mesh("Hall", floor, np.array([(0, 1, 2, 3), (0, 3, 5, 4), (3, 2, 6, 5)])))
+    side = int(np.ceil(np.sqrt(things)))
+    step = 4.0 / side
+    sides = int(np.sqrt(triangles))
+    rings = sides // 2
+    u, v = np.meshgrid(np.arange(sides), np.arange(rings))
+    a, b = (v * sides + u).ravel(), (v * sides + (u + 1) % sides).ravel()
+    faces = np.stack([a, b, b + sides, a + sides], 1)
+    random = np.random.default_rng(1)
+    turn, rise = np.meshgrid(2 * np.pi * np.arange(sides) / sides, np.linspace(0.05, np.pi - 0.05, rings + 1))
+    ball = None
+    for n in range(things):
+        if ball is None or not shared:
+            lumps = 1 + 0.1 * np.sin(random.integers(2, 7) * turn + random.uniform(0, 6)) * np.sin(rise)
+            points = [lumps * np.sin(rise) * np.cos(turn), lumps * np.sin(rise) * np.sin(turn), -np.cos(rise)]
+            ball = mesh(f"Ball.{n}", 0.35 * step * np.stack([p.ravel() for p in points], 1), faces)
+        add(f"Ball.{n}", ball, (step * (n % side + 0.5) - 2, step * (n // side + 0.5) - 2, 0.4 * step))
+    for n in range(lights):
+        light = bpy.data.lights.new(f"Light.{n}", 'POINT')
+        light.energy = 300 / lights
+        add(f"Light.{n}", light, random.uniform((-1.6, -1.6, 1.9), (1.6, 1.6, 2.5)))
+    camera = add("Camera", bpy.data.cameras.new("Camera"), (3.6, -4.6, 3.6))
+    camera.rotation_euler = (np.radians(60), 0, np.radians(38))
+    scene.camera = camera
+
+
+def peaks(module: str, found: dict[int, int], over: threading.Event) -> None:
+    """Fill found with the peak memory of processes that run a Python module, by process id, until `over`."""
+    while not over.wait(0.05):
+        for process in Path("/proc").glob("[0-9]*"):
+            try:
+                if module.encode() in (process / "cmdline").read_bytes().split(b"\0"):
+                    status = (process / "status").read_text()
+                    found[int(process.name)] = int(status.partition("VmHWM:")[2].split()[0]) * 1024
+            except (OSError, IndexError):  # it has just ended
+                continue
+
+
+def measure(name: str, folder: Path) -> None:
+    path = folder / f"{name}.blend"
+    code = MAKE.format(tests=str(Path(__file__).parent), values=SCENES[name], path=str(path))
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+    found, over = {}, threading.Event()
+    watcher = threading.Thread(target=peaks, args=("light_meshes_addon.headless", found, over))
+    watcher.start()
+    began = time.monotonic()
+    try:
+        _, _, s = blend.render(path, folder / f"{name}.exr", None, False, [], lambda *_: None, False)
+    finally:
+        over.set()
+        watcher.join()
+    whole = time.monotonic() - began
+    size = f"{s['width']}×{s['height']}×{s['samples']}"
+    print(f"{name:<10} {s['triangles']:>10,} {s['instances']:>9,} {s['lights']:>6,} {size:>11} {s['nodes']:>10,} "
+          f"{s['node_bytes'] / 2**20:>6,.0f} {max(found.values()) / 2**20:>8,.0f} {s['peak_memory'] / 2**20:>7,.0f} "
+          f"{s['memory_expected'] / 2**20:>9,.0f} {s['seconds']:>8.1f} {whole:>8.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    print(f"{'scene':<10} {'triangles':>10} {'instances':>9} {'lights':>6} {'samples':>11} {'nodes':>10} {'MiB':>6} "
+          f"{'Blender':>8} {'engine':>7} {'expected':>9} {'engine s':>8} {'whole s':>8}")
+    with tempfile.TemporaryDirectory(prefix="light-meshes-load-") as folder:
+        for name in sys.argv[1:] or [name for name in SCENES if name != "small"]:
+            measure(name, Path(folder))

@@ -1,0 +1,139 @@
+"""A scene too large says so before it starts; what is expected is what it comes to."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from light_meshes import film, memory, snapshot
+from light_meshes.prepared import Prepared
+from light_meshes.render import draw
+from light_meshes.scene import SceneError
+from scenes import hall, point, tabletop, with_lights, with_settings
+
+GIB = 1 << 30
+
+
+def many(instances, triangles):
+    """A scene of one mesh in many places."""
+    scene = tabletop(16)
+    g = scene.geometry
+    mesh = np.array([[0, g.meshes[0, 1], 0, triangles]])
+    return replace(scene, geometry=replace(
+        g, triangles=np.zeros((triangles, 3), np.int32), corner_normals=np.zeros((triangles, 3, 3), np.float32),
+        triangle_materials=np.zeros(triangles, np.int32), meshes=mesh, instance_mesh=np.zeros(instances, np.int32),
+        instance_object=np.zeros(instances, np.int32), instance_matrix=np.tile(np.eye(4), (instances, 1, 1))))
+
+
+def too_large(what):
+    """Scenes that no machine of today renders."""
+    scene = tabletop(16)
+    if what == "triangles":
+        return many(20_000, 100_000)
+    if what == "pixels":
+        return replace(scene, camera=replace(scene.camera, width=65536, height=65536), settings=replace(
+            scene.settings, h=1.0))
+    crowd = with_lights(scene, *(replace(point((0, 0, 3)), name=str(n)) for n in range(4096)))
+    return with_settings(replace(crowd, camera=replace(scene.camera, width=4096, height=4096)), h=1e-6, samples=4096)
+
+
+def test_a_scene_too_large_is_refused_before_it_starts(child, tmp_path):
+    passes = ["Combined", "Normal", "Position", "Diffuse", "Glossy", "Shadow", "Ambient"]
+    for number, (what, words) in enumerate({
+        "triangles": ["2,000,000,000 triangles in 20,000 instances", "hide objects"],
+        "pixels": ["65,536 × 65,536 pixels", "smaller picture"],
+        "nodes": ["nodes of light meshes with 4,096 lights", "larger step than h = 1e-06"],
+    }.items()):
+        snapshot.write(too_large(what), tmp_path / what)
+        child.send(command="render", id=number, snapshot=str(tmp_path / what), framebuffer="frame", passes=passes)
+        error = child.of(number)[-1]
+        assert error["event"] == "error", what
+        for word in ["GiB of memory, and there are", *words]:
+            assert word in error["message"]
+    # The child lives on.
+    child.put(tabletop(16))
+    child.send(command="render", id=9, snapshot="scene", framebuffer="frame", passes=["Combined"])
+    assert child.of(9)[-1]["event"] == "done"
+
+
+def test_where_it_will_be_close_a_warning_says_so(monkeypatch):
+    scene = tabletop(16)
+    need = Prepared(scene).memory
+    monkeypatch.setattr(memory, "available", lambda: int(need / 0.7))
+    assert not Prepared(scene).warnings
+    monkeypatch.setattr(memory, "available", lambda: int(need / 0.9))
+    (warning,) = Prepared(scene).warnings
+    assert "if it fails" in warning
+    monkeypatch.setattr(memory, "available", lambda: int(need / 1.2))  # it may fit all the same
+    assert Prepared(scene).warnings
+    monkeypatch.setattr(memory, "available", lambda: int(need / 1.3))
+    with pytest.raises(SceneError, match="the engine itself"):
+        Prepared(scene)
+    monkeypatch.setattr(memory, "available", lambda: None)
+    assert not Prepared(scene).warnings
+
+
+MEASURE = """
+import resource, sys
+sys.path.insert(0, sys.argv[1])
+from light_meshes import compiled
+from light_meshes.film import Framebuffer
+from light_meshes.prepared import Prepared
+from light_meshes.render import draw
+from scenes import hall
+kernels = []
+compiled.watch(lambda *_: kernels.append(1))
+scene = hall(*map(int, sys.argv[2:6]), h=float(sys.argv[6]))
+ready = Prepared(scene)
+draw(ready, Framebuffer.create(scene, ("Combined",)))
+print(len(kernels), ready.memory, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+def held(*hall_of, h):
+    """Bytes expected and held at most by a process that renders hall(*hall_of), and compiles nothing."""
+    for _ in range(3):
+        done = subprocess.run([sys.executable, "-c", MEASURE, Path(__file__).parent, *map(str, [*hall_of, h])],
+                              capture_output=True, text=True, check=True)
+        kernels, expected, peak = map(float, done.stdout.split())
+        if not kernels:
+            break
+    return expected, peak
+
+
+@pytest.mark.parametrize(("case", "h"), [((4, 8, 120, 64), 0.05), ((64, 3, 24, 400), 0.02)],
+                         ids=["triangles", "lights"])
+def test_what_is_expected_is_what_it_comes_to(case, h):
+    expected, peak = held(*case, h=h)
+    assert expected / memory.DOUBT < peak < memory.DOUBT * expected
+
+
+def test_the_nodes_that_are_expected_come_to_be():
+    scene = hall(200, columns=3, width=200, h=0.02)
+    ready = Prepared(scene)
+    draw(ready, film.Framebuffer.create(scene, ("Combined",)))
+    expected = float(memory.nodes(ready).what.split()[1].replace(",", ""))
+    assert 0.5 < expected / ready.soft.store.count < 2
+
+
+def test_available_memory():
+    total = int(Path("/proc/meminfo").read_text().split("MemTotal:")[1].split()[0]) * 1024
+    assert 0 < memory.available() <= 2 * total
+
+
+def group(folder, values, cached):
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, value in values.items():
+        (folder / name).write_text(f"{value}\n")
+    name = "inactive_file" if "memory.max" in values else "total_inactive_file"
+    (folder / "memory.stat").write_text(f"anon 5\n{name} {cached}\n")
+
+
+def test_limits_of_control_groups(tmp_path):
+    group(tmp_path, {"memory.max": 10 * GIB, "memory.current": 4 * GIB}, GIB)
+    group(tmp_path / "job" / "task", {"memory.max": "max", "memory.current": GIB}, 0)
+    group(tmp_path / "memory" / "batch", {"memory.limit_in_bytes": 3 * GIB, "memory.usage_in_bytes": GIB}, 0)
+    text = "3:cpu,cpuacct:/x\n4:memory:/batch/step\n0::/job/task\n"
+    assert sorted(memory.left_in(text, tmp_path)) == [2 * GIB, 7 * GIB]
