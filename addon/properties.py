@@ -111,6 +111,12 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         description="Camera rays per pixel. More make the edges of objects smoother; shadows do not need them",
         min=1, max=4096, soft_max=64, default=4, update=_changed,
     )
+    shadow_rate: IntProperty(
+        name="Shadow Rate",
+        description="Pixels between the points where soft light is computed. What lies between is interpolated where "
+                    "they agree, and computed where they do not. 1 computes all; 4 is faster with many lights",
+        min=1, max=16, soft_max=8, default=1, update=_changed,
+    )
     light_samples: IntProperty(
         name="Shadow Rays",
         description="Shadow rays per light. More make soft shadows less noisy, and take longer",

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from light_meshes.bench import command, decisions, errors, plots, runs, scenes, targets
+from light_meshes.bench import command, decisions, errors, plots, rates, runs, scenes, targets
 from light_meshes.bench.embree import ShadowRays
 from light_meshes.plan import forced
 from light_meshes.render import render_image
@@ -152,6 +152,18 @@ def test_cycles_needs_a_hundred_times_the_samples_for_a_tenth_of_the_noise():
     target = next(r for r in targets.targets(results(scenes=OWN, times=times, errors=wrong)) if "Cycles" in r["what"]
                   and "S7" in r["what"])
     assert target["reached"] and "beyond what was measured: 16 lights" in target["remark"]  # 100 samples were not run
+
+
+def test_a_shadow_rate_is_measured_against_every_sample(tmp_path):
+    scene = hall(64, width=48, h=0.2)
+    case = scenes.Case("S7", scene, tmp_path, 1.0, {}, "")
+    rows = rates.table(case, 64, 1, True, lambda _: None, samples=1)
+    assert [r["rate"] for r in rows] == [0, 1, 2, 4, 8] and "rmse" not in rows[0] and rows[1]["max"] == 0
+    for r in rows[2:]:
+        assert 0 < r["rmse"] < r["max"] and sum(r[name] for name in rates.SHARES) == pytest.approx(1)
+    found = [r for r in targets.targets(results(rates=rows)) if r["what"].startswith("shadow rate 4")]
+    assert found[0]["measured"] == rows[3]["frame"]["median"] / rows[0]["frame"]["median"]
+    assert [r["measured"] for r in found[1:]] == [rows[3]["rmse"], rows[3]["max"]]
 
 
 # --- Only what a scene needs --------------------------------------------------------------------------------

@@ -64,7 +64,7 @@ def settings(scene, view_layer) -> dict:
     """The engine's settings, from the scene's properties and what the view layer has instead."""
     own = scene.light_meshes
     return {name: getattr(own, name) for name in (
-        "mode", "shadows", "h", "kI", "auto_h", "weights", "light_samples", "max_depth", "ambient",
+        "mode", "shadows", "h", "kI", "auto_h", "weights", "shadow_rate", "light_samples", "max_depth", "ambient",
         "refraction", "glass", "caustics", "leak_free")} | {
         "samples": min(view_layer.samples, MOST_SAMPLES) or own.samples,
         # The engine's filter is never wider than 10 pixels; Blender's slider goes on.

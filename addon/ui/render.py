@@ -40,6 +40,7 @@ class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
                 layout.prop(settings, "h")
             layout.prop(settings, "kI")
             layout.prop(settings, "weights")
+            layout.prop(settings, "shadow_rate")
             table(layout, context, _meaning(context.scene))
             layout.operator("light_meshes.suggest", icon='LIGHT')
         elif settings.shadows == 'AREA_SAMPLING':

@@ -45,6 +45,12 @@ def union(groups: tuple[Group, ...], count: int) -> NDArray[np.uint64]:
     return words
 
 
+def smooth_lights(casters: Casters, lights: int) -> NDArray[np.uint64]:
+    """The lights (W,) with no sharp shadow on surfaces that take soft ones."""
+    shadows, sharp = union(casters.whole, lights), union(casters.sharp, lights)
+    return mask_of(range(lights), lights) & ~(shadows & ~union(casters.soft, lights)) & ~sharp
+
+
 def casters(scene: Scene, surfaces: Surfaces, bent: NDArray[np.bool_]) -> Casters:
     """Who shadows whom; bent (T,): triangles that refract shadow rays."""
     owner = scene.geometry.instance_object[surfaces.instance]

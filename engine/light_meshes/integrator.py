@@ -14,6 +14,7 @@ from .passes import REFLECTED, TRANSMITTED, Tile
 from .prepared import Prepared
 
 Rays = dict[str, NDArray]  # pixel, weight, origin, direction, …: the rows of each array belong together
+Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
 
 # The passes of the first surface that a camera ray sees: (n, channels).
 _AT_FIRST: dict[str, Callable[[Prepared, Hits], NDArray]] = {
@@ -26,12 +27,13 @@ _AT_FIRST: dict[str, Callable[[Prepared, Hits], NDArray]] = {
 }
 
 
-def radiance(ready: Prepared, box: tuple[int, int, int, int], check: Callable[[], None]) -> dict[str, NDArray]:
+def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, NDArray]:
     """All passes of the tile `box` (x0, y0, x1, y1): (height, width, channels)."""
     scene = ready.scene
     with ready.stats.stage("camera rays"):
         origin, direction, far = camera_rays(scene.camera, box, ready.offsets)
     reach: NDArray | None = far
+    first: Box | None = box
     n = len(origin)
     tile = Tile(ready.passes, n)
     rays: Rays = {"pixel": np.arange(n), "weight": np.ones((n, 3)), "origin": origin, "direction": direction,
@@ -47,17 +49,17 @@ def radiance(ready: Prepared, box: tuple[int, int, int, int], check: Callable[[]
         next_waves: dict[str, list[Rays]] = {}
         for kind, rays in waves.items():
             check()
-            for child_kind, child in _wave(ready, kind, rays, reach, tile, check):
+            for child_kind, child in _wave(ready, kind, rays, reach, first, tile, check):
                 next_waves.setdefault(child_kind, []).append(child)
                 ready.stats.add(secondary_rays=len(child["pixel"]))
-            reach = None
+            reach = first = None
         waves = {kind: _joined(children) for kind, children in next_waves.items()}
     return {name: tile.developed(name, box, len(ready.offsets)) for name in ready.passes}
 
 
-def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, tile: Tile,
-          check: Callable[[], None]) -> list[tuple[str, Rays]]:
-    """Trace and shade rays of one kind; returns the rays that go on, by kind."""
+def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: Box | None,
+          tile: Tile, check: Callable[[], None]) -> list[tuple[str, Rays]]:
+    """Trace and shade rays of one kind; returns the rays that go on, by kind. first: the tile, where it begins."""
     settings, plan = ready.scene.settings, ready.plan
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         hit, hits = ready.closest(kind, rays["origin"], rays["direction"], rays.get("normal"), reach)
@@ -75,7 +77,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, tile: T
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)
     if not plan.transparent:
-        seen = _shade(ready, kind, rays, rays["weight"], hits, tile, check)
+        seen = _shade(ready, kind, rays, rays["weight"], hits, first, tile, check)
         if kind == "camera":
             _first(ready, tile, rays["pixel"], hits, seen)
         if plan.reflections:
@@ -86,10 +88,10 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, tile: T
     face = ready.glass.interface(hits, rays)
     solid = np.flatnonzero((alpha > 0) & face.real)
     share = rays["weight"] * np.where(face.real, alpha, 0)[:, None]
-    shadows = _shade(ready, kind, _rows(rays, solid), share[solid], hits.at(solid), tile, check)
-    first = rays["clear"][solid] & (alpha[solid] >= 0.5) & ~tile.seen[rays["pixel"][solid]]
-    _first(ready, tile, rays["pixel"][solid][first], hits.at(solid[first]),
-           {name: values[first] for name, values in shadows.items()})
+    shadows = _shade(ready, kind, _rows(rays, solid), share[solid], hits.at(solid), first, tile, check)
+    new = rays["clear"][solid] & (alpha[solid] >= 0.5) & ~tile.seen[rays["pixel"][solid]]
+    _first(ready, tile, rays["pixel"][solid][new], hits.at(solid[new]),
+           {name: values[new] for name, values in shadows.items()})
     # What is not there: cut-outs, and interfaces inside a medium of higher priority.
     unseen = rays | {"media": np.where(face.real[:, None], rays["media"], face.media)}
     children += _going(ready, kind, unseen, hits, rays["weight"] - share, rays["direction"], 0)
@@ -104,11 +106,15 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, tile: T
     return children
 
 
-def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
+def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, first: Box | None, tile: Tile,
            check: Callable[[], None]) -> dict[str, NDArray]:
-    """Add the light of surfaces that rays hit; returns the shadow passes there."""
+    """Add the light of surfaces that rays hit; returns the shadow passes there. first: as in `_wave`."""
     work = tile.work(len(weight))
-    colour, terms, shadows = ready.direct(hits, rays["direction"], check, tile.parts, kind == "camera", work)
+    if first and ready.sparse:
+        colour, terms, shadows = ready.sparse.direct(hits, rays["direction"], rays["pixel"], first, check, tile.parts,
+                                                     work)
+    else:
+        colour, terms, shadows = ready.direct(hits, rays["direction"], check, tile.parts, kind == "camera", work)
     tile.add_light(rays, weight, colour, terms)
     tile.add_work(rays["pixel"], work)
     return shadows

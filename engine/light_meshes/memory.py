@@ -27,6 +27,7 @@ MESH = 60  # a triangle as the snapshot has it, once for all its instances; what
 TRIANGLE, VERTEX = 60, 12  # of an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again in each accelerator
 RAYS = 1 << 15  # camera rays that a thread has under way
+LARGER = 4  # times as many where tiles compute the points at their edges twice (`sparse`)
 RAY, LIT, CANDIDATE = 700, 24, 24  # one of them; a receiver and a light; a receiver and a node
 NODE = 16  # beside its values
 DOUBT, CLOSE = 1.25, 0.8  # of what there is: from here on refused, or warned of
@@ -50,7 +51,8 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
     x0, y0, x1, y1 = crop_of(scene)
     pixels, threads, lights = (x1 - x0) * (y1 - y0), processors(), len(scene.lights)
     glass = any(m.alpha < 1 or m.alpha_image >= 0 or any(m.kt) for m in scene.materials)
-    rays = min(RAYS, pixels * scene.settings.samples / (4 * threads))
+    most = RAYS * LARGER if scene.settings.shadow_rate > 1 else RAYS
+    rays = min(most, pixels * scene.settings.samples / (4 * threads))
     work = rays * RAY + min(rays * lights, 1 << 22) * (LIT + 8 * glass)
     if scene.settings.shadows == "LIGHT_MESHES":
         near = 2 * np.pi / 3 * scene.settings.kI**3  # nodes of a receiver; a batch shares most of them

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .casters import Casters, union
+from .casters import Casters, smooth_lights, union
 from .interfaces import Interfaces
 from .passes import DEBUG
 from .scene import Scene
@@ -25,6 +25,7 @@ class Plan:
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
     uniform_skip: bool = False
+    shadow_rate: int = 1  # pixels between the points whose light is interpolated
     certificate: bool = False  # no short rays where nothing else is near
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
@@ -90,6 +91,14 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
                   3: ("RGB a light", "coloured glass")}[p.channels]
         decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
+    if s.shadow_rate > 1:
+        soft = p.shadows == "LIGHT_MESHES"
+        why_not = ("only light meshes' shadows are smooth" if not soft else
+                   "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
+                   "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
+        p.shadow_rate = 1 if why_not else s.shadow_rate
+        decide("shadow rate", p.shadow_rate, why_not or
+               "what the camera sees is interpolated between points up to so many pixels apart")
     if p.shadows == "LIGHT_MESHES":
         apart = p.paths and (s.leak_free or s.caustics == "FOCUS")
         through = p.channels > 0 and s.glass == "PAPER"

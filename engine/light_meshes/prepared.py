@@ -25,11 +25,13 @@ from .plan import plan
 from .refraction import RefractedPaths
 from .scene import Camera, Scene
 from .semitransparent import Refraction, SemitransparentMeshes, SharpThrough
+from .sparse import Sparse
 from .statistics import Statistics
 from .tracing import Tracer
 from .visibility import LightMeshes, Sharp, Unshadowed
 
 SHADED = 1 << 22  # receivers × lights held at once, at most
+Sums = tuple[NDArray, dict[str, NDArray], dict[str, NDArray]]  # colour, its terms and the shadow passes of `direct`
 
 
 class Prepared:
@@ -90,6 +92,7 @@ class Prepared:
         self.memory = memory.expected(parts)  # bytes
         self.nodes_kept = reuse.nodes(self, previous)
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
+        self.sparse = Sparse(self) if self.plan.shadow_rate > 1 else None
         self.seconds = time.perf_counter() - began
 
     def _visibility(self, previous: Prepared | None) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
@@ -207,13 +210,18 @@ class Prepared:
         return direction[hit], hits
 
     def direct(self, hits: Hits, direction: NDArray, check: Callable[[], None], parts: bool = False,
-               first: bool = False, work: NDArray | None = None) -> tuple[
-                   NDArray, dict[str, NDArray], dict[str, NDArray]]:
+               first: bool = False, work: NDArray | None = None) -> Sums:
         """Ia·ka·Od + Σ S·Ω + emission (n,3), of hits of rays with `direction`.
 
         And its terms, by the passes that show them, where `parts`; and the shadow passes, (n,3), where `first`. work
         (n,4): filled with what the debug passes show.
         """
+        Od, sums = self.unshaded(hits, parts, first)
+        self.add_light(hits, direction, Od, sums, check, work)
+        return sums
+
+    def unshaded(self, hits: Hits, parts: bool, first: bool) -> tuple[NDArray, Sums]:
+        """Od (n,3) of the hits, and what `direct` returns, without the light of lights."""
         m, settings = self.materials, self.scene.settings
         Od = m.Od.take(hits.material, axis=0)
         if self.textures:
@@ -225,16 +233,20 @@ class Prepared:
         shading.unlit(m, hits.material, settings.ambient * np.array(self.scene.world_color), Od, colour, ambient)
         terms = {"Emission": m.emission[hits.material], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
-        shadows = {name: np.zeros_like(colour) for name in self._shadow_lights if first}
+        return Od, (colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})
+
+    def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Callable[[], None],
+                  work: NDArray | None = None, lights: NDArray[np.uint64] | None = None) -> None:
+        """Add the light of some lights (W,), None: of all, to what `direct` returns."""
+        colour, terms, shadows = sums
         nothing = np.zeros((0, 3))
         matt, gloss = (terms["Diffuse"], terms["Glossy"]) if terms else (nothing, nothing)
-        for part, lit, _, S in self._lit(hits, direction, m, Od, bool(shadows), check, work):
+        for part, lit, _, S in self.lit(hits, direction, self.materials, Od, bool(shadows), check, work, lights):
             with self.stats.stage("shading"):
                 shading.gather(*lit, S, colour[part], matt[part], gloss[part])
                 for name, shadow in shadows.items():
-                    lights = self._shadow_lights[name]
-                    shadow[part] = S[:, lights].sum(1, dtype=np.float64) / max(len(lights), 1)
-        return colour, terms, shadows
+                    shown = self._shadow_lights[name]
+                    shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
 
     def shadow_ratio(self, hits: Hits, direction: NDArray, check: Callable[[], None],
                      work: NDArray | None = None) -> NDArray[np.float64]:
@@ -248,7 +260,7 @@ class Prepared:
         lit[:] = self.scene.settings.ambient * np.array(self.scene.world_color)
         full = lit.copy()
         nothing, unshadowed = np.zeros((0, 3)), Unshadowed(self.scene.lights)
-        for part, some, active, S in self._lit(hits, direction, white, np.ones_like(lit), False, check, work):
+        for part, some, active, S in self.lit(hits, direction, white, np.ones_like(lit), False, check, work):
             with self.stats.stage("shading"):
                 shading.gather(*some, S, lit[part], nothing, nothing)
                 V = unshadowed(hits.P[part], hits.Ng[part], active, check)
@@ -256,24 +268,27 @@ class Prepared:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
-    def _lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
-             check: Callable[[], None], work: NDArray | None) -> Iterator[tuple[slice, tuple, NDArray, NDArray]]:
+    def lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
+            check: Callable[[], None], work: NDArray | None, lights: NDArray[np.uint64] | None = None) -> Iterator[
+                tuple[slice, tuple, NDArray, NDArray]]:
         """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of the hits, batch by batch.
 
-        None without lights.
+        None without lights. lights (W,): those that count; None: all.
         """
-        lights = len(self.scene.lights)
-        step = max(64, SHADED // max(1, lights))
-        for i in range(0, len(hits.P) if lights else 0, step):
+        count = len(self.scene.lights)
+        step = max(64, SHADED // max(1, count))
+        for i in range(0, len(hits.P) if count else 0, step):
             check()
             part = slice(i, min(i + step, len(hits.P)))
             some = hits.at(part)
             lit = self.lights, materials, some, direction[part], Od[part]
-            active = np.empty((len(some.P), (lights + 63) // 64), np.uint64)
+            active = np.empty((len(some.P), (count + 63) // 64), np.uint64)
             with self.stats.stage("shading"):
                 shading.reaching(*lit, unlit, active)
                 if self.linked is not None:
                     shading.unlink(self.linked, self.owner(some.triangle), active)
+                if lights is not None:
+                    active &= lights
             where = some.P, some.Ng, active, check, some.triangle
             if work is not None and isinstance(self.visibility, LightMeshes):
                 S = self.visibility(*where, work[part])

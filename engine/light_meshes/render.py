@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .film import Framebuffer, crop_of
 from .integrator import radiance
 from .light_size import own_radii
-from .memory import processors
+from .memory import LARGER, processors
 from .node_store import SharedNodesError
 from .prepared import Prepared, measured_h
 from .scene import Camera, Scene
@@ -49,9 +49,9 @@ def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, i
     return [(x, y, min(x + size, x1), min(y + size, y1)) for y in reversed(rows) for x in range(x0, x1, size)]
 
 
-def _tile_size(pixels: int, samples: int, threads: int) -> int:
-    """About BATCH rays a tile; in a small picture less, so that no thread is left without work."""
-    batch = min(BATCH / samples, pixels / (4 * threads))
+def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> int:
+    """About so many rays a tile; in a small picture less, so that no thread is left without work."""
+    batch = min(rays / samples, pixels / (4 * threads))
     return int(np.clip(2 ** np.round(np.log2(np.sqrt(batch))), 8, 256))
 
 
@@ -98,7 +98,8 @@ def draw(
     crop = crop_of(ready.scene)
     threads = threads or processors()
     if tile_size is None:
-        tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads)
+        batch = BATCH * (LARGER if ready.sparse else 1)
+        tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     tiles = _tiles(crop, tile_size)
     lock, done = threading.Lock(), 0
 
@@ -180,6 +181,9 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
             "certified": counts["certified"], "spared_rays": counts["spared_rays"],
         }
+        if ready.sparse:
+            report |= {"shadow_rate": ready.plan.shadow_rate} | {name: counts[name] for name in (
+                "points", "interpolated", "refined", "computed")}
         report["light_radii"] = {ready.scene.lights[i].name: r for i, r in ready.radii.items()}  # not the scene's
     if ready.plan.paths:
         for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):

@@ -66,6 +66,11 @@ def summary(statistics: dict[str, Any]) -> str:
             ("receivers", f"{s['receivers']:,}, {s['uniform_skips']:,} skipped, {s['short_rays']:,} short rays, "
                           f"{s['spared_rays']:,} spared by the certificate, {s['empty_sets']:,} empty sets"),
         ]
+    if "shadow_rate" in s:
+        samples = s["interpolated"] + s["refined"] + s["computed"]
+        share = [s[name] / max(samples, 1) for name in ("interpolated", "refined", "computed")]
+        rows += [("shadow rate", f"{s['shadow_rate']}, {s['points']:,} points; of {samples:,} samples {share[0]:.1%} "
+                                 f"interpolated, {share[1]:.1%} in smaller blocks, {share[2]:.1%} computed")]
     if "refracted_paths" in s:
         lost = s["path_seeds_not_converged"] / max(s["path_seeds"], 1)
         rows += [("refracted paths", f"{s['refracted_paths']:,} from {s['path_seeds']:,} seeds, of which {lost:.1%} "

@@ -60,6 +60,7 @@ class Settings:
     glass: str = "BOUNDED"  # nodes behind glass: BOUNDED leaves them out, PAPER weighs them as eq. (7)
     caustics: str = "PAPER"  # energy of refracted paths: Σ Π t, or FOCUS: Σ Π t·J
     leak_free: bool = False  # end of paper §5: ξ for each path by its first segment
+    shadow_rate: int = 1  # light meshes' light at points so many pixels apart, interpolated between; 1: at each sample
     light_samples: int = 64  # shadow rays a light, AREA_SAMPLING only
     seed: int = 0  # of AREA_SAMPLING
     film_transparent: bool = False  # alpha 0 where nothing is hit

@@ -283,6 +283,31 @@ def _add_gloss(kind, light, S, block, nShiny, material, first, total):
 
 
 @kernel
+def partly(lights, materials, hits, direction, Od, S, matt, gloss):
+    """The most that one light seen in part would give a white surface if it were seen: matt and gloss (n,).
+
+    Where S > 1, focused light, S times that.
+    """
+    block = _empty()
+    for first in range(0, len(direction), BLOCK):
+        _fill(block, first, materials, hits, direction, Od)
+        for i in range(len(lights.type)):
+            kind, light = lights.type[i], _source(lights, i)
+            for k in range(min(BLOCK, len(direction) - first)):
+                p, some, most = first + k, False, 1.0
+                for c in range(S.shape[2]):
+                    some |= S[p, i, c] != 0.0 and S[p, i, c] != 1.0
+                    most = max(most, np.float64(S[p, i, c]))
+                if some:
+                    _, power, inverse, cosine, lobe = _arriving(kind, light, block, k)
+                    power *= most * max(light.red, max(light.green, light.blue))
+                    matt[p] = max(matt[p], power * cosine * inverse)
+                    if block.returns[k] > 7 and lobe > 0.0:
+                        shine = min(lobe * inverse, 1.0) ** materials.nShiny[hits.material[p]]
+                        gloss[p] = max(gloss[p], power * shine)
+
+
+@kernel
 def unlit(materials, material, Ia, Od, colour, ambient):
     """Emission + Ia·ka·Od, and the second term alone; Od, colour, ambient (n,3), Ia (3,)."""
     for p in range(len(material)):

@@ -63,6 +63,7 @@ _RANGES = {
     (Settings, "cutoff"): (0.0, 1.0),
     (Settings, "ambient"): (0.0, 1e6),
     (Settings, "filter_size"): (0.0, 10.0),
+    (Settings, "shadow_rate"): (1, 16),
     (Settings, "light_samples"): (1, 65536),
     (Settings, "seed"): (0, 2**31 - 1),
     (Camera, "width"): (1, 65536),

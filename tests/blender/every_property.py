@@ -35,6 +35,7 @@ from property_scenes import (
     slab,
     slab_in_air,
     stage,
+    under_a_lamp,
     wide_radius,
 )
 
@@ -69,6 +70,11 @@ def more_levels(before, after):
 
 def less_noisy(before, after):
     return np.abs(np.diff(after, axis=0)).mean() < 0.5 * np.abs(np.diff(before, axis=0)).mean()
+
+
+def hardly_changed(before, after):
+    difference = np.abs(after.astype(float) - before)
+    return 0 < difference.max() <= 1 / 64 and (difference**2).mean() ** 0.5 <= 1 / 512
 
 
 def brighter_spot(before, after):
@@ -110,6 +116,7 @@ ROWS = [
     Row("scene", "h", 0.2, wider),
     Row("scene", "kI", 6.0, wider),
     Row("scene", "weights", 'UNIFORM', wider, coarse),
+    Row("scene", "shadow_rate", 4, hardly_changed, under_a_lamp),
     Row("scene", "refraction", 'NONE', brighter, glass_slab),
     Row("scene", "glass", 'PAPER', darker, pane),
     Row("scene", "caustics", 'FOCUS', brighter_spot, lens),

@@ -114,6 +114,13 @@ def silhouette():
     bpy.context.scene.light_meshes.samples = 1
 
 
+def under_a_lamp():
+    """Light that differs from place to place, and shadow edges of many pixels."""
+    lamp = bpy.data.lights["Sun"]
+    lamp.type, lamp.energy = 'POINT', 300
+    bpy.context.scene.light_meshes.h = 0.2
+
+
 def sampled():
     own = bpy.context.scene.light_meshes
     own.shadows, own.light_samples = 'AREA_SAMPLING', 2

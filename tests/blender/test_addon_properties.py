@@ -30,7 +30,7 @@ def test_every_property_has_a_tooltip_and_enums_are_numbered(addon):
 def test_scene_properties_reach_the_engine(scene, add_plane, snapshot):
     add_plane()
     values = {"mode": 'RAY_CASTING', "shadows": 'AREA_SAMPLING', "h": 0.25, "kI": 2.5, "auto_h": False, "samples": 7,
-                  "light_samples": 33, "max_depth": 2, "ambient": 0.5}
+                  "light_samples": 33, "shadow_rate": 4, "max_depth": 2, "ambient": 0.5}
     snapshot(scene)  # what comes after an evaluation must reach the next one
     for key, value in values.items():
         setattr(scene.light_meshes, key, value)

@@ -19,7 +19,7 @@ from .blender import Cycles
 from .scenes import Case, sized
 
 PREPARING = ("geometry", "accelerator")
-NOT_SHADOWS = (*PREPARING, "camera rays", "secondary rays", "shading")
+NOT_SHADOWS = (*PREPARING, "camera rays", "secondary rays", "shading", "interpolation")
 COUNTS = ("triangles", "receivers", "candidates", "nodes", "node_bytes", "node_share", "long_rays", "short_rays",
           "shadow_rays", "uniform_skips", "empty_sets", "threads")
 Say = Callable[[str], None]
@@ -87,9 +87,14 @@ class Measurement:
 def timed(scene: Scene, counts: dict[str, Any]) -> dict[str, float]:
     """Seconds of one render: whole, without preparing, and the shadow stage's thread seconds; fills `counts`."""
     report = render_image(scene).statistics
-    stages = report["stages"]
     counts |= {name: report[name] for name in COUNTS if name in report}
-    counts["stages"] = stages
+    counts["stages"] = report["stages"]
+    return seconds(report)
+
+
+def seconds(report: dict[str, Any]) -> dict[str, float]:
+    """The same of the statistics of a render."""
+    stages = report["stages"]
     return {"whole": report["seconds"], "frame": report["seconds"] - sum(stages.get(n, 0.0) for n in PREPARING),
             "shadow": sum(seconds for name, seconds in stages.items() if name not in NOT_SHADOWS)}
 

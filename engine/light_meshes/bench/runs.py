@@ -21,14 +21,14 @@ from typing import Any
 from .. import snapshot
 from ..render import render_image
 from ..scene import Scene
-from . import decisions, errors, scenes
+from . import decisions, errors, rates, scenes
 from .blender import Cycles
 from .embree import ShadowRays
 from .measure import NOT_SHADOWS, Measurement, Method, Say, in_turn
 from .scenes import Case
 
 SCENES = tuple(scenes.FILES)
-PARTS = (*SCENES, "cycles", "errors", "growth", "embree", "process", "decisions")
+PARTS = (*SCENES, "cycles", "errors", "growth", "rates", "embree", "process", "decisions")
 FORMAT = "light-meshes benchmark"
 
 
@@ -47,6 +47,7 @@ class Effort:
     cycles_reference: int = 512  # samples a pixel
     triangles: tuple[int, ...] = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
     growth_lights: int = 16
+    rate_lights: int = 64
     most: float = 10.0  # seconds for all runs of a method on a scene, after the first
     most_target: float = 150.0  # the same for the methods of the targets
     seconds: float = 2400.0  # for everything: past its share of this, a part makes no second runs
@@ -68,7 +69,7 @@ class Bench:
         self._loaded: dict[str, Scene] = {}
         self.results: dict[str, Any] = {
             "format": FORMAT, "version": 1, "machine": machine(), "effort": dataclasses.asdict(effort),
-            "parts": list(parts), "scenes": [], "times": [], "errors": [], "growth": [], "embree": None,
+            "parts": list(parts), "scenes": [], "times": [], "errors": [], "growth": [], "rates": [], "embree": None,
             "process": None, "decisions": [], "notes": []}
         self.threads = os.cpu_count() or 1
 
@@ -84,6 +85,12 @@ class Bench:
                     self._scene(part, cycles)
                 elif part == "growth":
                     self._growth()
+                elif part == "rates":
+                    timed = scenes.case("S7", self._scene_of("S7"), self.effort.rate_lights)
+                    self.results["rates"] += rates.table(timed, self.effort.size, self.effort.repeats, True, self._say)
+                    for name in ("S3", "S5", "S8"):
+                        case = scenes.case(name, self._scene_of(name))
+                        self.results["rates"] += rates.table(case, self.effort.size // 2, 1, False, self._say)
                 elif part == "embree":
                     self._embree()
                 elif part == "process":

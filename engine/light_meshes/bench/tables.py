@@ -18,7 +18,8 @@ def text(results: dict[str, Any]) -> str:
                      ", ".join(f"{n} lights {ratio:.2f}" for n, ratio in ratios.items()))
     for case in results["scenes"]:
         parts += _case(results, case)
-    parts += _growth(results["growth"]) + _single(results) + _decisions(results["decisions"])
+    parts += _growth(results["growth"]) + _rates(results.get("rates", []))
+    parts += _single(results) + _decisions(results["decisions"])
     if results["notes"]:
         parts.append("\n".join(results["notes"]))
     return "\n\n".join(parts) + "\n"
@@ -91,6 +92,20 @@ def _growth(rows: Rows) -> list[str]:
     return ["Growth, S7\n" + table(["by", "at", "method", "frame", "shadows", "with preparing"], [
         [r["by"], f"{r['at']:,}", r["label"], _span(r["frame"]), _span(r["shadow"]), f"{r['whole']['median']:.2f}"]
         for r in rows])]
+
+
+def _rates(rows: Rows) -> list[str]:
+    if not rows:
+        return []
+    sharp = {(r["scene"], r["lights"]): r["frame"]["median"] for r in rows if not r["rate"]}
+    return ["Shadow rate, 4 samples a pixel, errors against rate 1\n" + table(
+        ["scene", "lights", "size", "rate", "frame", "/ RRTA", "added RMSE", "largest", "interpolated",
+         "in small blocks", "computed"],
+        [[r["scene"], str(r["lights"]), f"{r['size']}²", str(r["rate"]) if r["rate"] else "RRTA", _span(r["frame"]),
+          f"{r['frame']['median'] / sharp[r['scene'], r['lights']]:.3f}" if (r["scene"], r["lights"]) in sharp else "",
+          *([f"{r['rmse']:.2e}", f"{r['max']:.2e}"] if r["rate"] else ["", ""]),
+          *(f"{r[name]:.0%}" if r["rate"] > 1 else "" for name in ("interpolated", "refined", "computed"))]
+         for r in rows])]
 
 
 def _single(results: dict[str, Any]) -> list[str]:

@@ -1,0 +1,137 @@
+"""Soft light at sparse points of the picture: how little it changes, and where nothing is interpolated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from light_meshes.bench.targets import MAX_ADDED, RMSE_ADDED
+from light_meshes.film import Framebuffer
+from light_meshes.passes import LIGHT
+from light_meshes.prepared import Prepared
+from light_meshes.render import draw, render_image
+from light_meshes.scene import Material, SceneError
+from light_meshes.snapshot import with_setting
+from meshes import GREY, Part, assemble, box, look_at, rectangle
+from scenes import all_lights, four_lights, hall, point, settings, tabletop, with_lights, with_objects, with_settings
+
+FINE = {"samples": 4, "filter_size": 1.5, "mode": "WHITTED"}
+PASSES = ("Combined", "Depth", "Normal", "Debug Candidates", *LIGHT)
+
+
+def still_life(width=96, **values):
+    """Four lights, a glossy ball that mirrors a little, and a pane of glass before some of it."""
+    scene = four_lights(width, **(FINE | values))
+    ball = replace(scene.materials[1], mirror=(0.2, 0.2, 0.3))
+    return replace(scene, materials=(scene.materials[0], ball, *scene.materials[2:]))
+
+
+def glass(width=96, **values):
+    pane = Material("glass", kd=0.1, kt=(0.7, 0.8, 0.6), ks=0.3, nShiny=20.0)
+    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+             Part(box((-0.5, -0.1, 0.0), (0.9, 0.1, 1.1)), pane, "pane")]
+    return assemble(parts, look_at((2.5, -4.5, 3.0), (0, 0, 0.4), 40, width, width), [point((1.5, 2.0, 3.0), 4.0)],
+                    settings(**(FINE | {"h": 0.08} | values)))
+
+
+def error(scene, rate=4):
+    """The picture's difference from that of rate 1, and what the statistics say."""
+    exact, sparse = render_image(scene), render_image(with_settings(scene, shadow_rate=rate))
+    difference = np.abs(exact.passes["Combined"].astype(np.float64) - sparse.passes["Combined"])
+    return difference, sparse.statistics
+
+
+@pytest.mark.parametrize("scene", [
+    tabletop(160, **FINE), still_life(160), still_life(160, weights="SMOOTH", samples=1),
+    hall(16, width=160, h=0.1, **FINE), hall(100, width=160, h=0.1, **FINE), glass(160),
+], ids=["one light", "four lights", "smooth weights, one sample", "sixteen lights", "a hundred lights", "glass"])
+@pytest.mark.parametrize("rate", [4, 8])
+def test_it_adds_less_than_can_be_seen(scene, rate):
+    difference, statistics = error(scene, rate)
+    assert np.sqrt((difference**2).mean()) <= RMSE_ADDED and difference.max() <= MAX_ADDED
+    shares = np.array([statistics[name] for name in ("interpolated", "refined", "computed")])
+    assert shares.sum() <= statistics["camera_rays"]
+    assert shares[:2].sum() > 0.3 * shares.sum() and shares[2] > 0
+    assert statistics["points"] < shares.sum() and difference.max() > 0
+
+
+def test_many_lights_need_fewer_shadow_rays():
+    scene = hall(100, width=160, h=0.1, **FINE)
+    exact, sparse = (render_image(with_settings(scene, shadow_rate=rate)).statistics for rate in (1, 4))
+    assert sparse["receivers"] < 0.85 * exact["receivers"] and sparse["short_rays"] < 0.85 * exact["short_rays"]
+    assert "between points" in sparse["plan"]["shadow rate"]
+
+
+def test_at_rate_1_there_is_none_of_it():
+    scene = still_life(48)
+    assert scene.settings.shadow_rate == 1 and Prepared(scene).sparse is None
+    report = render_image(scene).statistics
+    assert "interpolation" not in report["stages"] and "shadow rate" not in report["plan"]
+
+
+@pytest.mark.parametrize("scene", [still_life(), still_life(samples=1), glass()], ids=["opaque", "1 sample", "glass"])
+@pytest.mark.parametrize("lens", [0.0, 0.05])
+def test_tiles_and_threads_give_the_same_bits_and_a_crop_is_a_part(scene, lens):
+    camera = replace(scene.camera, lens_radius=lens, focus_distance=5.0)
+    scene = with_settings(replace(scene, camera=camera), shadow_rate=4)
+    whole = render_image(scene, PASSES, threads=1, tile_size=96)
+    assert whole.statistics["interpolated"] > 0 and whole.statistics["refined"] > 0
+    for threads, tile in ((2, 32), (1, 7)):
+        other = render_image(scene, PASSES, threads=threads, tile_size=tile)
+        for name in PASSES:
+            np.testing.assert_array_equal(whole.passes[name], other.passes[name], err_msg=name)
+    crop = render_image(replace(scene, camera=replace(camera, crop=(13, 21, 62, 38))), PASSES)
+    for name in PASSES:
+        np.testing.assert_array_equal(whole.passes[name][21:38, 13:62], crop.passes[name], err_msg=name)
+
+
+def test_passes_change_nothing_and_add_up():
+    scene = with_settings(still_life(), shadow_rate=4)
+    alone, all_of = render_image(scene).passes["Combined"], render_image(scene, PASSES).passes
+    np.testing.assert_allclose(all_of["Combined"], alone, atol=1e-6)
+    np.testing.assert_allclose(sum(all_of[name] for name in LIGHT), all_of["Combined"][..., :3], atol=1e-5)
+    exact = render_image(with_settings(scene, shadow_rate=1), PASSES).passes
+    for name in ("Depth", "Normal", "Environment", "Emission", "Ambient"):
+        np.testing.assert_array_equal(all_of[name], exact[name], err_msg=name)
+    for name in ("Diffuse", "Glossy"):
+        assert np.sqrt(((all_of[name] - exact[name])**2).mean()) < RMSE_ADDED
+    assert 0 < (all_of["Debug Candidates"] > 0).sum() < (exact["Debug Candidates"] > 0).sum()
+    with_shadows = render_image(scene, ("Combined", "Shadow"))
+    np.testing.assert_array_equal(with_shadows.passes["Combined"], exact["Combined"])
+    assert "shadow passes" in with_shadows.statistics["plan"]["shadow rate"]
+
+
+def test_other_shadows_and_what_takes_none_stay_as_they_are():
+    scene = still_life()
+    for other in (with_settings(scene, shadows="SHARP"), with_settings(scene, shadows="AREA_SAMPLING", light_samples=4),
+                  all_lights(scene, soft_shadows=False), with_objects(scene, box={"cast_soft_shadows": False}),
+                  with_settings(scene, mode="LOCAL")):
+        difference, _ = error(other)
+        assert not difference.any()
+    scene = with_settings(with_objects(scene, floor={"receive_soft_shadows": False}), samples=1)
+    difference, statistics = error(scene)
+    floor = render_image(scene, ("Position",)).passes["Position"][..., 2] < 1e-3
+    assert statistics["refined"] > 0 and difference.max() > 0 and not difference[floor].any()
+
+
+def test_sharp_lights_are_computed_at_each_sample_beside_smooth_ones():
+    scene = still_life(160)
+    scene = with_lights(scene, replace(scene.lights[0], soft_shadows=False), *scene.lights[1:])
+    difference, statistics = error(scene)
+    exact = render_image(scene).statistics
+    assert statistics["refined"] > 0 and 0 < difference.max() <= MAX_ADDED
+    assert np.sqrt((difference**2).mean()) <= RMSE_ADDED
+    assert exact["empty_sets"] == 0 and statistics["shadow_rays"] == exact["shadow_rays"] > 0
+
+
+def test_kept_nodes_give_the_same_picture():
+    scene = with_settings(still_life(), shadow_rate=4)
+    first = Prepared(scene)
+    pictures = [draw(ready, Framebuffer.create(scene, ("Combined",))).passes["Combined"]
+                for ready in (first, Prepared(scene, previous=first))]
+    np.testing.assert_array_equal(*pictures)
+
+
+@pytest.mark.parametrize("value", ["0", "17", "2.5", "fast"])
+def test_a_bad_rate_is_named(value):
+    with pytest.raises(SceneError, match="shadow_rate"):
+        with_setting(still_life().settings, "shadow_rate", value)
