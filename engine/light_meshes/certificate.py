@@ -276,7 +276,9 @@ def _filled(s, wanted, body, cell):
                 continue
             if again:  # as neighbours often are
                 continue
-            last[:], whose = box, body[t]
+            whose = body[t]
+            for j in range(3):
+                last[0, j], last[1, j] = box[0, j], box[1, j]
             for i in range(box[0, 0], box[1, 0] + 1):
                 for j in range(box[0, 1], box[1, 1] + 1):
                     for k in range(box[0, 2], box[1, 2] + 1):
