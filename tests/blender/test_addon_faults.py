@@ -184,8 +184,8 @@ exec {python} "$@"
 
 
 @pytest.mark.parametrize("event", [
-    '{"event": "ready"}', '{"event": "ready", "folder": "%s"}', '{"event": "done", "id": [1]}',
-    '{"event": "done", "id": 1, "statistics": {}}', '{"event": "progress", "id": 1, "fraction": NaN, "stage": ""}'])
+    '{"event": "ready", "folder": "%s"}', '{"event": "done", "id": [1]}',
+    '{"event": "progress", "id": 1, "fraction": NaN, "stage": ""}'])
 def test_an_event_that_is_not_as_it_should_be(run, tmp_path, event):
     """It is refused at once, and a folder that is no engine's is not taken for one, nor removed."""
     (tmp_path / "precious").mkdir()
