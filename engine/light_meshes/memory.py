@@ -53,10 +53,11 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
     glass = any(m.alpha < 1 or m.alpha_image >= 0 or any(m.kt) for m in scene.materials)
     most = RAYS * LARGER if scene.settings.shadow_rate > 1 else RAYS
     rays = min(most, pixels * scene.settings.samples / (4 * threads))
-    work = rays * RAY + min(rays * lights, 1 << 22) * (LIT + 8 * glass)
+    shaded = min(rays * lights, 1 << 22)  # receivers × lights at once
+    work = rays * RAY + shaded * (LIT + 8 * glass)
     if scene.settings.shadows == "LIGHT_MESHES":
         near = 2 * np.pi / 3 * scene.settings.kI**3  # nodes of a receiver; a batch shares most of them
-        work += min(rays * near, 1 << 20) * CANDIDATE + min(rays, 1 << 14) * 3 * (24 * lights if glass else lights / 2)
+        work += min(rays * near, 1 << 20) * CANDIDATE + 3 * shaded * (24 if glass else 0.5)
     return [
         Part(BASE, "the engine itself", "close other programs"),
         _triangles(scene, glass),
