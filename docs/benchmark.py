@@ -1,17 +1,19 @@
-"""Put what `light-meshes bench --out FOLDER` measured into docs/speed.md: `python docs/benchmark.py FOLDER`.
+"""Put what `light-meshes bench --out FOLDER` measured into speed.md and README.md: `python docs/benchmark.py FOLDER`.
 
 Between the marks <!-- bench: NAME --> and <!-- end --> stands what the function NAME here makes of the results.
 """
 
 import json
+import os
 import re
 import shutil
 import sys
 from pathlib import Path
 
-from light_meshes.bench.targets import own_rows
+from light_meshes.bench.targets import break_even, own_rows, speed_ratios
 
-PAGE = Path(__file__).with_name("speed.md")
+DOCS = Path(__file__).parent
+PAGES = DOCS / "speed.md", DOCS.parent / "README.md"
 NOT_MEASURED = "Not measured yet."
 BLOCK = re.compile(r"(<!-- bench: (\w+) -->\n).*?(\n<!-- end -->)", re.S)
 
@@ -62,31 +64,43 @@ def decisions(results, figure):
           r["taken"], r["other"]] for r in results["decisions"]])
 
 
+def main(results, figure):
+    ratios = speed_ratios(results)
+    even = break_even(ratios)
+    faster = f"faster from about {even:.0f} lamps on" if even else "not faster with as many lamps as were measured"
+    return ratios and (
+        f"In a hall of {max(r['triangles'] for r in own_rows(results, 'S7', 4)):,} triangles light meshes are {faster} "
+        "than sharp shadows by ray tracing (**break-even**), and take " + ", ".join(
+            f"{ratios[n]:.2g} of their time with {n}" for n in sorted(ratios)) + "." + figure(
+            "error-sphere", "Error against a lamp with a size, by seconds a frame, for light meshes, area sampling and "
+            "Cycles"))
+
+
 def all_tables(results, figure):
     return f"<details><summary>table.txt</summary>\n\n```text\n{results['text'].strip()}\n```\n\n</details>"
 
 
 MAKE = {"machine": machine, "lights": lights, "errors": errors, "growth": growth, "targets": targets,
-        "decisions": decisions, "all": all_tables}
+        "decisions": decisions, "all": all_tables, "main": main}
 
 
-def insert(folder, page=PAGE):
-    """Fill the blocks of `page` by the results in `folder`, and copy their figures beside it."""
+def insert(folder, pages=PAGES, pictures=DOCS / "pictures"):
+    """Fill the blocks of `pages` by the results in `folder`, and copy their figures into `pictures`."""
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     results["text"] = (folder / "table.txt").read_text(encoding="utf-8")
+    pictures.mkdir(exist_ok=True)
+    for page in pages:
+        def figure(name, title, page=page):
+            source, copy = folder / f"{name}.svg", pictures / f"bench-{name}.svg"
+            if not source.is_file():
+                return ""
+            shutil.copy(source, copy)
+            return f"\n\n![{title}]({Path(os.path.relpath(copy, page.parent)).as_posix()})"
 
-    def figure(name, title):
-        source = folder / f"{name}.svg"
-        if not source.is_file():
-            return ""
-        (page.parent / "pictures").mkdir(exist_ok=True)
-        shutil.copy(source, page.parent / "pictures" / f"bench-{name}.svg")
-        return f"\n\n![{title}](pictures/bench-{name}.svg)"
-
-    def filled(block):
-        said = (MAKE[block[2]](results, figure) or NOT_MEASURED).strip()
-        return block[1] + said + block[3]
-    page.write_text(BLOCK.sub(filled, page.read_text(encoding="utf-8")), encoding="utf-8")
+        def filled(block, figure=figure):
+            said = (MAKE[block[2]](results, figure) or NOT_MEASURED).strip()
+            return block[1] + said + block[3]
+        page.write_text(BLOCK.sub(filled, page.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":

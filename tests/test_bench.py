@@ -282,16 +282,16 @@ def test_what_was_measured_goes_into_the_documentation(tiny, tmp_path):
     found, table, folder = tiny
     plots.draw(found, folder)
     script = runpy.run_path(str(Path(__file__).parent.parent / "docs" / "benchmark.py"))
-    page = tmp_path / "speed.md"
-    shutil.copy(script["PAGE"], page)
-    script["insert"](folder, page)
-    said = page.read_text(encoding="utf-8")
+    pages = [Path(shutil.copy(page, tmp_path)) for page in script["PAGES"]]
+    script["insert"](folder, pages, tmp_path / "pictures")
+    said = pages[0].read_text(encoding="utf-8")
     assert all(f"| {r['what']} |" in said for r in found["targets"]) and table.strip() in said
     pictures = re.findall(r"\]\((pictures/.*)\)", said)
     assert "pictures/bench-error-sphere.svg" in pictures and all((tmp_path / p).is_file() for p in pictures)
     assert said.count(script["NOT_MEASURED"]) == 3  # the hall's lamps, its growth, and decisions
-    script["insert"](folder, page)
-    assert page.read_text(encoding="utf-8") == said
+    assert "bench: main" in pages[1].read_text(encoding="utf-8")
+    script["insert"](folder, pages, tmp_path / "pictures")
+    assert pages[0].read_text(encoding="utf-8") == said
 
 
 @needs_blender
