@@ -11,6 +11,7 @@ from light_meshes import film, memory, snapshot
 from light_meshes.prepared import Prepared
 from light_meshes.render import draw
 from light_meshes.scene import SceneError
+from light_meshes.statistics import peak_memory
 from scenes import hall, point, tabletop, with_lights, with_settings
 
 GIB = 1 << 30
@@ -76,19 +77,20 @@ def test_where_it_will_be_close_a_warning_says_so(monkeypatch):
 
 
 MEASURE = """
-import resource, sys
+import sys
 sys.path.insert(0, sys.argv[1])
 from light_meshes import compiled
 from light_meshes.film import Framebuffer
 from light_meshes.prepared import Prepared
 from light_meshes.render import draw
+from light_meshes.statistics import peak_memory
 from scenes import hall
 kernels = []
 compiled.watch(lambda *_: kernels.append(1))
 scene = hall(*map(int, sys.argv[2:6]), h=float(sys.argv[6]))
 ready = Prepared(scene)
 draw(ready, Framebuffer.create(scene, ("Combined",)))
-print(len(kernels), ready.memory, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+print(len(kernels), ready.memory, peak_memory())
 """
 
 
@@ -116,6 +118,13 @@ def test_the_nodes_that_are_expected_come_to_be():
     draw(ready, film.Framebuffer.create(scene, ("Combined",)))
     expected = float(memory.nodes(ready).what.split()[1].replace(",", ""))
     assert 0.5 < expected / ready.soft.store.count < 2
+
+
+def test_peak_memory_is_that_of_the_process_and_not_of_what_started_it():
+    here = np.ones(60_000_000)  # 480 MB
+    code = "from light_meshes.statistics import peak_memory; print(peak_memory())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 5e6 < int(done.stdout) < here.nbytes < peak_memory()
 
 
 def test_available_memory():
