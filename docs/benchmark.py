@@ -70,8 +70,8 @@ def main(results, figure):
     faster = f"faster from about {even:.0f} lamps on" if even else "not faster with as many lamps as were measured"
     return ratios and (
         f"In a hall of {max(r['triangles'] for r in own_rows(results, 'S7', 4)):,} triangles light meshes are {faster} "
-        "than sharp shadows by ray tracing (**break-even**), and take " + ", ".join(
-            f"{ratios[n]:.2g} of their time with {n}" for n in sorted(ratios)) + "." + figure(
+        "than\nsharp shadows by ray tracing (**break-even**). Of their time they take " + ", ".join(
+            f"{ratios[n]:.2g} with {n}" for n in sorted(ratios)) + "." + figure(
             "error-sphere", "Error against a lamp with a size, by seconds a frame, for light meshes, area sampling and "
             "Cycles"))
 
@@ -91,7 +91,7 @@ def insert(folder, pages=PAGES, pictures=DOCS / "pictures"):
     pictures.mkdir(exist_ok=True)
     for page in pages:
         def figure(name, title, page=page):
-            source, copy = folder / f"{name}.svg", pictures / f"bench-{name}.svg"
+            source, copy = folder / f"{name}.png", pictures / f"bench-{name}.png"
             if not source.is_file():
                 return ""
             shutil.copy(source, copy)

@@ -287,7 +287,7 @@ def test_what_was_measured_goes_into_the_documentation(tiny, tmp_path):
     said = pages[0].read_text(encoding="utf-8")
     assert all(f"| {r['what']} |" in said for r in found["targets"]) and table.strip() in said
     pictures = re.findall(r"\]\((pictures/.*)\)", said)
-    assert "pictures/bench-error-sphere.svg" in pictures and all((tmp_path / p).is_file() for p in pictures)
+    assert "pictures/bench-error-sphere.png" in pictures and all((tmp_path / p).is_file() for p in pictures)
     assert said.count(script["NOT_MEASURED"]) == 3  # the hall's lamps, its growth, and decisions
     assert "bench: main" in pages[1].read_text(encoding="utf-8")
     script["insert"](folder, pages, tmp_path / "pictures")

@@ -61,6 +61,15 @@ def test_many_lights_need_fewer_shadow_rays():
     assert "between points" in sparse["plan"]["shadow rate"]
 
 
+def test_caustics_are_computed_at_each_sample():
+    """They may be as sharp as they like: of one the largest difference was twice what is allowed."""
+    scene = glass()
+    scene = replace(scene, materials=tuple(replace(m, ior=1.5) if m.name == "glass" else m for m in scene.materials))
+    difference, statistics = error(with_settings(scene, refraction="FULL"))
+    assert not difference.any() and "bent" in statistics["plan"]["shadow rate"]
+    assert error(with_settings(scene, refraction="VIEW"))[0].any()
+
+
 def test_at_rate_1_there_is_none_of_it():
     scene = still_life(48)
     assert scene.settings.shadow_rate == 1 and Prepared(scene).sparse is None

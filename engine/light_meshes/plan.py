@@ -95,6 +95,7 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         soft = p.shadows == "LIGHT_MESHES"
         why_not = ("only light meshes' shadows are smooth" if not soft else
                    "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
+                   "light that glass has bent may change from pixel to pixel" if p.paths else
                    "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
         p.shadow_rate = 1 if why_not else s.shadow_rate
         decide("shadow rate", p.shadow_rate, why_not or

@@ -38,7 +38,7 @@ def _save(figure: Any, path: Path) -> list[Path]:
 
     paths = [path.with_suffix(suffix) for suffix in (".svg", ".png")]
     for p in paths:
-        figure.savefig(p, dpi=130)
+        figure.savefig(p, dpi=80)
     plt.close(figure)
     return paths
 
