@@ -1,6 +1,7 @@
 """What the artist sets: on the scene, on a view layer, on a light, on an object, on a material."""
 
 import bpy
+from bpy.app.handlers import persistent
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty
 
 
@@ -8,6 +9,28 @@ def _changed(settings, context):
     # Without this Blender hands the old values to the render: an add-on's properties
     # reach evaluated data only when their owner is tagged.
     settings.id_data.update_tag()
+
+
+def _refraction_changed(settings, context):
+    # Written down, so that `caustics` tells this file from one of an earlier release.
+    if settings.refraction == 'FULL' and not settings.is_property_set("caustics"):
+        settings.caustics = settings.caustics
+    _changed(settings, context)
+
+
+def caustics_of(settings):
+    """The scene's caustics: files in which light bends and nothing was chosen are of releases that began with PAPER."""
+    if settings.refraction == 'FULL' and not settings.is_property_set("caustics"):
+        return 'PAPER'
+    return settings.caustics
+
+
+@persistent
+def _show_old_choices(_file):
+    for scene in bpy.data.scenes:
+        own = scene.light_meshes
+        if own.caustics != caustics_of(own):
+            own.caustics = caustics_of(own)
 
 
 def _passes_changed(settings, context):
@@ -80,7 +103,7 @@ class LightMeshesScene(bpy.types.PropertyGroup):
             ('VIEW', "View", "What is seen through glass is bent; shadows fall straight through it", 1),
             ('FULL', "Full", "Shadows too: glass gathers and spreads light as a lens does. Slower", 2),
         ),
-        default='VIEW', update=_changed,
+        default='VIEW', update=_refraction_changed,
     )
     glass: EnumProperty(
         name="Soft Shadows at Glass",
@@ -96,10 +119,11 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         name="Caustics",
         description="How bright light is that glass has bent",
         items=(
-            ('PAPER', "Paper", "Each way through the glass counts with what the glass lets through", 0),
+            ('PAPER', "Paper", "Each way through the glass counts with what the glass lets through, as published: "
+             "behind a lens there is more light than fell on it", 0),
             ('FOCUS', "Focus", "Ways also count with how closely glass gathers light: a lens makes a bright spot", 1),
         ),
-        default='PAPER', update=_changed,
+        default='FOCUS', update=_changed,
     )
     leak_free: BoolProperty(
         name="No Leaks",
@@ -288,9 +312,11 @@ def register() -> None:
     for owner, group in _GROUPS.items():
         bpy.utils.register_class(group)
         owner.light_meshes = PointerProperty(type=group)
+    bpy.app.handlers.load_post.append(_show_old_choices)
 
 
 def unregister() -> None:
+    bpy.app.handlers.load_post.remove(_show_old_choices)
     for owner, group in _GROUPS.items():
         del owner.light_meshes
         bpy.utils.unregister_class(group)

@@ -11,6 +11,7 @@ def make():
     tabletop.build()
     bpy.context.scene.light_meshes.max_depth = 8
     bpy.context.scene.light_meshes.mode = 'WHITTED'
+    bpy.context.scene.light_meshes.caustics = 'PAPER'
     whitted(bpy.data.materials["Cylinder"], kd=0.3, kt=(0.7, 0.7, 0.7), ior=1.5)
     save("cylinder")
     build_lens()

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from itertools import islice
 
+from ..properties import caustics_of
 from . import lights, linking, world
 from .geometry import Geometry
 from .materials import Materials
@@ -65,7 +66,8 @@ def settings(scene, view_layer) -> dict:
     own = scene.light_meshes
     return {name: getattr(own, name) for name in (
         "mode", "shadows", "h", "kI", "auto_h", "weights", "shadow_rate", "light_samples", "max_depth", "ambient",
-        "refraction", "glass", "caustics", "leak_free")} | {
+        "refraction", "glass", "leak_free")} | {
+        "caustics": caustics_of(own),
         "samples": min(view_layer.samples, MOST_SAMPLES) or own.samples,
         # The engine's filter is never wider than 10 pixels; Blender's slider goes on.
         "filter_size": min(scene.render.filter_size, 10.0),

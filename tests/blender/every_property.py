@@ -77,8 +77,8 @@ def hardly_changed(before, after):
     return 0 < difference.max() <= 1 / 64 and (difference**2).mean() ** 0.5 <= 1 / 512
 
 
-def brighter_spot(before, after):
-    return after.max() > 1.2 * before.max()
+def dimmer_spot(before, after):
+    return before.max() > 1.2 * after.max()
 
 
 class Row(NamedTuple):
@@ -119,7 +119,7 @@ ROWS = [
     Row("scene", "shadow_rate", 4, hardly_changed, under_a_lamp),
     Row("scene", "refraction", 'NONE', brighter, glass_slab),
     Row("scene", "glass", 'PAPER', darker, pane),
-    Row("scene", "caustics", 'FOCUS', brighter_spot, lens),
+    Row("scene", "caustics", 'PAPER', dimmer_spot, lens),
     Row("scene", "leak_free", True, darker, below_a_table),
     Row("scene", "samples", 32, more_levels, silhouette),
     Row("scene", "light_samples", 256, less_noisy, sampled),

@@ -195,7 +195,7 @@ def below_a_table():
     lamp.energy = 500
     add(lamp, location=(-1, 0, 4))
     own = bpy.context.scene.light_meshes
-    own.h, own.refraction = 0.03, 'FULL'
+    own.h, own.refraction, own.caustics = 0.03, 'FULL', 'PAPER'
     bpy.context.scene.camera.location.x = 0.05
     bpy.context.scene.camera.data.ortho_scale = 0.09
 

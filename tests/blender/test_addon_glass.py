@@ -1,5 +1,7 @@
 """Blender's transparent materials become kt, IOR and alpha; the settings of refraction reach the engine."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
@@ -120,7 +122,36 @@ def test_overrides(translated, node_material):
 def test_settings_of_refraction_reach_the_engine(scene, add_plane, snapshot):
     add_plane()
     own = scene.light_meshes
-    assert (own.refraction, own.glass, own.caustics, own.leak_free) == ('VIEW', 'BOUNDED', 'PAPER', False)
-    own.refraction, own.glass, own.caustics, own.leak_free = 'FULL', 'PAPER', 'FOCUS', True
+    assert (own.refraction, own.glass, own.caustics, own.leak_free) == ('VIEW', 'BOUNDED', 'FOCUS', False)
+    own.refraction, own.glass, own.caustics, own.leak_free = 'FULL', 'PAPER', 'PAPER', True
     found = snapshot(scene).settings
-    assert (found.refraction, found.glass, found.caustics, found.leak_free) == ('FULL', 'PAPER', 'FOCUS', True)
+    assert (found.refraction, found.glass, found.caustics, found.leak_free) == ('FULL', 'PAPER', 'PAPER', True)
+
+
+def test_light_that_bends_is_focused_unless_an_earlier_release_saved_the_file(addon, scene, snapshot, tmp_path):
+    """full_of_0.1.blend was saved by release 0.1, whose default was Paper: it keeps it, and the panel shows it."""
+    def caustics(scene):
+        return walk.settings(scene, scene.view_layers[0])["caustics"]
+
+    walk = addon.export.walk
+    scene.light_meshes.refraction = 'FULL'
+    assert caustics(scene) == scene.light_meshes.caustics == 'FOCUS'
+    new, old = str(tmp_path / "new.blend"), str(Path(__file__).with_name("full_of_0.1.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=new)
+    bpy.ops.wm.open_mainfile(filepath=new)
+    assert snapshot(bpy.context.scene).settings.caustics == bpy.context.scene.light_meshes.caustics == 'FOCUS'
+    bpy.ops.wm.open_mainfile(filepath=old)
+    saved = bpy.data.scenes["Scene"]
+    assert caustics(bpy.context.evaluated_depsgraph_get().scene_eval) == 'PAPER'
+    assert caustics(saved) == saved.light_meshes.caustics == 'PAPER'
+    saved.light_meshes.refraction = 'VIEW'
+    saved.light_meshes.refraction = 'FULL'
+    assert caustics(saved) == 'PAPER'
+    viewed = bpy.data.scenes["Viewed"].light_meshes  # light did not bend there: it is as in a new scene
+    viewed.refraction = 'FULL'
+    assert viewed.caustics == 'FOCUS'
+    # Appended, not opened: nobody told the add-on that a file was read.
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(old) as (_, to):
+        to.scenes = ["Scene"]
+    assert caustics(to.scenes[0]) == 'PAPER'
