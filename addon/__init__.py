@@ -1,5 +1,10 @@
 """Light Meshes: a Blender render engine with noise-free soft shadows from point lights."""
 
+import sys
+
+if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:
+    del sys.path[0]  # run as a program: nothing of the current folder is run
+
 from . import operators, preferences, properties, render_engine, ui
 
 # Properties before the operators and panels that use them, the engine last: it may render as soon as it is known.

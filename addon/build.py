@@ -112,7 +112,7 @@ def manifest(platform: str, python: Python, wheels: list[str]) -> str:
 def download(platform: str, python: Python, folder: Path) -> list[Path]:
     """The wheels of wheels.txt for one platform and Python, in `folder`."""
     places = [word for tag in PLATFORMS[platform] for word in ("--platform", tag)]
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
+    command = [sys.executable, "-P", "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
                "--only-binary=:all:", "--require-hashes", "--implementation", "cp", "--python-version", python.version,
                *places, "--dest", str(folder), "--requirement", str(ADDON / "wheels.txt")]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -6,7 +6,11 @@ from . import session
 
 
 def _python_changed(preferences, context):
-    session.set_python(bpy.path.abspath(preferences.python))
+    if preferences.python.startswith("//"):
+        # Blender's file browser may give a path by the open file's folder. Another file does not choose another Python.
+        preferences.python = bpy.path.abspath(preferences.python)  # comes back here
+    else:
+        session.set_python(preferences.python)
 
 
 class LightMeshesPreferences(bpy.types.AddonPreferences):

@@ -7,6 +7,7 @@ does not outlive Blender, however Blender ends.
 
 import collections
 import contextlib
+import errno
 import json
 import os
 import queue
@@ -23,9 +24,12 @@ from pathlib import Path
 from . import events
 
 MODULE = "light_meshes.service"
+# Nothing of the current folder is run, which Python's -m would put in front; every Python knows this, unlike -P.
+_START = f"import sys; sys.path[:] = [p for p in sys.path if p]; import runpy; runpy.run_module({MODULE!r}, " \
+    "run_name='__main__')"
 # Blender's own Python looks for packages where Blender does. Blender's path alone has those of an extension, and none
 # that the user has for another Python.
-_OWN_START = f"import runpy, sys; sys.path[:] = sys.argv[1:]; runpy.run_module({MODULE!r}, run_name='__main__')"
+_OWN_START = f"import sys; sys.path[:] = dict.fromkeys(sys.argv[1:] + sys.path); {_START}"
 POLITENESS = 5  # POSIX's niceness of a polite engine
 LAST_EVENTS = events.LAST
 # What may be behind the signal that ended an engine.
@@ -291,14 +295,38 @@ def set_cache(folder: str) -> None:
 
 def _command(python: str) -> list[str]:
     if python != sys.executable:
-        return [python, "-m", MODULE]
-    return [python, "-I", "-c", _OWN_START, *(str(Path(p).absolute()) for p in sys.path if p and Path(p).exists())]
+        return [_program(python), "-c", _START]
+    named, here = _python_path(), os.path.realpath(_current_folder())
+    paths = [p for p in sys.path if p and Path(p).exists() and (p in named or os.path.realpath(p) != here)]
+    return [python, "-I", "-c", _OWN_START, *(str(Path(p).absolute()) for p in paths)]
+
+
+def _program(name: str) -> str:
+    """The program that `name` means, which is never one of the current folder, unless its path is given."""
+    if Path(name).name != name:
+        return name
+    for folder in os.get_exec_path():
+        found = Path(folder).is_absolute() and shutil.which(str(Path(folder, name)))
+        if found:
+            return found
+    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+
+
+def _current_folder() -> str:
+    try:
+        return os.getcwd()  # noqa: PTH109
+    except OSError:  # it was removed
+        return ""
+
+
+def _python_path() -> list[str]:
+    """The folders that PYTHONPATH names; an empty entry or "." would be the current one."""
+    return [p for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p and os.path.normpath(p) != os.curdir]
 
 
 def _environment(python: str) -> dict[str, str]:
-    if not _cache or python != sys.executable:
-        return dict(os.environ)
-    return {"LIGHT_MESHES_CACHE": _cache} | os.environ
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(_python_path())}  # an empty one counts as none
+    return {"LIGHT_MESHES_CACHE": _cache} | environment if _cache and python == sys.executable else environment
 
 
 def current(purpose: str = RENDER) -> Session:

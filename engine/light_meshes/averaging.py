@@ -8,9 +8,8 @@ ring (L,) is each light's class, and m (n,K) the size of the set of each class. 
 from __future__ import annotations
 
 import numpy as np
-from numba.cpython.unsafe.numbers import trailing_zeros
 
-from .compiled import kernel, part
+from .compiled import kernel, part, trailing_zeros
 
 # How wide the blur is: a light of radius ρ seen past an edge has variance ρ²/4, the mean over the half-ball this
 # share of r².

@@ -30,15 +30,28 @@ def driver() -> list[str]:
     if addon is None or addon.origin is None:
         raise SceneError("the add-on is not installed beside the engine: install the project with pip again")
     if importlib.util.find_spec("bpy"):
-        return [sys.executable, "-m", "light_meshes_addon.headless"]
-    blender = shutil.which("blender")
-    if blender:
+        return [sys.executable, "-P", "-m", "light_meshes_addon.headless"]
+    found = blender()
+    if found:
         script = Path(addon.origin).with_name("headless.py")
-        return [blender, "-b", "--factory-startup", "-P", str(script), "--"]
+        return [found, "-b", "--factory-startup", "-P", str(script), "--"]
     raise SceneError(
         "a .blend file needs Blender to read it: install the 'blender' extra of this project with Python 3.11 or 3.13 "
         f"(bpy has wheels for no others; this is {sys.version_info.major}.{sys.version_info.minor}), or put a blender "
         "of version 4.2 or later on the PATH")
+
+
+def blender() -> str | None:
+    """The `blender` on the PATH, of which entries that mean the current folder do not count."""
+    folders = filter(os.path.isabs, os.get_exec_path())
+    return next(filter(None, (shutil.which(str(Path(folder, "blender"))) for folder in folders)), None)
+
+
+def environment() -> dict[str, str]:
+    """Ours for a child, whose PYTHONPATH does not mean the current folder by an empty entry or "."."""
+    folders = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    named = [folder for folder in folders if folder and os.path.normpath(folder) != os.curdir]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(named)}  # an empty one counts as none
 
 
 def render(file: Path, output: Path, frames: str | None, resume: bool, changes: Changes,
@@ -74,7 +87,7 @@ def _events(arguments: list[str], changes: Changes, debug: bool) -> Iterator[dic
     command = driver() + arguments + [word for key, value in changes for word in ("--set", f"{key}={value}")]
     # Whatever Python Blender has inside, the engine runs in this one.
     child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                             text=True, errors="replace", env=os.environ | {"LIGHT_MESHES_PYTHON": sys.executable})
+                             text=True, errors="replace", env=environment() | {"LIGHT_MESHES_PYTHON": sys.executable})
     assert child.stdout is not None
     tail: collections.deque[str] = collections.deque(maxlen=5)
     error = ""

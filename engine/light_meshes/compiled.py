@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import shutil
@@ -10,8 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numba
-from numba.core import event
+# numba obeys a .numba_config.yaml of the current folder, whoever put it there: now, and whenever it compiles.
+with contextlib.chdir(Path(sys.executable).parent) if Path(".numba_config.yaml").exists() else contextlib.nullcontext():
+    import numba
+    from numba.core import config, event
+    from numba.cpython.unsafe.numbers import trailing_zeros as trailing_zeros
+config._config_fname = os.devnull
 
 KEPT = 4  # caches of other versions that stay, as an installed engine and a checkout may take turns
 USUAL = 55  # kernels of a picture without glass

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,7 +14,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ..blend import MARK
+from ..blend import MARK, blender, environment
 from ..scene import SceneError
 from .scenes import Case, blend_folder, sized
 
@@ -27,14 +26,14 @@ class Cycles:
         script = str(blend_folder() / "direct_light.py")
         if importlib.util.find_spec("bpy"):
             command = [sys.executable, script]
-        elif blender := shutil.which("blender"):
-            command = [blender, "-b", "--factory-startup", "-P", script]
+        elif found := blender():
+            command = [found, "-b", "--factory-startup", "-P", script]
         else:
             raise SceneError("Cycles needs Blender: install the 'blender' extra or put a blender on the PATH")
         self.version = ""
         self._folder = tempfile.TemporaryDirectory(prefix="light-meshes-")
         self._child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                       stderr=subprocess.DEVNULL, text=True, errors="replace")
+                                       stderr=subprocess.DEVNULL, text=True, errors="replace", env=environment())
 
     def __enter__(self) -> Cycles:
         return self

@@ -223,7 +223,7 @@ class Bench:
         snapshot.write(scene, folder)
         done = []
         for _ in range(min(3, self.effort.repeats)):
-            child = subprocess.run([sys.executable, "-c", _FIRST, str(folder)], capture_output=True, text=True,
+            child = subprocess.run([sys.executable, "-P", "-c", _FIRST, str(folder)], capture_output=True, text=True,
                                    check=True)
             done.append(json.loads(child.stdout))
             self._say("a fresh process: imports {import:.2f} s, first render {first:.2f}, later {later:.2f}".format(
