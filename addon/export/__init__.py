@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from . import preview
+from . import left_out, preview
 from .camera import border, frame
 from .geometry import Geometry
 from .materials import Materials
@@ -24,7 +24,8 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides
     overrides = {"settings": {}, "lights": {}} | (overrides or {})
     report = Report()
     scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-    _refuse(scene, view_layer, report)
+    _refuse(scene)
+    left_out.settings(scene, view_layer, report)
     camera = frame(engine, scene, depsgraph, report)
     materials = Materials(report, folder, depsgraph)
     materials.every_uv = view_layer.use_pass_uv
@@ -41,8 +42,6 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides
     return report
 
 
-def _refuse(scene, view_layer, report: Report) -> None:
+def _refuse(scene) -> None:
     if scene.render.use_multiview:
         raise ExportError("Light Meshes renders no stereo pictures: switch off Stereoscopy in the Output Properties")
-    if scene.render.use_motion_blur and view_layer.use_motion_blur:
-        report.warn("Motion Blur is switched on, but not rendered: what moves is sharp")

@@ -26,8 +26,8 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
         return result
     lens = camera.data
     if lens.type not in {'PERSP', 'ORTHO'}:
-        report.warn(f"Camera '{camera.name}' is of type {lens.type.lower()}, which is not translated: "
-                    "rendered as a perspective camera")
+        report.warn(f"its type {lens.type.lower()} is not translated: rendered as a perspective camera", "Camera",
+                    camera.name)
     return result | depth_of_field(camera, lens, depsgraph) | {
         "window": _window(scene.render, width, height, lens, lens.shift_x, lens.shift_y),
         "perspective": lens.type != 'ORTHO',

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from . import left_out
 from .linking import identity
 from .materials import Materials
 from .mesh import Mesh, Reader
@@ -42,7 +43,7 @@ class Geometry:
         # The triangles of a curve, a surface, a text or metaballs come as an entry of their own, of type MESH.
         if ob.type != 'MESH':
             if ob.type in _NOT_TRANSLATED:
-                self._report.warn(f"Object '{ob.name}': {_NOT_TRANSLATED[ob.type]} are not translated; it is not seen")
+                self._report.warn(f"{_NOT_TRANSLATED[ob.type]} are not translated; it is not seen", "Object", ob.name)
             return
         # Blender lends the same temporary object for all instances: what tells them apart
         # is the object that they were made of, and the data.
@@ -81,6 +82,7 @@ class Geometry:
         """Number of a new entry of `objects`: what is seen of `ob`, and of its instancer if it has one."""
         seen = [ob] if parent is None or parent == ob else [ob, parent]
         # Collections are holdouts, or for indirect light only, in a view layer; as in Cycles a hole shows either way.
+        left_out.rays(ob, self._report)
         holdout = any(o.is_holdout or o.holdout_get(view_layer=self._view_layer) for o in seen)
         hidden = not holdout and any(o.indirect_only_get(view_layer=self._view_layer) for o in seen)
         self.objects.append({
@@ -99,9 +101,11 @@ class Geometry:
     def _mesh(self, ob, data, source, parent) -> Any:
         """The mesh of `ob`, new or shared; None if it has no triangle."""
         if any(p.settings.type == 'HAIR' and p.settings.render_type == 'PATH' for p in ob.particle_systems):
-            self._report.warn(f"Object '{ob.name}': hair is not translated; it is not seen")
+            self._report.warn("hair is not translated; it is not seen", "Object", ob.name)
         materials = tuple(self._materials.index(slot.material) for slot in ob.material_slots)
         materials = materials or (self._materials.index(None),)
+        if all(self._materials.is_nothing(i) for i in materials):
+            return None
         key = (data.as_pointer(), materials, self._materials.uv_map(materials))
         if key not in self._mesh_of:
             # What geometry nodes made lives as long as what the instancer has evaluated.
@@ -135,7 +139,8 @@ class Geometry:
             return False, None
         if layer is None:
             wanted = f"no UV map '{name}'" if name else "no UV map"
-            self._report.warn(f"Object '{ob.name}' has {wanted}; its image texture shows a single point of the image")
+            self._report.warn(f"it has {wanted}; its image texture shows a single point of the image", "Object",
+                              ob.name)
         return True, layer
 
 

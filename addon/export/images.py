@@ -90,7 +90,7 @@ class Images:
         return name
 
     def _warn(self, image, sentence: str) -> None:
-        self._report.warn(f"Image '{image.name}': {sentence}")
+        self._report.warn(sentence, "Image", image.name)
 
 
 def write_tiff(path: Path, pixels: np.ndarray) -> None:

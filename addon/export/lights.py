@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from ..passes import shadow_number
+from . import left_out
 from .nodes import Nodes, uses_nodes
 from .report import Report
 
@@ -51,13 +52,14 @@ def _color(lamp, report: Report) -> np.ndarray:
     if getattr(lamp, "use_temperature", False):
         color *= np.array(lamp.temperature_color)
     if uses_nodes(lamp):
-        nodes = Nodes(lamp.node_tree, f"Light '{lamp.name}'", report)
+        nodes = Nodes(lamp.node_tree, "Light", lamp.name, report)
         node = nodes.source(nodes.output('ShaderNodeOutputLight'), "Surface")
         if node is None:
             return color * 0
         if node.bl_idname != 'ShaderNodeEmission':
             nodes.not_translated(node, "the light shines in its own colour")
         else:
+            left_out.inputs(nodes, node)
             color *= np.array(nodes.color(node, "Color")) * nodes.value(node, "Strength")
     return color
 
@@ -85,7 +87,7 @@ def _spot(lamp, lengths, x, y, report):
     # A scaled spot lights a scaled cone; one scaled sideways would be elliptic.
     across = math.sqrt(lengths[0] * lengths[1])
     if not math.isclose(lengths[0], lengths[1], rel_tol=1e-3):
-        report.warn(f"Light '{lamp.name}' is scaled unevenly: its elliptic cone is drawn round")
+        report.warn("it is scaled unevenly: its elliptic cone is drawn round", "Light", lamp.name)
     half = lamp.spot_size / 2
     if lengths[2] > 0 and not math.isclose(across, lengths[2], rel_tol=1e-6) and half < math.pi / 2:
         half = math.atan(math.tan(half) * across / lengths[2])

@@ -22,7 +22,7 @@ class Materials:
         self.every_uv = False  # the UV pass wants them, with images or without
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
-        self._sentences: list[list[str]] = []  # of each material's translation
+        self._reports: list[Report] = []  # of each material's translation
         self._translated: set[int] = set()
         self.begin(report, depsgraph)
 
@@ -58,13 +58,17 @@ class Materials:
         if key not in self._translated:
             report = Report()
             self._translate(index, material.evaluated_get(self._depsgraph) if material else None, report)
-            self._sentences[index:index + 1] = [report.sentences]
+            self._reports[index:index + 1] = [report]
             self._translated.add(key)
         if key not in self._asked:
             self._asked.add(key)
-            for sentence in self._sentences[index]:
-                self._report.warn(sentence)
+            self._report.add(self._reports[index])
         return index
+
+    def is_nothing(self, index: int) -> bool:
+        """Whether that material is no surface at all, as one with a volume only: soft shadows must not notice it."""
+        description = self.descriptions[index]
+        return description["alpha"] == 0 and description["alpha_image"] < 0
 
     def uv_map(self, indices: Iterable[int]) -> str | None:
         """The UV map that the images of these materials want: a name, "" for the mesh's own, None for no images."""
@@ -92,7 +96,7 @@ class Materials:
 def translate(material, report: Report) -> Surface:
     """The surface that the nodes of `material` describe, or its viewport colours where it has none."""
     if uses_nodes(material):
-        nodes = Nodes(material.node_tree, f"Material '{material.name}'", report)
+        nodes = Nodes(material.node_tree, "Material", material.name, report)
         return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
     return Surface.principled(
         tuple(material.diffuse_color)[:3], material.metallic, material.roughness, material.specular_intensity)

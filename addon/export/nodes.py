@@ -1,8 +1,10 @@
 """Reading node trees: what feeds a socket, and its constant where something untranslated does."""
 
+import re
+
 import bpy
 
-from .report import Report
+from .report import Report, shown
 
 
 def uses_nodes(owner) -> bool:
@@ -14,10 +16,10 @@ def uses_nodes(owner) -> bool:
 
 
 class Nodes:
-    """A node tree, the name of its owner for warnings, and where warnings go."""
+    """A node tree, what kind of thing it describes and its name, for warnings, and where warnings go."""
 
-    def __init__(self, tree, owner: str, report: Report) -> None:
-        self.tree, self.owner, self._report = tree, owner, report
+    def __init__(self, tree, kind: str, owner: str, report: Report) -> None:
+        self.tree, self.kind, self.owner, self._report = tree, kind, owner, report
 
     def output(self, idname: str):
         """The output node that renders use, or None."""
@@ -64,13 +66,20 @@ class Nodes:
         """The input of `node` with that name or position."""
         return node.inputs[socket] if isinstance(socket, str | int) else socket
 
-    def warn(self, sentence: str) -> None:
-        self._report.warn(f"{self.owner}: {sentence}")
+    def warn(self, sentence: str, used: str = "") -> None:
+        """Warn; `used`: the value that was used instead."""
+        self._report.warn(sentence, self.kind, self.owner, used)
 
-    def not_translated(self, node, instead: str) -> None:
-        """Warn that `node` means nothing to the engine, and what is done instead."""
-        label = f"'{node.name}'" if node.name == node.bl_label else f"'{node.name}' ({node.bl_label})"
-        self.warn(f"node {label} is not translated; {instead}")
+    def not_translated(self, node, instead: str, used: str = "") -> None:
+        """Warn that `node` means nothing to the engine, what is done instead, and the value that is used."""
+        name = self.plain_name(node)
+        label = f"'{name}'" if name == node.bl_label else f"'{name}' ({node.bl_label})"
+        self.warn(f"node {label} is not translated; {instead}", used)
+
+    @staticmethod
+    def plain_name(node) -> str:
+        """The node's name, without the number that Blender gives to a second one of its type."""
+        return re.sub(r"\.\d{3,}$", "", node.name)
 
     def _constant(self, node, socket):
         socket = self.input(node, socket)
@@ -80,8 +89,10 @@ class Nodes:
         if link.from_node.bl_idname in {'ShaderNodeRGB', 'ShaderNodeValue'}:
             value = _plain(link.from_socket.default_value)
             return [value] * 3 if isinstance(value, float) and socket.type == 'RGBA' else value
-        self.not_translated(link.from_node, f"the value in '{socket.name}' of '{node.name}' is used")
-        return _plain(socket.default_value)
+        value = _plain(socket.default_value)
+        self.not_translated(link.from_node, f"the value in '{socket.name}' of '{self.plain_name(node)}' is used",
+                            shown(value))
+        return value
 
 
 def _plain(value):

@@ -35,9 +35,10 @@ class Surface:
     alpha_image: Any = None  # an image texture node whose alpha multiplies it
 
     @classmethod
-    def principled(cls, color: RGB, metallic: float, roughness: float, specular: float) -> Surface:
+    def principled(cls, color: RGB, metallic: float, roughness: float, specular: float, ior: float = 1.5) -> Surface:
         """Principled BSDF: diffuse with a faint white reflection, or a metal's coloured reflection."""
-        f0 = 0.08 * specular
+        ior = max(ior, 1e-5)
+        f0 = 0.08 * specular * ((ior - 1) / (ior + 1) / 0.2) ** 2  # Fresnel's, at normal incidence; 4 % at 1.5
         # A metal has no diffuse part; what it does not mirror sharply of the world, ambient light stands for.
         return cls(color=color, kd=1 - metallic, ka=1 - metallic * mirrored(roughness), roughness=roughness,
                    specular=tuple(f0 * (1 - metallic) + c * metallic for c in color))

@@ -2,16 +2,12 @@
 
 from dataclasses import replace
 
+from . import left_out
 from .nodes import Nodes
-from .surface import BLACK, MIRROR_ROUGHNESS, RGB, Surface, scaled
+from .report import shown
+from .surface import BLACK, RGB, Surface, scaled
 
 IMAGE = 'ShaderNodeTexImage'
-# Inputs of the Principled BSDF that add what is not translated, and what is done instead.
-_PRINCIPLED_EXTRAS = {
-    "Subsurface Weight": "it is rendered without subsurface scattering",
-    "Coat Weight": "it is rendered without a coat",
-    "Sheen Weight": "it is rendered without a sheen",
-}
 
 
 def surface(nodes: Nodes, output) -> Surface:
@@ -23,6 +19,8 @@ def surface(nodes: Nodes, output) -> Surface:
         node = nodes.source(output, extra)
         if node is not None:
             nodes.not_translated(node, f"it is rendered without {extra.lower()}")
+    if nodes.source(output, "Volume") and not nodes.source(output, "Surface"):
+        return Surface.transparent((1.0, 1.0, 1.0))  # a volume has no surface
     return _shader(nodes, output, "Surface")
 
 
@@ -33,6 +31,7 @@ def _shader(nodes: Nodes, node, socket) -> Surface:
         return Surface.emitting(BLACK)  # as Blender draws it
     translate = _SHADERS.get(shader.bl_idname)
     if translate:
+        left_out.inputs(nodes, shader)
         return translate(nodes, shader)
     # Most shaders have a colour, and the colour of a surface is what one sees first.
     if "Color" in shader.inputs:
@@ -44,11 +43,10 @@ def _shader(nodes: Nodes, node, socket) -> Surface:
 
 def _principled(nodes: Nodes, node) -> Surface:
     metallic, roughness, specular = (nodes.value(node, s) for s in ("Metallic", "Roughness", "Specular IOR Level"))
-    for name, instead in _PRINCIPLED_EXTRAS.items():
-        if nodes.link(node, name) or nodes.input(node, name).default_value > 0:
-            nodes.warn(f"'{name}' of node '{node.name}' is not translated; {instead}")
     _without_bumps(nodes, node)
-    base = _colored(nodes, node, "Base Color", lambda color: Surface.principled(color, metallic, roughness, specular))
+    ior = nodes.value(node, "IOR")
+    base = _colored(nodes, node, "Base Color",
+                    lambda color: Surface.principled(color, metallic, roughness, specular, ior))
     if base.image and metallic > 0:
         nodes.not_translated(base.image, f"'{node.name}' is metallic, and its image colours only the diffuse part")
     transmission = min(max(nodes.value(node, "Transmission Weight"), 0.0), 1.0) * (1 - metallic)
@@ -63,8 +61,6 @@ def _principled(nodes: Nodes, node) -> Surface:
 
 
 def _diffuse(nodes: Nodes, node) -> Surface:
-    if nodes.link(node, "Roughness") or nodes.input(node, "Roughness").default_value > 0:
-        nodes.warn(f"'Roughness' of node '{node.name}' is not translated; it is rendered as 0")
     _without_bumps(nodes, node)
     return _colored(nodes, node, "Color", Surface.diffuse)
 
@@ -80,8 +76,10 @@ def _glass(nodes: Nodes, node) -> Surface:
 
 
 def _glassy(nodes: Nodes, node, color: RGB, fresnel: bool) -> Surface:
-    if nodes.value(node, "Roughness") > MIRROR_ROUGHNESS[1]:
-        nodes.warn(f"'Roughness' of the glass in node '{node.name}' is not translated; it is rendered clear")
+    roughness = nodes.value(node, "Roughness")
+    if roughness > 1e-3:
+        nodes.warn(f"'Roughness' of the glass in node '{nodes.plain_name(node)}' is not translated; it is rendered "
+                   "clear", f"instead of {shown(roughness)}")
     return Surface.glass(color, max(nodes.value(node, "IOR"), 0.01), fresnel)
 
 

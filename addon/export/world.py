@@ -1,5 +1,6 @@
 """The world's colour: background and ambient light."""
 
+from . import left_out
 from .nodes import Nodes, uses_nodes
 from .report import Report
 
@@ -10,14 +11,19 @@ def color(world, report: Report) -> list[float]:
         return [0.0, 0.0, 0.0]
     if not uses_nodes(world):
         return list(world.color)
-    nodes = Nodes(world.node_tree, f"World '{world.name}'", report)
-    return _radiance(nodes, nodes.source(nodes.output('ShaderNodeOutputWorld'), "Surface"))
+    nodes = Nodes(world.node_tree, "World", world.name, report)
+    output = nodes.output('ShaderNodeOutputWorld')
+    volume = nodes.source(output, "Volume")
+    if volume is not None:
+        nodes.not_translated(volume, "it is rendered without volume")
+    return _radiance(nodes, nodes.source(output, "Surface"))
 
 
 def _radiance(nodes: Nodes, node) -> list[float]:
     if node is None:
         return [0.0, 0.0, 0.0]
     if node.bl_idname == 'ShaderNodeBackground':
+        left_out.inputs(nodes, node)
         strength = nodes.value(node, "Strength")
         return [c * strength for c in nodes.color(node, "Color")]
     nodes.not_translated(node, "its background is black")

@@ -145,6 +145,19 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
     return replace(p, **(_forced.get() or {}))
 
 
+def darkness(scene: Scene) -> list[str]:
+    """A sentence where there is something to be lit and no light does it."""
+    used = [scene.materials[i] for i in np.unique(scene.geometry.triangle_materials)]
+    if any(any(light.intensity) for light in scene.lights) or not any(m.kd > 0 or m.ks > 0 for m in used):
+        return []
+    names = [f"'{light.name}'" for light in scene.lights[:3]] + ["others"] * (len(scene.lights) > 3)
+    why = (f"the light of {', '.join(names)} is 0: give it power and a colour" if names else
+           "there is none in the render: add one (Shift A, Light), or show those that are hidden")
+    emitters = "; surfaces with emission light nothing else, so put a lamp there" if any(
+        any(m.emission) for m in used) else ""
+    return [f"No lamp lights the scene, {why}{emitters}"]
+
+
 _forced: ContextVar[dict[str, Any] | None] = ContextVar("forced", default=None)
 
 

@@ -21,7 +21,7 @@ from .interfaces import Interfaces
 from .lattice import lattice
 from .optics import DEPTH
 from .passes import shadow_number
-from .plan import plan
+from .plan import darkness, plan
 from .refraction import RefractedPaths
 from .scene import Camera, Scene
 from .semitransparent import Refraction, SemitransparentMeshes, SharpThrough
@@ -54,7 +54,7 @@ class Prepared:
         check()
         self.textures: list[textures.Texture | None]  # of all images
         self.textures, sentences = textures.load(scene.images, previous.textures if previous else [])
-        self.warnings = [*self.lost, *sentences]
+        self.warnings = [*darkness(scene), *self.lost, *sentences]
         self.scene = scene
         self.glass = reuse.interfaces(self, previous) or Interfaces(scene, self.surfaces, self.textures)
         check()

@@ -253,7 +253,7 @@ def test_what_is_wrong_with_an_image_is_said(scene, add_plane, add_mapped, snaps
     add_mapped(mapped)
     found = snapshot(scene)
     text = "\n".join(found.warnings)
-    assert all(word in text for word in ("'Unmapped' has no UV map", "'Lost'", "Mapping")), text
+    assert all(word in text for word in ("'Unmapped': it has no UV map", "'Lost'", "Mapping")), text
     assert next(m for m in found.materials if m.name == "Without").image == -1
 
 

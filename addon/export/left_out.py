@@ -1,0 +1,114 @@
+"""What Cycles would show of nodes, objects and settings, and the engine does not: each is named where it is used.
+
+A node's inputs are either read, or stand here, or are new in some Blender: those are named as soon as they are not 0.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .nodes import Nodes
+from .report import Report, shown
+
+
+class LeftOut(NamedTuple):
+    """An input that is not translated."""
+
+    off: float = 0.0  # the value that says nothing, of all channels
+    instead: str = "it is rendered as 0"
+    details: tuple[str, ...] = ()  # inputs that mean nothing where this one is off
+
+
+_FILM = LeftOut(instead="it is rendered without a film", details=("Thin Film IOR",))
+_ROUND = "it is rendered with round highlights"
+# Of each shader that is translated: the inputs that are read, and those that are left out.
+_READ = {
+    'ShaderNodeBsdfPrincipled': {
+        "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Transmission Weight",
+        "Emission Color", "Emission Strength"},
+    'ShaderNodeBsdfDiffuse': {"Color", "Normal"},
+    'ShaderNodeBsdfGlossy': {"Color", "Roughness", "Normal"},
+    'ShaderNodeBsdfGlass': {"Color", "Roughness", "IOR", "Normal"},
+    'ShaderNodeBsdfRefraction': {"Color", "Roughness", "IOR", "Normal"},
+    'ShaderNodeBsdfTransparent': {"Color"},
+    'ShaderNodeEmission': {"Color", "Strength"},
+    'ShaderNodeMixShader': {"Fac", "Factor"},  # its name before 5.0
+    'ShaderNodeBackground': {"Color", "Strength"},
+}
+_READ['ShaderNodeBsdfAnisotropic'] = _READ['ShaderNodeBsdfGlossy']  # what Glossy is called inside
+_LEFT_OUT: dict[str, dict[str, LeftOut]] = {
+    'ShaderNodeBsdfPrincipled': {
+        "Diffuse Roughness": LeftOut(),
+        "Thin Wall": LeftOut(instead="it is rendered as a solid"),
+        "Subsurface Weight": LeftOut(
+            instead="it is rendered without subsurface scattering",
+            details=("Subsurface Radius", "Subsurface Scale", "Subsurface IOR", "Subsurface Anisotropy")),
+        "Specular Tint": LeftOut(1.0, "it is rendered as white"),
+        "Anisotropic": LeftOut(instead=_ROUND, details=("Anisotropic Rotation", "Tangent")),
+        "Coat Weight": LeftOut(instead="it is rendered without a coat",
+                               details=("Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal")),
+        "Sheen Weight": LeftOut(instead="it is rendered without a sheen", details=("Sheen Roughness", "Sheen Tint")),
+        "Thin Film Thickness": _FILM,
+    },
+    'ShaderNodeBsdfDiffuse': {"Roughness": LeftOut()},
+    'ShaderNodeBsdfGlossy': {"Anisotropy": LeftOut(instead=_ROUND, details=("Rotation", "Tangent"))},
+    'ShaderNodeBsdfGlass': {"Thin Film Thickness": _FILM},
+}
+_LEFT_OUT['ShaderNodeBsdfAnisotropic'] = _LEFT_OUT['ShaderNodeBsdfGlossy']
+
+
+def inputs(nodes: Nodes, node) -> None:
+    """Name the inputs of a translated shader that are in use and not read."""
+    known = _LEFT_OUT.get(node.bl_idname, {})
+    passed = _READ.get(node.bl_idname, set()).union(*(left.details for left in known.values()))
+    for socket in node.inputs:
+        if socket.type == 'SHADER' or socket.name in passed or not socket.enabled or socket.is_unavailable:
+            continue
+        left = known.get(socket.name, LeftOut(instead="it is rendered without it"))
+        value = getattr(socket, "default_value", left.off)
+        linked = nodes.link(node, socket)
+        if linked or (not socket.hide_value and _differs(value, left.off)):
+            nodes.warn(f"'{socket.name}' of node '{nodes.plain_name(node)}' is not translated; {left.instead}",
+                       "" if linked else f"instead of {shown(value)}")
+
+
+def _differs(value, off: float) -> bool:
+    if isinstance(value, str):
+        return bool(value)
+    values = [value] if isinstance(value, int | float) else list(value)[:3]
+    return any(abs(v - off) > 1e-6 for v in values)
+
+
+def settings(scene, view_layer, report: Report) -> None:
+    """Name the settings of scene, view layer and world that Cycles follows and the engine does not."""
+    cycles, simplified = getattr(scene, "cycles", None), scene.render.use_simplify
+    for used, sentence in (
+        (scene.render.use_motion_blur and view_layer.use_motion_blur,
+         "Motion Blur is switched on, but not rendered: what moves is sharp"),
+        (not view_layer.use_sky,
+         "View layer '{}': Include Environment is off, but the world is rendered: Film: Transparent leaves it out"),
+        (not view_layer.use_solid, "View layer '{}': Include Surfaces is off, but they are rendered"),
+        (cycles and cycles.film_exposure != 1,
+         "Cycles' Film: Exposure is not translated: the picture has that of Color Management alone"),
+        (cycles and scene.render.film_transparent and cycles.film_transparent_glass,
+         "Cycles' Film: Transparent Glass is not translated: glass is opaque in the picture's alpha"),
+        (cycles and cycles.sample_clamp_direct > 0,
+         "Cycles' Clamping: Direct Light is not translated: no light is clamped"),
+        (cycles and simplified and (cycles.use_camera_cull or cycles.use_distance_cull),
+         "Cycles' Simplify: Culling is not translated: objects are rendered wherever they are"),
+    ):
+        if used:
+            report.warn(sentence.format(view_layer.name))
+    world = view_layer.world_override or scene.world
+    seen = getattr(world, "cycles_visibility", None)
+    if seen and not seen.camera:
+        report.warn("Ray Visibility: Camera is off, but the camera sees the world: Film: Transparent hides it",
+                    "World", world.name)
+
+
+def rays(ob, report: Report) -> None:
+    """Name what the engine does not follow of an object's ray visibility."""
+    if ob.visible_transmission != ob.visible_glossy:
+        report.warn("Ray Visibility: Transmission is not translated; it is seen through glass as in mirrors",
+                    "Object", ob.name)
+
