@@ -1,5 +1,6 @@
 """Every supported version of bpy renders the same picture: LIGHT_MESHES_BPY_PYTHONS lists Pythons that have one."""
 
+import inspect
 import os
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from blender_scene import SCENE, read
 from conftest import read_layers
+from test_addon_left_out import unknown_inputs
 
 PYTHONS = [p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p]
 pytestmark = [pytest.mark.slow, pytest.mark.parametrize("python", PYTHONS or [pytest.param(
@@ -149,3 +151,12 @@ def test_overrides_depth_of_field_and_previews(python, environment, tmp_path):
     assert (step * x**2).sum() == pytest.approx((0.5 / 0.1125) ** 2 / 4, rel=0.15)
     red, green, blue, alpha = map(float, said[said.index("MEAN"):].split("\n")[0].split()[1:])
     assert red > 2 * green > 0 and red > 2 * blue > 0 and 0.4 < alpha < 0.6
+
+
+def test_every_input_of_a_translated_shader_is_known(python, environment, tmp_path):
+    """Those that only this version has, too: each is read, or listed as left out."""
+    script = tmp_path / "inputs.py"
+    script.write_text("import os, bpy, light_meshes_addon\nfrom light_meshes_addon.export import left_out\n"
+                      f"{inspect.getsource(unknown_inputs)}\nprint(unknown_inputs(), flush=True)\nos._exit(0)\n")
+    found = next(line for line in run([python, script], environment).splitlines() if line.startswith("{"))
+    assert "'ShaderNodeBsdfPrincipled': set()" in found and found.count("set()") == found.count("ShaderNode"), found
