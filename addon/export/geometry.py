@@ -95,7 +95,7 @@ class Geometry:
             "index": ob.pass_index,
             "cast_soft_shadows": all(o.light_meshes.cast_soft_shadows for o in seen),
             "receive_soft_shadows": all(o.light_meshes.receive_soft_shadows for o in seen),
-        })
+        } | _terminator(ob))
         return len(self.objects) - 1
 
     def _mesh(self, ob, data, source, parent) -> Any:
@@ -142,6 +142,16 @@ class Geometry:
             self._report.warn(f"it has {wanted}; its image texture shows a single point of the image", "Object",
                               ob.name)
         return True, layer
+
+
+def _terminator(ob) -> dict[str, float]:
+    """Blender's offsets at the shadow terminator: of the object; before 4.3 they were Cycles', and one less."""
+    names = [f"shadow_terminator_{what}_offset" for what in ("geometry", "normal", "shading")]
+    if hasattr(ob, names[0]):
+        return {name: getattr(ob, name) for name in names}
+    cycles = getattr(ob, "cycles", None)  # an add-on of its own, which may be off
+    return {"shadow_terminator_geometry_offset": getattr(cycles, "shadow_terminator_geometry_offset", 0.1),
+            "shadow_terminator_shading_offset": getattr(cycles, "shadow_terminator_offset", 0.0)}
 
 
 class Meshes:

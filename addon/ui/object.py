@@ -24,6 +24,24 @@ class LIGHT_MESHES_PT_object(LightMeshesPanel, bpy.types.Panel):
         column.prop(context.object.light_meshes, "receive_soft_shadows", text="Receive")
 
 
+class LIGHT_MESHES_PT_shadow_terminator(LightMeshesPanel, bpy.types.Panel):
+    """Blender's own panel leaves out the normal offset, and is there from 4.3 on."""
+
+    bl_label = "Shadow Terminator"
+    bl_context = "object"
+    bl_parent_id = "LIGHT_MESHES_PT_object"
+    bl_options: ClassVar = {'DEFAULT_CLOSED'}
+
+    def fill(self, layout, context):
+        ob, column = context.object, layout.column()
+        if hasattr(ob, "shadow_terminator_geometry_offset"):
+            for name in ("geometry", "normal", "shading"):
+                column.prop(ob, f"shadow_terminator_{name}_offset", text=f"{name.title()} Offset")
+        elif hasattr(ob, "cycles"):  # 4.2: of Cycles' add-on
+            column.prop(ob.cycles, "shadow_terminator_geometry_offset", text="Geometry Offset")
+            column.prop(ob.cycles, "shadow_terminator_offset", text="Shading Offset")
+
+
 class LIGHT_MESHES_PT_ray_visibility(LightMeshesPanel, bpy.types.Panel):
     bl_label = "Ray Visibility"
     bl_context = "object"
@@ -70,6 +88,6 @@ class LIGHT_MESHES_PT_shadow_linking(_Linking, bpy.types.Panel):
     what = "blocker"
 
 
-CLASSES = (LIGHT_MESHES_PT_object, LIGHT_MESHES_PT_ray_visibility)
+CLASSES = (LIGHT_MESHES_PT_object, LIGHT_MESHES_PT_shadow_terminator, LIGHT_MESHES_PT_ray_visibility)
 if not hasattr(bpy.types, "OBJECT_PT_light_linking"):
     CLASSES += (LIGHT_MESHES_PT_light_linking, LIGHT_MESHES_PT_shadow_linking)

@@ -10,6 +10,7 @@ from .compiled import kernel
 from .scene import Light
 from .semitransparent import SharpThrough
 from .statistics import Statistics
+from .terminator import Lift, starts
 from .tracing import Targets, Tracer
 from .visibility import Check, Sharp, blocks, dim
 
@@ -37,32 +38,33 @@ class AreaSampling:
         self._v = np.array([light.area_v for light in lights], np.float64).reshape(-1, 3)
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         soft = active & self._soft
         if triangle is not None and self._receives is not None:
             soft[~self._receives[triangle]] = 0
-        hard = self._sharp(P, N, active & ~soft, check)
+        hard = self._sharp(P, N, active & ~soft, check, None, lift)
         S = np.zeros_like(hard)
         with self._stats.stage("area sampling"):
             for group in self._groups:
                 for row, light in blocks(soft & group.lights, self.count):
-                    S[row, light] = self._share(P, N, row, light, group.casters, check, S.shape[2:])
-        dim(S, soft, self._edges, P, N, check)
+                    S[row, light] = self._share(P, N, row, light, lift, group.casters, check, S.shape[2:])
+        dim(S, soft, self._edges, P, N, check, lift)
         return S + hard  # disjoint bits: the sum is a choice
 
-    def _share(self, P: NDArray, N: NDArray, row: NDArray, light: NDArray, casters: int, check: Check,
-               channels: tuple[int, ...]) -> NDArray[np.float32]:
+    def _share(self, P: NDArray, N: NDArray, row: NDArray, light: NDArray, lift: Lift | None, casters: int,
+               check: Check, channels: tuple[int, ...]) -> NDArray[np.float32]:
         """How much (n, *channels) of light[k] P[row[k]] sees past `casters`."""
         clear = np.zeros((len(row), *channels))
         target = np.empty((len(row), 3))
         directional = self._targets.directional[light]
         order = np.arange(len(row), dtype=np.int32)
+        origin, normal, of = starts(lift, P, N, self._targets, row, light)
         for s in range(self._samples):
             check()
             _sample(s, self._samples, self._seed, P, row, self._targets, light, self._free, self._rectangle,
                     self._size, self._u, self._v, target)
-            clear += self._sharp.segments(P, row, Targets(target, directional), order, N, casters)
+            clear += self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
         self._stats.add(shadow_rays=len(row) * self._samples)
         return (clear / self._samples).astype(np.float32)
 

@@ -27,6 +27,7 @@ from .scene import Camera, Scene
 from .semitransparent import Refraction, SemitransparentMeshes, SharpThrough
 from .sparse import Sparse
 from .statistics import Statistics
+from .terminator import Terminator
 from .tracing import Tracer
 from .visibility import LightMeshes, Sharp, Unshadowed
 
@@ -74,6 +75,7 @@ class Prepared:
         self.plan = plan(self.scene, self.glass, self.casters, self.passes)
         self.lights = shading.light_arrays(scene.lights)
         self.linked = shading.linked(scene)
+        self.terminator = Terminator(scene, self.surfaces)
         groups = np.array([light.shadow_pass for light in scene.lights], np.int64)
         self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
                                for name in self.passes if name.startswith("Shadow")}
@@ -284,17 +286,24 @@ class Prepared:
             lit = self.lights, materials, some, direction[part], Od[part]
             active = np.empty((len(some.P), (count + 63) // 64), np.uint64)
             with self.stats.stage("shading"):
-                shading.reaching(*lit, unlit, active)
+                lift = self.terminator.lift(some)
+                facing = some if lift is None else some._replace(Ng=lift.side)
+                shading.reaching(self.lights, materials, facing, direction[part], Od[part], unlit, active)
                 if self.linked is not None:
                     shading.unlink(self.linked, self.owner(some.triangle), active)
                 if lights is not None:
                     active &= lights
-            where = some.P, some.Ng, active, check, some.triangle
+            if lift is not None and self.plan.shadows != "NONE":
+                with self.stats.stage("shadow terminator"):
+                    self.terminator.clear(lift, some, self.lights.targets(), active, self.closest)
+            where = some.P, some.Ng, active, check, some.triangle, lift
             if work is not None and isinstance(self.visibility, LightMeshes):
                 S = self.visibility(*where, work[part])
             else:
                 S = self.visibility(*where)
-            yield part, lit, active, S.reshape(*S.shape[:2], -1)
+            S = S.reshape(*S.shape[:2], -1)
+            self.terminator.fade(some, self.lights.targets(), S)
+            yield part, lit, active, S
 
 
 def measured_h(ready: Prepared) -> float:

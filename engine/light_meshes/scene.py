@@ -166,6 +166,11 @@ class Object:
     receive_soft_shadows: bool = True  # False: shadows on it are sharp
     holdout: bool = False  # a hole in the picture: black, alpha 0
     shadow_catcher: bool = False  # seen by the camera only by the shadows on it
+    # Of smooth surfaces, Cycles' and Blender's names (see `terminator`): cosine to a light below which shadow rays
+    # start above the facets, 0 never; by what length more; and by what share the light's edge moves towards the light.
+    shadow_terminator_geometry_offset: float = 0.0
+    shadow_terminator_normal_offset: float = 0.0
+    shadow_terminator_shading_offset: float = 0.0
     index: int = 0  # the artist's number, for the Object Index pass
 
 

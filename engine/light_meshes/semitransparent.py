@@ -22,6 +22,7 @@ from .node_store import NodeStore
 from .refraction import RefractedPaths
 from .scene import Light
 from .statistics import Statistics
+from .terminator import Lift, starts
 from .tracing import Targets, Tracer
 from .visibility import Check, LightMeshes, blocks
 
@@ -47,28 +48,30 @@ class Straight:
         self._groups, self._casting = groups, union(groups, self.count)
 
     def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
-                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S (n,L,C) at receivers P with normals N, or at free points (N None)."""
-        S = self.straight(P, N, active, check)
+        S = self.straight(P, N, active, check, lift)
         focus = self._refraction is not None and self._refraction.footprint is not None
-        for wanted, light, start, alpha, ends in self.paths(P, N, active, check):
-            _add_paths(wanted, start, alpha, ends, light, focus and N is not None, P, P if N is None else N,
-                       self._targets, S)
+        for wanted, light, start, alpha, ends in self.paths(P, N, active, check, lift):
+            _add_paths(wanted, start, alpha, ends, light, focus and N is not None, P,
+                       P if N is None else N if lift is None else lift.side, self._targets, S)
         return S
 
-    def straight(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> NDArray[np.float32]:
+    def straight(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
+                 lift: Lift | None = None) -> NDArray[np.float32]:
         """V (n,L,C): Π t of the straight segments, in FULL only where nothing bends them."""
         S = np.zeros((len(P), self.count, self.channels), np.float32)
         _set_one(active & ~self._casting, self.count, S)
         for group in self._groups:
             for row, light in blocks(active & group.lights, self.count):
                 check()
-                S[row, light] = self.segments(P, row, self._targets, light, N, group.casters)
+                origin, normal, of = starts(lift, P, N, self._targets, row, light)
+                S[row, light] = self.segments(origin, of, self._targets, light, normal, group.casters)
                 self._stats.add(**{"shadow_rays" if N is not None else "long_rays": len(row)})
         return S
 
-    def paths(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check) -> Iterator[
-            tuple[NDArray, int, NDArray, NDArray, NDArray]]:
+    def paths(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
+              lift: Lift | None = None) -> Iterator[tuple[NDArray, int, NDArray, NDArray, NDArray]]:
         """The refracted paths of eq. (6), light by light.
 
         Each is (rows of P, light, start, α, P_j): row k has paths start[k]:start[k+1] with α (c,3), in FOCUS times J,
@@ -82,7 +85,8 @@ class Straight:
             wanted = np.flatnonzero(has(active.T, i))
             if len(wanted) and solver is not None:
                 check()
-                found, work = solver.paths(i, P[wanted], None if N is None else N[wanted])
+                origin, normal, of = starts(lift, P, N, self._targets, wanted, np.full(len(wanted), i, np.int32))
+                found, work = solver.paths(i, origin[of], None if normal is None else normal[of])
                 alpha = found.alpha if footprint is None else found.alpha * found.clamped(footprint)[:, None]
                 self._stats.add(refracted_paths=len(alpha), path_seeds=work.seeds, path_rays=work.rays,
                                 path_seeds_not_converged=work.unconverged, paths_rejected=work.rejected)
@@ -99,10 +103,10 @@ class SharpThrough(Straight):
     """V_i(P) of receivers, timed as such."""
 
     def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
-                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         with self._stats.stage("sharp shadows"):
-            return super().__call__(P, N, active, check)
+            return super().__call__(P, N, active, check, None, lift)
 
 
 class SemitransparentMeshes(LightMeshes):

@@ -1,8 +1,9 @@
 """S_i(P): how much of light i a receiver sees. Three ways, one interface.
 
-`visibility(P, N, active, check, triangle) -> S` takes receivers P (n,3), world, with unit geometric normals N (n,3) on
-their viewed side, and active (n,W) uint64: bit i of a receiver says that ξ_i·Ω_i ≠ 0. S is (n,L) float32, 0 where not
-active. triangle (n,): that receivers are on; None: on surfaces that soft shadows fall on.
+`visibility(P, N, active, check, triangle, lift) -> S` takes receivers P (n,3), world, with unit geometric normals N
+(n,3) on their viewed side, and active (n,W) uint64: bit i of a receiver says that ξ_i·Ω_i ≠ 0. S is (n,L) float32, 0
+where not active. triangle (n,): that receivers are on; None: on surfaces that soft shadows fall on. lift: where light
+grazes smooth surfaces, what is seen is asked above their facets (`terminator`); None: nowhere.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from .lattice import Lattice, candidates
 from .node_store import NodeStore
 from .scene import Light
 from .statistics import Statistics
+from .terminator import Lift, merge, split, starts
 from .tracing import Targets, Tracer, points
 
 Check = Callable[[], None]  # raises where the render was cancelled
@@ -69,7 +71,7 @@ class Unshadowed:
         self.count = len(lights)
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         S = np.zeros((len(P), self.count), np.float32)
         _set_bits(active, 0, self.count, 1.0, S)
@@ -85,7 +87,7 @@ class Sharp:
         self._groups, self._casting = groups, union(groups, len(lights))
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         S = np.zeros((len(P), self.count), np.float32)
         _set_bits(active & ~self._casting, 0, self.count, 1.0, S)
@@ -93,7 +95,8 @@ class Sharp:
             for group in self._groups:
                 for row, light in blocks(active & group.lights, self.count):
                     check()
-                    S[row, light] = self.segments(P, row, self._targets, light, N, group.casters)
+                    origin, normal, of = starts(lift, P, N, self._targets, row, light)
+                    S[row, light] = self.segments(origin, of, self._targets, light, normal, group.casters)
                     self._stats.add(shadow_rays=len(row))
         return S
 
@@ -126,12 +129,29 @@ class LightMeshes:
         self._batch = int(np.clip(CANDIDATES // (2.1 * lattice.reach[-1]**3 + 4), 64, 16384))
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 triangle: NDArray[np.int32] | None = None, probe: NDArray | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None,
+                 probe: NDArray | None = None) -> NDArray[np.float32]:
         """S, see the module. probe (n,4): filled with what the debug passes show, in the order of passes.DEBUG."""
         S = np.zeros((len(P), self.count, *self._channels), np.float32)
         soft = active & self._soft
         if triangle is not None and self._receives is not None:
             soft[~self._receives[triangle]] = 0
+        lifted = np.zeros_like(soft)
+        if lift is not None:
+            split(lift, P, N, self._targets, soft, lifted)
+        self._ask(P, N, triangle, soft, S, check, probe)
+        if lift is not None and lifted.any():
+            self._ask_above(lift, P, N, lifted, soft, S, check, probe)
+        self._stats.add(receivers=len(P))
+        dim(S, soft, self._edges, P, N, check, lift)
+        left = active & ~soft  # what Ψ has no answer for goes to sharp shadows
+        if left.any():
+            S += self._sharp(P, N, left, check, None, lift)  # disjoint bits: the sum is a choice
+        return S
+
+    def _ask(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, soft: NDArray[np.uint64],
+             S: NDArray[np.float32], check: Check, probe: NDArray | None) -> None:
+        """Fill S of the lights in soft (n,W), which keeps those that Ψ has an answer for."""
         lit = np.flatnonzero(soft.any(1))
         for i in range(0, len(lit), self._batch):
             check()
@@ -141,12 +161,23 @@ class LightMeshes:
             soft[row] = self._average(P[row], N[row], on, soft[row], row, S, check, work)
             if probe is not None:
                 probe[row] = work
-        self._stats.add(receivers=len(P))
-        dim(S, soft, self._edges, P, N, check)
-        left = active & ~soft  # what Ψ has no answer for goes to sharp shadows
-        if left.any():
-            S += self._sharp(P, N, left, check)  # disjoint bits: the sum is a choice
-        return S
+
+    def _ask_above(self, lift: Lift, P: NDArray, N: NDArray, lifted: NDArray[np.uint64], soft: NDArray[np.uint64],
+                   S: NDArray[np.float32], check: Check, probe: NDArray | None) -> None:
+        """The same for the lights in lifted (n,W), above the facets; in part where S has what is seen on them, too.
+
+        There the nodes are those above the smooth surface, and rays say which of them are seen.
+        """
+        rows = np.flatnonzero(lifted.any(1))
+        lifted = lifted[rows]
+        answered, above = lifted.copy(), np.zeros((len(rows), *S.shape[1:]), np.float32)
+        work = None if probe is None else np.zeros((len(rows), probe.shape[1]))
+        only = ~soft[rows].any(1)
+        self._ask(P[rows] + lift.above[rows], lift.side[rows], None, answered, above, check, work)
+        merge(lift, P, N, self._targets, rows, lifted, answered, above.reshape(len(rows), self.count, -1), soft,
+              S.reshape(len(S), self.count, -1))
+        if probe is not None and work is not None:
+            probe[rows[only]] = work[only]
 
     def _average(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, soft: NDArray[np.uint64],
                  rows: NDArray[np.intp], S: NDArray[np.float32], check: Check,
@@ -250,12 +281,13 @@ class LightMeshes:
         return kept.astype(np.int64), nodes[candidate[seen]]
 
 
-def dim(S: NDArray[np.float32], soft: NDArray[np.uint64], edges: Any, P: NDArray, N: NDArray, check: Check) -> None:
+def dim(S: NDArray[np.float32], soft: NDArray[np.uint64], edges: Any, P: NDArray, N: NDArray, check: Check,
+        lift: Lift | None) -> None:
     """S of the lights in `soft`, all others 0, times V(P) past the sharp casters by `edges`; None: there are none."""
     if edges is not None:
         lit = soft.copy()
         _drop_dark(S.reshape(-1, int(np.prod(S.shape[1:]))), S.shape[1], lit)
-        S *= edges(P, N, lit, check)
+        S *= edges(P, N, lit, check, None, lift)
 
 
 @kernel

@@ -1,0 +1,154 @@
+"""The shadow terminator is Cycles': smooth meshes of few faces, where light grazes them, pixel by pixel."""
+
+import random
+
+import bmesh
+import bpy
+import numpy as np
+import pytest
+
+
+def made(build):
+    """A smooth mesh that `build` makes with bmesh."""
+    mesh, work = bpy.data.meshes.new("Smooth"), bmesh.new()
+    build(work)
+    work.to_mesh(mesh)
+    work.free()
+    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+    return mesh
+
+
+def hills():
+    chance, n = random.Random(2), 10
+    vertices = [((x - n / 2) / 4, (y - n / 2) / 4, chance.uniform(0, 0.22)) for y in range(n + 1) for x in range(n + 1)]
+    first = [i * (n + 1) + j for i in range(n) for j in range(n)]
+    mesh = bpy.data.meshes.new("Hills")
+    mesh.from_pydata(vertices, [], [(a, a + 1, a + n + 2, a + n + 1) for a in first])
+    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+    return mesh
+
+
+MESHES = {
+    "sphere": lambda: made(lambda b: bmesh.ops.create_uvsphere(b, u_segments=32, v_segments=16, radius=1)),
+    "monkey": lambda: made(lambda b: bmesh.ops.create_monkey(b)),
+    "hills": hills,
+    "ball of few faces": lambda: made(lambda b: bmesh.ops.create_icosphere(b, subdivisions=2, radius=1)),
+    "cone with a sharp rim": lambda: made(lambda b: bmesh.ops.create_cone(
+        b, cap_ends=True, segments=12, radius1=1, radius2=0.4, depth=2)),
+}
+PLACES = {
+    "as it is": {},
+    "mirrored": {"scale": (-1, 1, 1)},
+    "squeezed": {"scale": (1.3, 0.6, 1), "rotation_euler": (0.3, 0.2, 0.5)},
+}
+
+
+def put(ob, name, value):
+    """Set one of the object's offsets, which 4.2 has among Cycles' own properties."""
+    if hasattr(ob, name):
+        setattr(ob, name, value)
+    else:
+        setattr(ob.cycles, name.replace("_shading", ""), value)
+
+
+@pytest.fixture
+def both(scene, add, add_light, diffuse, render, look_at):
+    """(mesh, where it stands, shadows, properties) → our picture and Cycles'.
+
+    One ray through the middle of a pixel; with a size of the sun many through its filter.
+    """
+    def run(mesh, place, shadows="SHARP", size=0.0, **properties):
+        ob = add(mesh, "Smooth", **place)
+        ob.data.materials.append(diffuse())
+        for name, value in properties.items():
+            put(ob, name, value)
+        add_light('SUN', energy=3, angle=size, rotation=(0.3, 1.3, 0))
+        scene.render.resolution_x = scene.render.resolution_y = 120
+        scene.camera.location, scene.camera.data.lens = (0, -5, 3), 70
+        look_at(scene.camera, (0, 0, 0))
+        ours, cycles = scene.light_meshes, scene.cycles
+        ours.shadows, ours.samples, ours.mode = shadows, 64 if size else 1, 'RAY_CASTING'
+        ours.light_samples = 16
+        cycles.samples, cycles.max_bounces, cycles.sample_clamp_direct = 64 if size else 1, 0, 0
+        cycles.use_denoising = cycles.use_adaptive_sampling = False
+        if not size:
+            cycles.pixel_filter_type, cycles.filter_width = 'BOX', 0.01
+        pictures = []
+        for engine in ('LIGHT_MESHES', 'CYCLES'):
+            scene.render.engine = engine
+            pictures.append(render(scene)["Combined"][..., 0].astype(float))
+        return pictures
+    return run
+
+
+def black(ours, theirs):
+    """The share of the pixels that Cycles lights which are black in our picture."""
+    lit = theirs > 0.02 * theirs.max()
+    assert lit.sum() > 1000
+    return (ours[lit] < 0.05 * theirs[lit]).mean()
+
+
+def rms(ours, theirs):
+    """The root mean square difference, of the mean of what Cycles lights."""
+    return np.sqrt(((ours - theirs)[theirs > 0] ** 2).mean()) / theirs[theirs > 0].mean()
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("name", MESHES)
+def test_sharp_shadows(both, name, place):
+    ours, theirs = both(MESHES[name](), PLACES[place])
+    assert black(ours, theirs) <= 0.005
+    assert rms(ours, theirs) <= 0.06
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_light_meshes(both, name):
+    """The soft edges of what is truly in the shadow are the method's own: they are left out of the difference."""
+    ours, theirs = both(MESHES[name](), {}, "LIGHT_MESHES")
+    assert black(ours, theirs) <= 0.005
+    edge = np.zeros(theirs.shape, bool)
+    for axis in (0, 1):
+        for shift in range(-4, 5):
+            edge |= np.roll(theirs == 0, shift, axis)
+    inside = ~edge
+    assert inside.sum() > 500
+    assert np.sqrt(((ours - theirs)[inside] ** 2).mean()) / theirs[inside].mean() <= 0.06
+
+
+def test_area_sampling(both):
+    ours, theirs = both(MESHES["hills"](), {}, "AREA_SAMPLING", size=0.05)
+    assert black(ours, theirs) <= 0.005
+    assert rms(ours, theirs) <= 0.06
+
+
+@pytest.mark.parametrize("shadows", ["SHARP", "LIGHT_MESHES"])
+def test_without_the_offset_facets_are_black_in_both(both, shadows):
+    ours, theirs = both(MESHES["ball of few faces"](), {}, shadows, shadow_terminator_geometry_offset=0.0)
+    assert rms(ours, theirs) <= 0.06
+    for ob in bpy.context.scene.objects:
+        ob.hide_render = ob.type != 'CAMERA'
+    _, smooth = both(MESHES["ball of few faces"](), {}, shadows)
+    assert black(ours, smooth) > 0.03
+
+
+@pytest.mark.parametrize("offset", [0.3, 1.0])
+def test_the_shading_offset(both, offset):
+    ours, theirs = both(MESHES["sphere"](), {}, shadow_terminator_shading_offset=offset)
+    lit = theirs > 0.02 * theirs.max()
+    assert np.median(np.abs(ours - theirs)[lit] / theirs[lit]) < 0.01
+    assert rms(ours, theirs) <= 0.06
+
+
+def test_the_offsets_reach_the_engine(scene, add, snapshot):
+    ob = add(MESHES["sphere"]())
+    found = snapshot(scene).objects[0]
+    assert found.shadow_terminator_geometry_offset == pytest.approx(0.1)  # Cycles' default
+    assert found.shadow_terminator_normal_offset == found.shadow_terminator_shading_offset == 0
+    put(ob, "shadow_terminator_geometry_offset", 0.4)
+    put(ob, "shadow_terminator_shading_offset", 0.3)
+    if hasattr(ob, "shadow_terminator_normal_offset"):
+        ob.shadow_terminator_normal_offset = 2
+    found = snapshot(scene).objects[0]
+    assert found.shadow_terminator_geometry_offset == pytest.approx(0.4)
+    assert found.shadow_terminator_shading_offset == pytest.approx(0.3)
+    assert found.shadow_terminator_normal_offset == (2 if hasattr(ob, "shadow_terminator_normal_offset") else 0)

@@ -1,0 +1,228 @@
+"""The shadow terminator: smooth surfaces made of facets, where light grazes them (terminator.py)."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from light_meshes import snapshot
+from light_meshes.render import Prepared, render_image
+from light_meshes.scene import Material
+from light_meshes.terminator import starts
+from meshes import IDENTITY, Mesh, Part, assemble, look_at, look_down, move, rectangle, scale, sphere, turn_z
+from scenes import GREY, WHITE, all_objects, point, settings, sun, tabletop, with_settings
+
+HONOURED = {"shadow_terminator_geometry_offset": 0.1}
+SHEAR = np.array([[1.2, 0.5, 0, 0], [0, 0.8, 0, 0], [0.3, 0, 1.5, 0], [0, 0, 0, 1.0]])
+METHODS = ["SHARP", "LIGHT_MESHES", "AREA_SAMPLING"]
+
+
+def turned_round(mesh: Mesh) -> Mesh:
+    """The same surface, the other side of which is called outside."""
+    return Mesh(mesh.vertices, mesh.triangles[:, ::-1], -mesh.normals[:, ::-1])
+
+
+def ball(matrix=IDENTITY, mesh=None, offset=0.1, **values):
+    """A coarse smooth ball under a grazing sun."""
+    part = Part(mesh or sphere(1.0, 12, 6), WHITE, "ball", [matrix],
+                visible={"shadow_terminator_geometry_offset": offset})
+    return assemble([part], look_at((0, -6, 1), (0, 0, 0), 36, 96, 96), [sun((-0.9, 0.3, -0.5), angle=0.01)],
+                    settings(**{"h": 0.03, "light_samples": 4} | values))
+
+
+def lit(scene, least=0.02):
+    """The shadow pass, and where N·L is at least so large."""
+    passes = render_image(scene, passes=("Combined", "Shadow", "Normal")).passes
+    toward = -np.array(scene.lights[0].direction)
+    return passes["Shadow"][..., 0], passes["Normal"] @ (toward / np.linalg.norm(toward)) > least
+
+
+@pytest.mark.parametrize("matrix", [IDENTITY, SHEAR, scale(1, 1, -1) @ turn_z(0.3), scale(1.4, 0.6, 1)],
+                         ids=["as it is", "sheared", "mirrored", "scaled"])
+@pytest.mark.parametrize("shadows", METHODS)
+def test_a_convex_surface_has_no_black_facet(shadows, matrix):
+    S, facing = lit(ball(matrix, shadows=shadows))
+    assert facing.sum() > 800
+    assert (S[facing] > 0.99).all()
+    without, _ = lit(ball(matrix, shadows=shadows, offset=0.0))
+    assert (without[facing] == 0).sum() > 20  # the fault is there, were it not mended
+
+
+@pytest.mark.parametrize("shadows", METHODS)
+def test_the_back_of_a_surface_is_as_good_as_its_front(shadows):
+    front, facing = lit(ball(shadows=shadows))
+    back, _ = lit(ball(mesh=turned_round(sphere(1.0, 12, 6)), shadows=shadows))
+    np.testing.assert_allclose(back, front, atol=1e-6)
+    assert (back[facing] > 0.99).all()
+
+
+@pytest.mark.parametrize("shadows", METHODS)
+def test_glass_elsewhere_changes_nothing(shadows):
+    """Shadows through glass are other code; with a pane that shadows nothing they give the same."""
+    scene = ball(shadows=shadows)
+    pane = Part(rectangle((20, 20), (21, 21), 0.0), Material("pane", kt=(0.5, 0.5, 0.5)), "pane")
+    glassy = assemble([Part(sphere(1.0, 12, 6), WHITE, "ball", visible=HONOURED), pane], scene.camera, scene.lights,
+                      scene.settings)
+    assert Prepared(glassy).plan.channels
+    np.testing.assert_allclose(lit(glassy)[0], lit(scene)[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("shadows", METHODS)
+def test_flat_surfaces_keep_their_bits(shadows):
+    scene = with_settings(tabletop(48), shadows=shadows, light_samples=4)
+    plain = render_image(scene).passes["Combined"]
+    moved = all_objects(scene, shadow_terminator_geometry_offset=0.5, shadow_terminator_normal_offset=1.0)
+    np.testing.assert_array_equal(render_image(moved).passes["Combined"], plain)
+
+
+@pytest.mark.parametrize("shadows", METHODS)
+def test_a_smooth_plane_keeps_its_bits_almost(shadows):
+    """Where the smooth surface is the facet, only rounding tells the two."""
+    floor = rectangle((-2, -2), (2, 2), 0.0)
+    normals = np.tile([0.0, 0, 1], (2, 3, 1)) + np.arange(6).reshape(2, 3, 1) * 1e-9  # not all the same
+    floor = Mesh(floor.vertices, floor.triangles, normals)
+    scene = assemble([Part(floor, WHITE, "floor"), Part(sphere(0.3), GREY, "ball", [move(0, 0, 0.5)])],
+                     look_down(0, 0, 4, 48), [sun((-1, 0, -0.06))], settings(shadows=shadows, h=0.05, light_samples=4))
+    S = [render_image(all_objects(scene, shadow_terminator_geometry_offset=v), passes=("Combined", "Shadow"))
+         .passes["Shadow"] for v in (0.0, 0.1)]
+    assert np.abs(S[0] - S[1]).max() < 0.02 and (S[0] < 0.5).any()
+
+
+def ridge(ceiling: float):
+    """Two slopes that rise to a ridge, and a plate `ceiling` above it, which the sun shines on from above.
+
+    The surface that the normals describe bulges above the ridge: through the plate.
+    """
+    vertices = np.array([(-1, -2, 0), (1, -2, 0), (1, 2, 0), (-1, 2, 0), (0, -2, 0.3), (0, 2, 0.3)], float)
+    triangles = np.array([(0, 4, 5), (0, 5, 3), (4, 1, 2), (4, 2, 5)])
+    slope = np.array([(-0.55, 0, 0.83), (0.55, 0, 0.83), (0.55, 0, 0.83), (-0.55, 0, 0.83), (0, 0, 1), (0, 0, 1)])
+    normals = slope[triangles]
+    normals[np.isin(triangles, (4, 5))] = np.array([(0.3, 0, 0.95)] * 3 + [(-0.3, 0, 0.95)] * 3)
+    plate = Part(rectangle((-50, -50), (50, 50), 0.3 + ceiling), GREY, "plate", visible={"visible_camera": False})
+    return assemble([Part(Mesh(vertices, triangles, normals), WHITE, "roof", visible=HONOURED), plate],
+                    look_down(0, 0, 1.8, 64), [sun((1, 0, -0.05), angle=0.01)], settings(h=0.02, light_samples=4))
+
+
+@pytest.mark.parametrize("shadows", METHODS)
+@pytest.mark.parametrize("ceiling", [1e-3, 0.02])
+def test_nothing_is_lifted_through_a_wall(shadows, ceiling):
+    scene = with_settings(ridge(ceiling), shadows=shadows)
+    ready = Prepared(scene)
+    _, hits = ready.coarse_view()
+    lift = ready.terminator.lift(hits)
+    through = hits.P[:, 2] + lift.above[:, 2] > 0.3 + ceiling
+    assert through.sum() > 50
+    passes = render_image(scene, passes=("Combined", "Shadow")).passes
+    assert (passes["Shadow"] == 0).all() and (passes["Combined"][..., :3] == 0).all()
+    open_air = with_settings(ridge(5.0), shadows=shadows)
+    assert (render_image(open_air, passes=("Shadow",)).passes["Shadow"] > 0.9).mean() > 0.4
+
+
+@pytest.mark.parametrize("shadows", METHODS[:2])
+def test_other_things_still_cast_their_shadows(shadows):
+    """A plate between the sun and the ball: the ball is dark."""
+    scene = ball(shadows=shadows)
+    wall = Mesh(np.array([(2, -9, -9), (2, 9, -9), (2, 9, 9), (2, -9, 9)], float), np.array([(0, 1, 2), (0, 2, 3)]))
+    shaded = assemble([Part(sphere(1.0, 12, 6), WHITE, "ball", visible=HONOURED), Part(wall, GREY, "wall")],
+                      scene.camera, scene.lights, scene.settings)
+    S, facing = lit(shaded)
+    assert facing.sum() > 800 and (S[facing] == 0).all()
+
+
+def test_a_mirror_shows_it_as_well():
+    """The ball in a mirror is the picture of the mirrored ball."""
+    mirror = Material("mirror", Od=(0, 0, 0), kd=0.0, ka=0.0, mirror=(1, 1, 1))
+    things = [Part(sphere(1.0, 12, 6), WHITE, "ball", [move(0, 0, 1.5)], visible=HONOURED | {"visible_camera": False}),
+              Part(rectangle((-30, -30), (30, 30), 0.0), mirror, "mirror", visible={"visible_shadow": False})]
+    camera, values = look_at((0, -6, 1), (0, 0, -1.5), 36, 64, 64), settings(mode="WHITTED", h=0.03)
+    seen = assemble(things, camera, [sun((-0.9, 0.3, -0.5))], values)
+    flipped = Part(sphere(1.0, 12, 6), WHITE, "ball", [scale(1, 1, -1) @ move(0, 0, 1.5)], visible=HONOURED)
+    direct = assemble([flipped], camera, [sun((-0.9, 0.3, 0.5))], values)
+    a, b = (render_image(s).passes["Combined"] for s in (seen, direct))
+    assert (b > 0.1).mean() > 0.1
+    assert np.quantile(np.abs(a - b), 0.995) < 0.02
+
+
+@given(st.integers(0, 2**31), st.floats(0.1, 10), st.booleans())
+@hypothesis_settings(max_examples=20, deadline=None)
+def test_the_lift_reaches_the_ball_and_not_much_higher(seed, size, flipped):
+    """Above each facet the lifted point is on the ball that the facets stand for, or a little outside.
+
+    However the ball is turned, mirrored and sized.
+    """
+    random = np.random.default_rng(seed)
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0] * (-1 if flipped else 1)
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = size * turn, random.normal(size=3) * 3 * size
+    x, y, z = matrix[:3, 3]
+    scene = assemble([Part(sphere(1.0, 16, 8), WHITE, "ball", [matrix], visible=HONOURED)],
+                     look_down(x, y, 1.9 * size, 8, height=z + 4 * size), [sun((0, 0, -1))])
+    ready = Prepared(scene)
+    _, hits = ready.coarse_view()
+    lift = ready.terminator.lift(hits)
+    assert len(hits.P) > 1000 and (lift.cutoff == 0.1).all() and (lift.side == hits.Ns).all()
+    facet = np.linalg.norm(hits.P - matrix[:3, 3], axis=1) / size
+    lifted = np.linalg.norm(hits.P + lift.above - matrix[:3, 3], axis=1) / size
+    assert (lifted >= 1 - 2e-3).all()  # half a parabola is a little flatter than a ball
+    assert (lifted <= 1 + 3 * (1 - facet) + 1e-5).all()
+
+
+def test_how_far_follows_cycles():
+    """No lift where a light is well above the facet, all of it where the facet turns away; and in between a share."""
+    scene = ball()
+    ready = Prepared(scene)
+    _, hits = ready.coarse_view()
+    lift = ready.terminator.lift(hits)
+    toward = -np.array(scene.lights[0].direction) / np.linalg.norm(scene.lights[0].direction)
+    row = np.arange(len(hits.P), dtype=np.int32)
+    origin, _, _ = starts(lift, hits.P, hits.Ng, ready.lights.targets(), row, np.zeros(len(row), np.int32))
+    facet, smooth = hits.Ng @ toward, hits.Ns @ toward
+    share = np.clip(np.where(smooth < 0.1, 2 - (facet + smooth) / 0.1, 1 - facet / 0.1), 0, 1)
+    np.testing.assert_allclose(origin, hits.P + share[:, None] * lift.above, atol=1e-12)
+    seen = smooth > 0
+    assert (share[seen] == 0).any() and (share[seen] == 1).any() and ((share > 0.1) & (share < 0.9))[seen].any()
+
+
+def test_many_lights_are_the_sum_of_each():
+    """Each light is lifted by itself, in whatever word of the sets it stands."""
+    lights = [sun((np.cos(a), np.sin(a), -0.4), intensity=0.1) for a in np.linspace(0, 6.28, 70, endpoint=False)]
+    lights += [point((3, -2, 1.0)), point((-3, 1, -1.0), radius=0.1)]
+    scene = replace(ball(h=0.05, kI=2.0), lights=tuple(lights), world_color=(0.0, 0.0, 0.0))
+    scene = replace(scene, camera=look_at((0, -6, 1), (0, 0, 0), 36, 32, 32))
+    both = render_image(scene).passes["Combined"]
+    each = sum(render_image(replace(scene, lights=(light,))).passes["Combined"].astype(float) for light in lights)
+    np.testing.assert_allclose(both[..., :3], each[..., :3], atol=2e-5)
+
+
+def test_the_shading_offset_moves_the_terminator_towards_the_light():
+    """The light is cos(φ/(1 − offset/2)) instead of cos φ."""
+    scene = ball(shadows="SHARP")
+    plain = render_image(scene, passes=("Combined", "Normal")).passes
+    faded = render_image(all_objects(scene, shadow_terminator_shading_offset=0.5)).passes["Combined"][..., :3]
+    toward = -np.array(scene.lights[0].direction) / np.linalg.norm(scene.lights[0].direction)
+    cosine = plain["Normal"] @ toward
+    seen = cosine > 0.1
+    angle = np.arccos(np.minimum(cosine[seen], 1))
+    expected = plain["Combined"][seen, :3] * (np.maximum(np.cos(angle / 0.75), 0) / cosine[seen])[:, None]
+    np.testing.assert_allclose(faded[seen], expected, atol=1e-5)
+    assert (faded[seen] == 0).any()
+
+
+def test_the_normal_offset_lifts_further():
+    ready, further = (Prepared(all_objects(ball(), **HONOURED, shadow_terminator_normal_offset=v)) for v in (0.0, 0.25))
+    _, hits = ready.coarse_view()
+    more = further.terminator.lift(hits).above - ready.terminator.lift(hits).above
+    np.testing.assert_allclose(more, 0.25 * hits.Ns, atol=1e-12)
+
+
+def test_snapshots_without_the_offsets_keep_their_picture(tmp_path):
+    scene = ball(shadows="SHARP", offset=0.0)
+    snapshot.write(scene, tmp_path / "new")
+    file = tmp_path / "new" / "scene.json"
+    old = file.read_text().replace(', "shadow_terminator_geometry_offset": 0.0', "")
+    assert old != file.read_text()
+    file.write_text(old)
+    np.testing.assert_array_equal(render_image(snapshot.read(tmp_path / "new")).passes["Combined"],
+                                  render_image(scene).passes["Combined"])
