@@ -16,10 +16,12 @@ from light_meshes.render import render_image
 from light_meshes.scene import (
     CAUSTICS,
     GLASS,
+    IMAGE_ALPHAS,
     LIGHT_TYPES,
     MODES,
     REFRACTIONS,
     SHADOWS,
+    STORED_ALPHAS,
     Camera,
     Image,
     Light,
@@ -50,7 +52,9 @@ chosen = st.builds(
     light_samples=st.integers(1, 65536), seed=st.integers(0, 2**31 - 1), film_transparent=st.booleans(),
     lattice_rotation=st.booleans(), lattice_origin=triple, uniform_skip=st.booleans())
 images = st.builds(Image, name, st.just("textures/wood.png"), st.sampled_from(["sRGB", "LINEAR"]),
-                   st.sampled_from(["LINEAR", "CLOSEST"]), st.sampled_from(["REPEAT", "EXTEND", "CLIP", "MIRROR"]))
+                   st.sampled_from(["LINEAR", "CLOSEST"]), st.sampled_from(["REPEAT", "EXTEND", "CLIP", "MIRROR"]),
+                   st.tuples(triple, triple, triple), st.sampled_from(["", "config.ocio"]), st.just("scene_linear"),
+                   st.sampled_from(IMAGE_ALPHAS), st.sampled_from(STORED_ALPHAS))
 
 
 def as_data(item):
@@ -74,7 +78,8 @@ def test_what_is_written_is_read_again(tmp_path_factory, materials, lights, imag
         camera=replace(scene.camera, crop=crop))
     snapshot.write(scene, folder)
     found = snapshot.read(folder)
-    expected = replace(scene, images=tuple(replace(i, path=str(folder / i.path)) for i in images))
+    expected = replace(scene, images=tuple(
+        replace(i, path=str(folder / i.path), ocio=i.ocio and str(folder / i.ocio)) for i in images))
     assert as_data(found) == as_data(expected)
 
 

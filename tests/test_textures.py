@@ -1,5 +1,6 @@
 """An image on a surface: where its texels lie, how they are blended, and what colour they stand for."""
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -79,6 +80,88 @@ def test_grey_images_and_images_with_alpha(tmp_path, channels):
     picture = shown(saved(tmp_path, texels=texels), 6, interpolation="CLOSEST").passes["Combined"][..., :3]
     colours = np.repeat(texels, 3, 2) if channels == 1 else TEXELS  # as painted, not multiplied by alpha
     np.testing.assert_allclose(picture, np.repeat(np.repeat(linear(colours)[::-1], 3, 0), 2, 1), atol=1e-5)
+
+
+LEAF = np.array([[(200, 100, 50, 255), (10, 250, 90, 0), (30, 60, 240, 128)]], np.uint8)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("colorspace", ["sRGB", "LINEAR"])
+def test_colours_are_multiplied_by_alpha_where_asked(tmp_path, dtype, colorspace):
+    """In the file's own numbers, as Cycles does. What is stored multiplied is not once more."""
+    path = saved(tmp_path, dtype, LEAF)
+    kinds = {"alpha": "MULTIPLIED", "stored": "STRAIGHT"}, {"alpha": "MULTIPLIED", "stored": "MULTIPLIED"}, {}
+    multiplied, as_it_is, kept = (shown(path, 3, colorspace=colorspace, interpolation="CLOSEST", **values).passes[
+        "Combined"][0, :, :3] for values in kinds)
+    meaning = linear if colorspace == "sRGB" else lambda t: t / 255
+    alpha = LEAF[0, :, 3:] / 255
+    np.testing.assert_allclose(multiplied, meaning(LEAF[0, :, :3] * alpha), atol=4e-3 if dtype == np.uint8 else 2e-5)
+    np.testing.assert_allclose(kept, meaning(LEAF[0, :, :3]), atol=1e-5)
+    np.testing.assert_array_equal(as_it_is, kept)
+
+
+def test_a_clear_texel_does_not_bleed_into_its_neighbour(tmp_path):
+    """Straight colours are blended by how much of them is there."""
+    uv = ((1 / 3, 0), (1 / 3, 1))  # between the red texel, which is there, and the green one, which is not
+    path = saved(tmp_path, texels=LEAF)
+    straight, kept = (shown(path, 1, uv=uv, alpha=alpha).passes["Combined"][0, 0, :3] for alpha in ("STRAIGHT", "KEEP"))
+    red, green = linear(LEAF[0, :2, :3])
+    np.testing.assert_allclose(straight, red, atol=1e-5)
+    np.testing.assert_allclose(kept, (red + green) / 2, atol=1e-5)
+
+
+@pytest.mark.parametrize(("colorspace", "meaning"), [("sRGB", linear), ("LINEAR", lambda t: t / 255)])
+def test_another_working_space(tmp_path, colorspace, meaning):
+    """A matrix turns linear light into the scene's; what lies outside of its gamut is black there."""
+    matrix = np.array([(0.5, 0.25, 0), (0, 1, 0), (1, 0, -0.5)])
+    picture = shown(saved(tmp_path), 6, colorspace=colorspace, interpolation="CLOSEST",
+                    matrix=tuple(map(tuple, matrix))).passes["Combined"]
+    expected = np.maximum(meaning(TEXELS) @ matrix.T, 0)
+    np.testing.assert_allclose(picture[..., :3], np.repeat(np.repeat(expected[::-1], 3, 0), 2, 1), atol=1e-5)
+
+
+CONFIG = """ocio_profile_version: 2.0
+roles: {scene_linear: light, default: light}
+file_rules: [!<Rule> {name: Default, colorspace: default}]
+displays: {screen: [!<View> {name: plain, colorspace: light}]}
+colorspaces:
+  - !<ColorSpace> {name: light, family: "", isdata: false}
+  - !<ColorSpace>
+    name: halved
+    isdata: false
+    to_scene_reference: !<MatrixTransform> {matrix: [0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1]}
+"""
+
+
+def test_a_colour_space_of_a_configuration(tmp_path):
+    (tmp_path / "config.ocio").write_text(CONFIG)
+    ocio = str(tmp_path / "config.ocio")
+    result = shown(saved(tmp_path), 6, interpolation="CLOSEST", colorspace="halved", ocio=ocio)
+    np.testing.assert_allclose(result.passes["Combined"][..., :3], np.repeat(np.repeat(TEXELS[::-1], 3, 0), 2, 1) / 510,
+                               atol=1e-5)
+    assert not result.warnings
+
+
+@pytest.mark.parametrize(("config", "space"), [(CONFIG, "unknown"), ("no configuration", "halved"), (None, "halved"),
+                                               (CONFIG.replace("2.0", "2.99"), "halved")])
+def test_a_conversion_that_cannot_be_made_is_named_and_read_as_srgb(tmp_path, config, space):
+    if config:
+        (tmp_path / "config.ocio").write_text(config)
+    result = shown(saved(tmp_path), 6, interpolation="CLOSEST", colorspace=space, ocio=str(tmp_path / "config.ocio"))
+    expected = np.repeat(np.repeat(linear(TEXELS)[::-1], 3, 0), 2, 1)
+    np.testing.assert_allclose(result.passes["Combined"][..., :3], expected, atol=1e-5)
+    (warning,) = result.warnings
+    assert all(word in warning for word in ("picture", space, "config.ocio", "read as sRGB"))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_what_is_no_file_is_not_opened(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    (tmp_path / "folder.png").mkdir()
+    for path in (tmp_path / "pipe.png", tmp_path / "folder.png", "/dev/zero", "/proc/self/maps"):
+        result = shown(path, 4)
+        assert any("picture" in w and str(path) in w and "cannot be read" in w for w in result.warnings)
+        assert (result.passes["Combined"][..., :3] == 9).all()
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no picture", b"\x89PNG\r\n\x1a\n broken"])

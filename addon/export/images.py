@@ -1,16 +1,14 @@
 """Image textures → files that the engine can read."""
 
 import struct
-from contextlib import suppress
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from . import color
+from .image_files import engine_reads, path_of, refusal
 from .report import Report
-
-# Blender's colour spaces that are plain numbers to the engine. Non-Color is used for colours too.
-_LINEAR = ("Linear", "Non-Color", "Raw", "Utility - Raw", "scene_linear")
 
 
 class Images:
@@ -18,6 +16,8 @@ class Images:
 
     def __init__(self, folder: Path) -> None:
         self.descriptions: list[dict] = []
+        self.frame = 0  # of the scene
+        self.moves = False  # whether one shows another picture at another frame
         self._folder = folder
         self._indices: dict[tuple, int] = {}
         self._written: dict[int, str] = {}  # files of images that Blender alone has
@@ -25,7 +25,7 @@ class Images:
 
     def clear(self, repainted: bool) -> None:
         """Begin anew. Files that were written are still right unless images were `repainted`."""
-        self.descriptions, self._indices = [], {}
+        self.descriptions, self._indices, self.moves = [], {}, False
         if repainted:
             self._written = {}
 
@@ -34,75 +34,125 @@ class Images:
         self._written = {uid: name for uid, name in self._written.items() if name not in names}
 
     def index(self, node, report: Report) -> int:
-        """Number of the image of an image texture node, with the node's interpolation and extension."""
+        """Number of the image of an image texture node, as the node shows it; −1 where it cannot be had."""
         self._report = report
         image = node.image
-        key = (image.original.session_uid, node.interpolation, node.extension)
+        self.moves |= image.source == 'SEQUENCE'
+        try:
+            path = path_of(image, node.image_user, self.frame)
+        except ValueError:  # a NUL
+            path = Path(image.filepath.replace("\0", "?"))
+        linked = node.outputs["Alpha"].is_linked
+        key = (image.original.session_uid, node.interpolation, node.extension, linked, path)
         if key not in self._indices:
             if node.projection != 'FLAT':
                 self._warn(image, f"its {node.projection.lower()} projection is not translated; the UV map places it")
-            path = self._path(image)
-            if path is None:
+            file = self._file(image, path)
+            if file is None:
                 self._indices[key] = -1
             else:
                 self._indices[key] = len(self.descriptions)
                 self.descriptions.append({
-                    "name": image.name, "path": path, "colorspace": self._colorspace(image),
-                    "interpolation": 'CLOSEST' if node.interpolation == 'Closest' else 'LINEAR',
+                    "name": image.name, "interpolation": 'CLOSEST' if node.interpolation == 'Closest' else 'LINEAR',
                     "extension": node.extension,
-                })
+                } | color.space(image.colorspace_settings) | _alpha(image, linked) | file)
         return self._indices[key]
 
-    def _colorspace(self, image) -> str:
-        name = image.colorspace_settings.name
-        if name == 'sRGB':
-            return 'sRGB'
-        if not name.startswith(_LINEAR):
-            self._warn(image, f"its colour space {name} is not translated; read as sRGB")
-            return 'sRGB'
-        return 'LINEAR'
-
-    def _path(self, image) -> str | None:
-        """A file with the image's pixels; where Blender alone has them, one in the snapshot's folder."""
-        if image.source in {'MOVIE', 'SEQUENCE'}:
-            self._warn(image, "movies and image sequences are not translated; the frame that Blender shows is used")
-        elif image.source == 'TILED':
+    def _file(self, image, path: Path) -> dict | None:
+        """A file with the image's pixels, and what else is special about it."""
+        if image.source == 'TILED':
             self._warn(image, "UDIM tiles are not translated; the first tile is used everywhere")
-        elif image.source == 'FILE' and not image.packed_file and not image.is_dirty:
-            with suppress(OSError, RuntimeError):  # a name that is too long, a folder that is closed to us
-                path = Path(bpy.path.abspath(image.filepath, library=image.library)).resolve()
-                if path.is_file():
-                    return str(path)
+        elif image.source == 'MOVIE':
+            self._warn(image, "movies are not translated; its first frame is used")
         original = image.original
         if original.session_uid in self._written and not original.is_dirty:
             return self._written[original.session_uid]
+        packed = _packed(original)
+        if image.source in {'FILE', 'SEQUENCE', 'TILED', 'MOVIE'} and not original.is_dirty and not packed:
+            refused = refusal(path)
+            if refused and not (image.source == 'FILE' and original.has_data):  # what Blender has read it still has
+                self._warn(image, f"its file {str(path)!r} {refused}; the surface has a plain colour")
+                return None
+            if not refused and image.source != 'MOVIE' and engine_reads(path):
+                return {"path": str(path.resolve())}
+        name = f"image-{self._files}"
+        if packed and not original.is_dirty:
+            written = self._unpacked(packed, f"{name}{Path(image.filepath).suffix[:8]}")
+        else:
+            written = None
+        written = written or self._pixels(image, f"{name}.tif")
+        if written:
+            self._files += 1
+            self._written[original.session_uid] = written
+        return written
+
+    def _unpacked(self, data: bytes, name: str) -> dict | None:
+        """The file that was packed into the .blend, as it was; None where the engine could not read it."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        path = self._folder / name
+        path.write_bytes(data)
+        if engine_reads(path):
+            return {"path": name}
+        path.unlink()
+        return None
+
+    def _pixels(self, image, name: str) -> dict | None:
+        """A file with the pixels that Blender has."""
+        original = image.original
+        had = original.has_data
         size = tuple(original.size)
         if not all(size) or original.channels == 0:
             self._warn(image, f"its file {image.filepath!r} cannot be read; the surface has a plain colour")
             return None
-        name = f"image-{self._files}.tif"
         pixels = np.empty(size[0] * size[1] * original.channels, np.float32)
         original.pixels.foreach_get(pixels)
+        if not original.is_float:
+            pixels *= 255
+            pixels = np.rint(pixels, out=pixels).astype(np.uint8)
+        if not had and not original.is_dirty and image.source != 'GENERATED':
+            original.buffers_free()  # nobody looked at it before
         self._folder.mkdir(parents=True, exist_ok=True)
         write_tiff(self._folder / name, pixels.reshape(size[1], size[0], -1)[::-1])
-        self._files += 1
-        self._written[original.session_uid] = name
-        return name
+        # Blender keeps floats in the scene's linear light, multiplied by alpha, and bytes as they are in files.
+        return {"path": name} | ({"colorspace": 'LINEAR', "matrix": color.IDENTITY} if original.is_float else {})
 
     def _warn(self, image, sentence: str) -> None:
         self._report.warn(sentence, "Image", image.name)
 
 
+def _packed(image) -> bytes:
+    """The file of an image that is packed into the .blend, of several the first; empty where none is."""
+    if image.source not in {'FILE', 'TILED'}:
+        return b""
+    packed = image.packed_file or (image.packed_files[0].packed_file if image.packed_files else None)
+    return packed.data if packed and packed.size else b""
+
+
+def _alpha(image, linked: bool) -> dict:
+    """What alpha does to the colours, as in Cycles. linked: whether the node's Alpha goes anywhere."""
+    if image.alpha_mode == 'NONE':
+        return {"alpha": 'IGNORED'}
+    if image.colorspace_settings.is_data or image.alpha_mode == 'CHANNEL_PACKED':
+        return {"alpha": 'KEEP'}
+    # Cycles goes by the file up to 5.1, and by the mode from then on.
+    stored = {'STRAIGHT': 'STRAIGHT', 'PREMUL': 'MULTIPLIED'}[image.alpha_mode]
+    return {"alpha": 'STRAIGHT' if linked else 'MULTIPLIED', "stored": stored if bpy.app.version >= (5, 2) else 'FILE'}
+
+
 def write_tiff(path: Path, pixels: np.ndarray) -> None:
-    """Write float RGB(A) pixels, top row first, as the plainest TIFF: the one float format that needs no library."""
+    """Write RGB(A) pixels, float32 or uint8, top row first, as the plainest TIFF: it needs no library.
+
+    Floats are multiplied by alpha, bytes are not.
+    """
     if pixels.shape[2] < 3:
         pixels = pixels[:, :, :1].repeat(3, axis=2)
     height, width, channels = pixels.shape
-    data = np.ascontiguousarray(pixels, "<f4").tobytes()
+    is_float = pixels.dtype != np.uint8
+    data = np.ascontiguousarray(pixels, "<f4" if is_float else np.uint8).data
     # tag, type (3: 16 bit, 4: 32 bit), count, value; those of three values follow the directory.
     entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, channels, None), (259, 3, 1, 1), (262, 3, 1, 2),
-               (273, 4, 1, None), (277, 3, 1, channels), (278, 4, 1, height), (279, 4, 1, len(data)),
-               *([(338, 3, 1, 2)] if channels == 4 else []),  # the fourth is alpha, not multiplied in
+               (273, 4, 1, None), (277, 3, 1, channels), (278, 4, 1, height), (279, 4, 1, data.nbytes),
+               *([(338, 3, 1, 1 if is_float else 2)] if channels == 4 else []),  # the fourth is alpha, multiplied in
                (339, 3, channels, None)]
     after = 8 + 2 + 12 * len(entries) + 4
     values = {258: after, 339: after + 2 * channels, 273: after + 4 * channels}
@@ -110,5 +160,6 @@ def write_tiff(path: Path, pixels: np.ndarray) -> None:
         f.write(struct.pack("<2sHIH", b"II", 42, 8, len(entries)))
         for tag, kind, count, value in entries:
             f.write(struct.pack("<HHII", tag, kind, count, values[tag] if value is None else value))
-        f.write(struct.pack(f"<I{2 * channels}H", 0, *[32] * channels, *[3] * channels))
+        bits, kind = (32, 3) if is_float else (8, 1)
+        f.write(struct.pack(f"<I{2 * channels}H", 0, *[bits] * channels, *[kind] * channels))
         f.write(data)

@@ -33,6 +33,9 @@ class Materials:
         self._report, self._depsgraph = report, depsgraph
         self._override = depsgraph.view_layer_eval.material_override
         self._asked: set[int] = set()
+        frame = depsgraph.scene_eval.frame_current
+        changed |= self._images.moves and frame != self._images.frame
+        self._images.frame = frame
         if changed or repainted:
             self._translated.clear()
             self._images.clear(repainted)

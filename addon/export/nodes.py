@@ -4,6 +4,7 @@ import re
 
 import bpy
 
+from .color import luminance
 from .report import Report, shown
 
 
@@ -59,7 +60,7 @@ class Nodes:
         """The constant number of an input."""
         value = self._constant(node, socket)
         # A colour that feeds a number gives its luminance.
-        return value if isinstance(value, float) else 0.2126 * value[0] + 0.7152 * value[1] + 0.0722 * value[2]
+        return value if isinstance(value, float) else luminance(value)
 
     @staticmethod
     def input(node, socket):

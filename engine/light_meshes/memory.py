@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from . import textures
 from .camera import depth
 from .film import crop_of
 from .passes import letters
@@ -61,11 +62,23 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
     return [
         Part(BASE, "the engine itself", "close other programs"),
         _triangles(scene, glass),
+        *_textures(scene),
         Part(4.0 * pixels * sum(len(letters(name)) for name in passes),
              f"{x1 - x0:,} × {y1 - y0:,} pixels of {len(passes)} passes", "render a smaller picture, or fewer passes"),
         Part(threads * work,
              f"{threads} threads with {lights:,} lights", "let the engine use fewer processors"),
     ]
+
+
+def _textures(scene: Scene) -> list[Part]:
+    """The images, as they are kept."""
+    found = textures.layouts(scene.images, textures.alphas(scene))
+    if not found:
+        return []
+    image, largest = max(found, key=lambda one: one[1].bytes)
+    return [Part(float(sum(layout.bytes for _, layout in found)),
+                 f"{len(found)} image textures, the largest '{image.name}' of {largest.width:,} × {largest.height:,}",
+                 "scale images down")]
 
 
 def _triangles(scene: Scene, glass: bool) -> Part:

@@ -54,7 +54,9 @@ class Prepared:
             self.surfaces, self.lost = reuse.surfaces(scene, previous) or flatten(scene)
         check()
         self.textures: list[textures.Texture | None]  # of all images
-        self.textures, sentences = textures.load(scene.images, previous.textures if previous else [])
+        with self.stats.stage("textures"):
+            self.textures, sentences = textures.load(scene.images, textures.alphas(scene), memory.processors(),
+                                                     previous.textures if previous else [])
         self.warnings = [*darkness(scene), *self.lost, *sentences]
         self.scene = scene
         self.glass = reuse.interfaces(self, previous) or Interfaces(scene, self.surfaces, self.textures)

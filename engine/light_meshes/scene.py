@@ -21,7 +21,11 @@ SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
 WEIGHTS = ("UNIFORM", "SMOOTH")
 SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE")
+COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
+IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
+STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
 RGB = tuple[float, float, float]
+IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class SceneError(ValueError):
@@ -149,9 +153,14 @@ class Image:
 
     name: str
     path: str
-    colorspace: str = "sRGB"  # sRGB | LINEAR
+    colorspace: str = "sRGB"  # sRGB | LINEAR | one of the OpenColorIO configuration `ocio`
     interpolation: str = "LINEAR"  # LINEAR | CLOSEST
     extension: str = "REPEAT"  # REPEAT | EXTEND | CLIP | MIRROR
+    matrix: tuple[RGB, RGB, RGB] = IDENTITY  # from the linear light of sRGB or LINEAR to the scene's
+    ocio: str = ""  # the configuration's file
+    working_space: str = "scene_linear"  # the scene's linear light, as `ocio` calls it
+    alpha: str = "KEEP"  # colours as the file has them; or MULTIPLIED by alpha, or STRAIGHT; IGNORED: and alpha is 1
+    stored: str = "FILE"  # how the file has them: as it says itself, or MULTIPLIED or STRAIGHT
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,15 @@ import numpy as np
 
 from .scene import (
     CAUSTICS,
+    COLORSPACES,
     GLASS,
+    IMAGE_ALPHAS,
     LIGHT_TYPES,
     MODES,
     REFRACTIONS,
     SHADOWS,
     SOFTNESS,
+    STORED_ALPHAS,
     WEIGHTS,
     Camera,
     Image,
@@ -50,7 +53,8 @@ _CHOICES = {
     (Settings, "weights"): WEIGHTS,
     (Light, "type"): LIGHT_TYPES,
     (Light, "softness"): SOFTNESS,
-    (Image, "colorspace"): ("sRGB", "LINEAR"),
+    (Image, "alpha"): IMAGE_ALPHAS,
+    (Image, "stored"): STORED_ALPHAS,
     (Image, "interpolation"): ("LINEAR", "CLOSEST"),
     (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
 }
@@ -138,9 +142,10 @@ def read(path: Path, mapped: bool = True) -> Scene:
         raise SceneError("scene.json: warnings must be a list of sentences")
     images = _many(Image, data, "images")
     for image in images:
-        if ".." in Path(image.path).parts:
-            raise SceneError(f"image {quoted(image.name)}: its path {quoted(image.path)} leads out of a folder by "
-                             "'..'; give it in full, or put the image into the snapshot's folder")
+        for path in (image.path, image.ocio):
+            if ".." in Path(path).parts:
+                raise SceneError(f"image {quoted(image.name)}: its path {quoted(path)} leads out of a folder by '..'; "
+                                 "give it in full, or put the image into the snapshot's folder")
     scene = Scene(
         camera=camera(data.get("camera")),
         geometry=geometry,
@@ -154,7 +159,8 @@ def read(path: Path, mapped: bool = True) -> Scene:
     )
     check(scene)
     return dataclasses.replace(
-        scene, images=tuple(dataclasses.replace(i, path=str(folder / i.path)) for i in scene.images)
+        scene, images=tuple(dataclasses.replace(i, path=str(folder / i.path), ocio=i.ocio and str(folder / i.ocio))
+                            for i in scene.images)
     )
 
 
@@ -290,6 +296,10 @@ def check(scene: Scene) -> None:
                 raise SceneError(f"material {quoted(material.name)}: image {image} does not exist")
             if image >= 0 and not len(g.uvs) and len(g.triangles):
                 raise SceneError(f"material {quoted(material.name)} has an image, but uvs.npy is empty")
+    for picture in scene.images:
+        if picture.colorspace not in COLORSPACES and not picture.ocio:
+            raise SceneError(f"image {quoted(picture.name)}: colorspace is {quoted(picture.colorspace)}; choose one of "
+                             f"{', '.join(COLORSPACES)}, or say in ocio whose it is")
     for light in scene.lights:
         for what, named in (("receiver", light.receivers), ("blocker", light.blockers)):
             if named and not (min(named) >= 0 and max(named) < len(scene.objects)):

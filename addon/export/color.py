@@ -1,0 +1,62 @@
+"""Colours: the scene's linear light (its working space), and how to get there from other spaces."""
+
+import os
+from functools import cache
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Color
+
+IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+# Linear spaces of Blender's own configuration, which Blender itself converts. Those of colour pickers are Rec.709.
+_LINEAR = {
+    "Linear Rec.709": "from_rec709_linear_to_scene_linear",
+    "Linear": "from_rec709_linear_to_scene_linear",  # before 4.0
+    "Linear Rec.2020": "from_rec2020_linear_to_scene_linear",
+    "ACEScg": "from_acescg_to_scene_linear",
+    "ACES2065-1": "from_aces_to_scene_linear",
+    "Linear CIE-XYZ D65": "from_xyz_d65_to_scene_linear",
+}
+
+
+def space(settings) -> dict:
+    """What the engine's Image says of a colour space, given an image's `colorspace_settings`."""
+    name = settings.name
+    if settings.is_data or name in {"scene_linear", working_space()}:
+        return {"colorspace": 'LINEAR'}
+    own = not os.environ.get("OCIO")  # in another configuration the same names may mean other spaces
+    if own and name == 'sRGB':
+        return {"colorspace": 'sRGB', "matrix": _matrix("from_rec709_linear_to_scene_linear")}
+    if own and hasattr(Color, _LINEAR.get(name, " ")):
+        return {"colorspace": 'LINEAR', "matrix": _matrix(_LINEAR[name])}
+    return {"colorspace": name, "ocio": _configuration(), "working_space": working_space()}
+
+
+def working_space() -> str:
+    """What the configuration calls the scene's linear light."""
+    found = getattr(bpy.data, "colorspace", None)  # 5.0+
+    return found.working_space if found and not os.environ.get("OCIO") else "scene_linear"
+
+
+def luminance(color) -> float:
+    """The Y of a colour in the scene's linear light."""
+    weights = [Color(one).from_scene_linear_to_xyz_d65()[1] for one in IDENTITY]
+    return float(np.dot(weights, list(color)[:3]))
+
+
+def _matrix(method: str) -> list[list[float]]:
+    """The matrix, rows, of a method of Color that converts to the scene's linear light."""
+    rows = np.array([getattr(Color(one), method)() for one in IDENTITY], np.float64).T
+    # Blender before 5.0 computes the identity from rounded numbers.
+    return IDENTITY if np.abs(rows - IDENTITY).max() < 1e-4 else rows.tolist()
+
+
+def _configuration() -> str:
+    """The file of the OpenColorIO configuration that Blender uses."""
+    return os.environ.get("OCIO") or _blenders_own()
+
+
+@cache
+def _blenders_own() -> str:
+    return str(Path(bpy.utils.system_resource('DATAFILES', path="colormanagement")) / "config.ocio")
