@@ -3,8 +3,9 @@
     python -m light_meshes_addon.headless render FILE.blend -o OUT.png|.exr [-f 1,3..8] [--resume] [--set key=value]…
     blender -b -P addon/headless.py -- snapshot FILE.blend -o FOLDER [-f N] [--set key=value]…
 
-What a program wants to know is printed on lines "@light-meshes " + JSON: the events compiling, progress, wrote, kept
-(there already), warning, statistics and error. Exit codes: 0 done, 1 failed, 2 bad usage.
+What a program wants to know is printed on lines of a mark, "@light-meshes " or what LIGHT_MESHES_MARK says, and JSON:
+the events compiling, progress, wrote, kept (there already), warning, statistics, error, and end where all is done.
+Exit codes: 0 done, 1 failed, 2 bad usage.
 """
 
 import argparse
@@ -19,8 +20,9 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-MARK = "@light-meshes "
+MARK = "@light-meshes "  # a program that must not take anything else for ours gives another for each run
 RENDER_KEYS = ("resolution", "resolution_percentage")
+_mark = MARK
 
 
 class UsageError(Exception):
@@ -33,11 +35,13 @@ class FailedError(Exception):
 
 def say(**event) -> None:
     """Tell the program that started us."""
-    print(MARK + json.dumps(event), flush=True)
+    print(_mark + json.dumps(event), flush=True)
 
 
 def main(arguments: list[str]) -> int:
     """Carry a command out; the exit code."""
+    global _mark
+    _mark = os.environ.pop("LIGHT_MESHES_MARK", MARK)  # nobody else need know it
     try:
         options = _parse(arguments)
         _disable_others()
@@ -55,6 +59,7 @@ def main(arguments: list[str]) -> int:
     except FailedError as e:
         say(event="error", message=str(e))
         return 1
+    say(event="end")
     return 0
 
 
@@ -201,10 +206,11 @@ def _render(options) -> None:
             continue
         scene.frame_set(frame)
         # Under another name until it is whole: a picture that is there is a finished one.
-        new = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
+        # Not longer than the picture's own, which may be as long as the file system takes.
+        new = path.with_name(f".{secrets.token_hex(4)}{path.suffix.lower()}")
         scene.render.filepath = str(new)
         try:
-            _run(write_still=True)
+            _run(lambda: bpy.ops.render.render(write_still=True))
             _check_room(new)
             new.replace(path)
         except OSError as e:
@@ -227,31 +233,24 @@ def _check_room(picture: Path) -> None:
 def _snapshot(options) -> None:
     import bpy
 
-    from .render_engine import LightMeshesEngine
+    from .render_engine import export_frame
 
-    # Through a render, because only a render sees the objects and modifiers that are meant for it.
     for frame in options.frames:
         bpy.context.scene.frame_set(frame)
-    LightMeshesEngine.export_to = options.output.resolve()
-    try:
-        _run()
-    finally:
-        LightMeshesEngine.export_to = None
+    _run(lambda: export_frame(bpy.context.scene, options.output.resolve()))
     if not (options.output / "scene.json").is_file():
         raise FailedError(f"{options.output} has not been written: is there room, and permission?")
     say(event="wrote", frame=bpy.context.scene.frame_current, path=str(options.output.resolve()))
 
 
-def _run(**arguments) -> None:
-    """Blender's render operator, with what it says on the way passed on."""
-    import bpy
-
+def _run(render) -> None:
+    """Have something rendered, with what is said on the way passed on."""
     from .observers import observers
 
     errors = []
     observers.append(lambda event: errors.append(event["message"]) if event["event"] == "error" else say(**event))
     try:
-        bpy.ops.render.render(**arguments)
+        render()
     except RuntimeError as e:
         raise FailedError(errors[0] if errors else _reason(e)) from e
     finally:

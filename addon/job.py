@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from . import observers, session
+from . import console, observers, session
 from .export import border, export
 from .export.snapshot import handing_over
 from .picture import Picture
@@ -42,7 +42,7 @@ class Job:
         if self.engine.is_preview:
             return  # the panel of a material shows what is not translated
         for sentence in self._warnings:
-            self.engine.report({'WARNING'}, sentence)
+            self.engine.report({'WARNING'}, console.shown(sentence))
             observers.notify(event="warning", message=sentence)
 
     def export(self, overrides: dict[str, dict], folder: Path | None = None) -> None:
@@ -142,7 +142,7 @@ class Job:
         if event and event["event"] == "compiling":
             self._progress(**event)
             if bpy.app.background and bpy.app.version >= (5, 0):  # which does not print what is said
-                print(f"Light Meshes: {event['stage']}", flush=True)
+                console.say(f"Light Meshes: {event['stage']}")
         return event
 
     def _finish(self, done: dict) -> None:
@@ -155,7 +155,7 @@ class Job:
         line = summary(done["statistics"])
         self._say(line)
         if bpy.app.background:
-            print(f"Light Meshes: {line}", flush=True)
+            console.say(f"Light Meshes: {line}")
 
     def _progress(self, event: str, fraction: float, stage: str, **_) -> None:
         self.engine.update_progress(fraction)

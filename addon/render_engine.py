@@ -8,10 +8,12 @@ from typing import ClassVar
 import bpy
 from bpy.app.handlers import persistent
 
-from . import observers, passes, session, step, viewport
+from . import console, observers, passes, session, step, viewport
 from .export import ExportError
 from .job import Cancelled, Job
 
+# What Blender does with a picture. There is none where only a snapshot is written: Freestyle would end Blender.
+_AROUND = ("use_compositing", "use_sequencer", "use_freestyle", "use_stamp")
 _SLOT = "Snapshot"  # of the render result: what is exported without being rendered leaves an empty picture
 
 
@@ -61,12 +63,12 @@ class LightMeshesEngine(bpy.types.RenderEngine):
 
     def _fail(self, message, log):
         if self.is_preview:  # Blender shows no errors of previews
-            print(f"Light Meshes, preview: {message}", flush=True)
+            console.say(f"Light Meshes, preview: {console.shown(message)}")
             return
         if log:
-            print(f"Light Meshes, the end of the log:\n{log}", flush=True)
-        self.report({'ERROR'}, message)  # exit code 1
-        self.error_set(message)  # in the picture's window
+            console.say(f"Light Meshes, the end of the log:\n{log}")
+        self.report({'ERROR'}, console.shown(message))  # exit code 1
+        self.error_set(console.shown(message))  # in the picture's window
         observers.notify(event="error", message=message)
 
 
@@ -77,18 +79,24 @@ def export_frame(scene, folder: Path) -> None:
     the artist's last picture, nor write files.
     """
     render = scene.render
-    before = render.use_compositing, render.use_sequencer
+    before = {name: getattr(render, name) for name in _AROUND}
+    # Of several layers, the one that is seen; all would write the same files.
+    layers = sorted((layer for layer in scene.view_layers if layer.use), key=lambda one: one != bpy.context.view_layer)
+    if not layers:
+        raise RuntimeError(f"Scene '{scene.name}' renders no view layer: switch Use for Rendering on")
     slots = bpy.data.images["Render Result"].render_slots if "Render Result" in bpy.data.images else None
     shown = slots.active_index if slots else 0
     try:
-        render.use_compositing = render.use_sequencer = False
+        for name in _AROUND:
+            setattr(render, name, False)
         if slots:
             slots.active = next((s for s in slots if s.name == _SLOT), None) or slots.new(name=_SLOT)
         LightMeshesEngine.export_to = folder
-        bpy.ops.render.render(scene=scene.name)
+        bpy.ops.render.render(scene=scene.name, **{"layer": layers[0].name} if len(layers) > 1 else {})
     finally:
         LightMeshesEngine.export_to = None
-        render.use_compositing, render.use_sequencer = before
+        for name, value in before.items():
+            setattr(render, name, value)
         if slots:
             slots.active_index = shown
 

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from . import events
+from . import console, events
 
 MODULE = "light_meshes.service"
 # Nothing of the current folder is run, which Python's -m would put in front; every Python knows this, unlike -P.
@@ -74,6 +74,7 @@ class Session:
         self._closed = False  # nothing more will come
         self._events: queue.Queue[dict | None] = queue.Queue()
         self._log: collections.deque[str] = collections.deque(maxlen=60)
+        console.keep_standard_streams()
         try:
             # Only this process holds the other ends of the pipes: close_fds is subprocess's default.
             self._process = subprocess.Popen(

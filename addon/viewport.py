@@ -17,7 +17,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import screen, session, view
+from . import console, screen, session, view
 from .export import ExportError, camera
 from .export.scenes import Scenes
 from .export.snapshot import handing_over
@@ -224,8 +224,8 @@ class Viewport:
     def _fail(self, message: str, log: str) -> None:
         """Say it, and do nothing more until something changes."""
         self._failed = True
-        print(f"Light Meshes: {message}", *([f"The end of the log:\n{log}"] if log else []), sep="\n", flush=True)
-        self._say(message)
+        console.say(f"Light Meshes: {console.shown(message)}" + (f"\nThe end of the log:\n{log}" if log else ""))
+        self._say(console.shown(message))
         self._leave(session.Session.kill)
 
     def _leave(self, how: Callable[[session.Session], None]) -> None:

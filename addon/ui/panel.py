@@ -3,6 +3,8 @@
 import textwrap
 from typing import ClassVar
 
+from ..console import shown
+
 ENGINE = 'LIGHT_MESHES'
 
 
@@ -29,11 +31,11 @@ def table(layout, context, rows: list[tuple[str, str]]) -> None:
     """Names and what is said of them, as Blender aligns properties; long texts go on in the next line."""
     column = layout.column(align=True)
     for name, text in rows:
-        for n, line in enumerate(_lines(context, text, 0.58)):
+        for n, line in enumerate(_lines(context, shown(text), 0.58)):
             split = column.split(factor=0.4)
             left = split.row()
             left.alignment = 'RIGHT'
-            left.label(text="" if n else name)
+            left.label(text="" if n else shown(name))
             split.label(text=line)
 
 

@@ -10,6 +10,7 @@ import collections
 import importlib.util
 import json
 import os
+import secrets
 import shutil
 import subprocess
 import sys
@@ -17,10 +18,19 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from . import console
 from .cli import UsageError
 from .scene import SceneError
 
-MARK = "@light-meshes "  # what the driver says to us comes behind it
+MARK = "@light-meshes "  # what a script in Blender says to us comes behind it
+# What the driver says: its events, and what of them is used here.
+_EVENTS: dict[str, dict[str, tuple[type, ...]]] = {
+    "progress": {"fraction": (int, float), "frame": (int,), "stage": (str,)},
+    "compiling": {"fraction": (int, float), "frame": (int,), "stage": (str,)},
+    "wrote": {"path": (str,)}, "kept": {"path": (str,)}, "warning": {"message": (str,)}, "error": {"message": (str,)},
+    "statistics": {"statistics": (dict,)}, "end": {},
+}
+_LONGEST = 2**24  # characters of a line; what is longer comes in parts, of which none is an event
 Changes = list[tuple[str, str]]
 
 
@@ -86,22 +96,26 @@ def _events(arguments: list[str], changes: Changes, debug: bool) -> Iterator[dic
     """What the driver says, event by event; its error is raised as SceneError (UsageError for exit code 2)."""
     command = driver() + arguments + [word for key, value in changes for word in ("--set", f"{key}={value}")]
     # Whatever Python Blender has inside, the engine runs in this one.
+    mark = f"@light-meshes-{secrets.token_hex(16)} "  # of this run: no name in the file knows it, nor a script's output
     child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                             text=True, errors="replace", env=environment() | {"LIGHT_MESHES_PYTHON": sys.executable})
-    assert child.stdout is not None
+                             encoding="utf-8", errors="replace",
+                             env=environment() | {"LIGHT_MESHES_PYTHON": sys.executable, "LIGHT_MESHES_MARK": mark})
+    said = child.stdout
+    assert said is not None
     tail: collections.deque[str] = collections.deque(maxlen=5)
-    error = ""
+    error, ended = "", False
     try:
-        for line in child.stdout:
-            noise, mark, text = line.partition(MARK)  # Blender does not end each of its lines
+        for line in iter(lambda: said.readline(_LONGEST), ""):
+            noise, _, text = line.partition(mark)  # Blender does not end each of its lines
             if debug and noise:
-                print(noise, end="", file=sys.stderr)
-            if not mark:
-                tail.append(line.strip())
-                continue
-            event = json.loads(text)
-            if event["event"] == "error":
+                console.say(noise.rstrip("\n"), sys.stderr)
+            event = _event(text)
+            if event is None:
+                tail.append(line.strip()[:200])
+            elif event["event"] == "error":
                 error = event["message"]
+            elif event["event"] == "end":
+                ended = True
             else:
                 yield event
         code = child.wait()
@@ -109,9 +123,20 @@ def _events(arguments: list[str], changes: Changes, debug: bool) -> Iterator[dic
         if child.poll() is None:
             child.terminate()
             child.wait()
-    if code == 2:
-        raise UsageError(error)
     if error:
-        raise SceneError(error)
-    if code:
+        raise UsageError(error) if code == 2 else SceneError(error)
+    if code or not ended:  # a script may have ended it
         raise SceneError(f"Blender ended with code {code}; its last words: {' | '.join(filter(None, tail))}")
+
+
+def _event(text: str) -> dict[str, Any] | None:
+    """The event in `text`, or None where it is none: what others print may have come between."""
+    try:
+        event = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(event, dict) or not isinstance(event.get("event"), str):
+        return None
+    contents = _EVENTS.get(event["event"])
+    right = contents is not None and all(type(event.get(key)) in kinds for key, kinds in contents.items())
+    return event if right else None

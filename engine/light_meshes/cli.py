@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 failed, 2 bad usage; one sentence on stderr, a traceback o
 from __future__ import annotations
 
 import argparse
+import errno
 import re
 import signal
 import sys
@@ -13,10 +14,10 @@ import tempfile
 import time
 import traceback
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from . import __version__
-from .scene import Scene, SceneError
+from . import __version__, console
+from .scene import Scene, SceneError, shown
 
 
 class UsageError(Exception):
@@ -35,16 +36,17 @@ class Progress:
         if self._terminal and (fraction >= 1 or now - self._last > 0.1):
             self._last = now
             bar = "█" * round(30 * fraction)
-            print(f"\r{bar:░<30} {fraction:4.0%} {stage[:40]:<40}", end="", file=sys.stderr, flush=True)
+            console.write(f"\r{bar:░<30} {fraction:4.0%} {shown(stage)[:40]:<40}", sys.stderr)
 
     def clear(self) -> None:
         """Take the bar away."""
         if self._terminal:
-            print("\r" + " " * 78 + "\r", end="", file=sys.stderr, flush=True)
+            console.write("\r" + " " * 78 + "\r", sys.stderr)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
+    console.prepare()
     arguments = _parser().parse_args(argv)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a farm's cancel leaves nothing behind, as Ctrl-C
     try:
@@ -52,8 +54,8 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     except (Exception, KeyboardInterrupt) as e:
         if arguments.debug:
-            traceback.print_exc()
-        print(f"light-meshes: {_sentence(e)}", file=sys.stderr)
+            console.say(traceback.format_exc(), sys.stderr)
+        console.say(f"light-meshes: {shown(_sentence(e))}", sys.stderr)
         return 2 if isinstance(e, UsageError) else 1
 
 
@@ -69,8 +71,13 @@ def _sentence(e: BaseException) -> str:
     return f"{type(e).__name__}: {e} (--debug shows where)"
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        super().error(shown(message))
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="light-meshes", description="Soft shadows from point lights, without noise.")
+    parser = _Parser(prog="light-meshes", description="Soft shadows from point lights, without noise.")
     parser.add_argument("--version", action="version", version=f"light-meshes {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     render = commands.add_parser("render", help="render a .blend file or a snapshot folder to a picture")
@@ -141,16 +148,16 @@ def _render(arguments: argparse.Namespace) -> None:
     finally:
         progress.clear()
     for warning in warnings:
-        print(f"light-meshes: warning: {warning}", file=sys.stderr)
+        console.say(f"light-meshes: warning: {shown(warning)}", sys.stderr)
     if statistics:
         from . import report
 
-        print(report.summary(statistics))
+        console.say(report.summary(statistics))
     for picture in (path for path, rendered in pictures.items() if not rendered):
-        print(f"{picture} is there already")
+        console.say(shown(f"{picture} is there already"))
     if any(pictures.values()):
         rendered = ", ".join(str(path) for path, rendered in pictures.items() if rendered)
-        print(f"{rendered} in {time.monotonic() - started:.1f} s")
+        console.say(shown(f"{rendered} in {time.monotonic() - started:.1f} s"))
 
 
 def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple[list[str], dict[str, Any]]:
@@ -203,13 +210,20 @@ def _inspect(arguments: argparse.Namespace) -> None:
     from . import report
 
     if not _is_blend(arguments.file):
-        print(report.describe(_changed(_read(arguments.file), arguments.set)))
+        _answer(report.describe(_changed(_read(arguments.file), arguments.set)))
         return
     from . import blend
 
     with tempfile.TemporaryDirectory(prefix="light-meshes-") as folder:
         blend.export(arguments.file, Path(folder), arguments.set, arguments.debug)
-        print(report.describe(_read(Path(folder))))
+        _answer(report.describe(_read(Path(folder))))
+
+
+def _answer(text: str) -> None:
+    """Say what was asked for, all of it unless the reader has enough."""
+    console.say(text)
+    if console.lost and console.lost.errno != errno.EPIPE:
+        raise console.lost
 
 
 def _bench(arguments: argparse.Namespace) -> None:

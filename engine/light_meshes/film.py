@@ -92,18 +92,30 @@ def write(frame: Framebuffer, path: Path) -> None:
     if not path.parent.is_dir():
         raise SceneError(f"the folder {path.parent} does not exist")
     # Of one name alone: several machines may write one picture. An older picture stays until this one is whole.
-    new = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
-    out = oiio.ImageOutput.create(str(new))
+    # Not longer than the picture's own, which may be as long as the file system takes.
+    new = path.with_name(f".{secrets.token_hex(4)}{path.suffix.lower()}")
+    name = utf8(new)
+    out = oiio.ImageOutput.create(name)
     if out is None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")
     try:
-        done = out.open(str(new), spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()
+        done = out.open(name, spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()
         # OpenImageIO does not notice that a disk was full when a small PNG was written: its last chunk is not there.
         if not done or (new.suffix.lower() == ".png" and not new.read_bytes().endswith(b"IEND\xae\x42\x60\x82")):
             raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
         new.replace(path)
+    except OSError as e:  # the name is too long, say
+        raise SceneError(f"{path} cannot be written: {e.strerror}") from e
     finally:
         new.unlink(missing_ok=True)
+
+
+def utf8(path: Path) -> str:
+    """`path` as OpenImageIO takes it on every system: in UTF-8, whatever the locale. Raises SceneError."""
+    try:
+        return os.fsencode(path).decode()
+    except UnicodeError:
+        raise SceneError(f"{path} cannot be used: its name is not in UTF-8") from None
 
 
 def to_srgb(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .render import Prepared
-from .scene import Scene
+from .scene import Scene, shown
 
 
 def describe(scene: Scene) -> str:
@@ -45,8 +45,8 @@ def describe(scene: Scene) -> str:
     ])
     lines += ["Plan"]
     lines += _table(list(ready.plan.reasons.items()))
-    missing = [*scene.warnings, *ready.warnings]
-    lines += [f"Not translated ({len(missing)})", *(f"  {w}" for w in missing)] if missing else ["All is translated."]
+    missing = [f"  {shown(w)}" for w in (*scene.warnings, *ready.warnings)]
+    lines += [f"Not translated ({len(missing)})", *missing] if missing else ["All is translated."]
     return "\n".join(lines)
 
 
@@ -83,7 +83,7 @@ def summary(statistics: dict[str, Any]) -> str:
 
 
 def _table(rows: list[tuple[str, str]]) -> list[str]:
-    return [f"  {name:<22} {value}" for name, value in rows]
+    return [f"  {shown(name):<22} {shown(value)}" for name, value in rows]
 
 
 def _colour(rgb: tuple[float, ...]) -> str:

@@ -32,7 +32,12 @@ class SceneError(ValueError):
     """Bad input: the message says what was wrong, where, and what to do. In one line, whatever names it quotes."""
 
     def __str__(self) -> str:
-        return "".join(c if c.isprintable() else "\ufffd" for c in super().__str__()[:600])
+        return shown(super().__str__())[:600]
+
+
+def shown(text: str) -> str:
+    """`text` in one line, what is no letter or sign of it as escapes: they could steer a terminal, or turn its text."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 _short = reprlib.Repr()

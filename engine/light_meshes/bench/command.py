@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from .. import console
 from ..scene import SceneError
 from . import plots, tables
 from .runs import FORMAT, QUICK, Effort, bench
@@ -24,7 +25,7 @@ def run(folder: Path, quick: bool, parts: Sequence[str]) -> None:
     started = time.monotonic()
 
     def say(line: str) -> None:
-        print(f"[{time.monotonic() - started:6.0f} s] {line}", file=sys.stderr, flush=True)
+        console.say(f"[{time.monotonic() - started:6.0f} s] {line}", sys.stderr)
 
     def keep(results: dict[str, Any]) -> None:
         write(results, folder, quick)
@@ -35,7 +36,7 @@ def run(folder: Path, quick: bool, parts: Sequence[str]) -> None:
         results = bench(QUICK if quick else Effort(), parts, say, keep)
     else:
         results = read(folder)
-    print(write(results, folder, results.get("quick", quick)))
+    console.say(write(results, folder, results.get("quick", quick)))
     if plots.available():
         for path in plots.draw(results, folder):
             say(f"wrote {path}")
