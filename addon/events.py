@@ -58,7 +58,7 @@ def _folder(value) -> bool:
 
 
 def _lengths(value) -> bool:
-    return isinstance(value, dict) and all(map(_length, value.values()))
+    return isinstance(value, list) and all(v is None or _length(v) for v in value)
 
 
 def _sentences(value) -> bool:

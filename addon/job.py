@@ -55,13 +55,18 @@ class Job:
             self._say("Exporting the scene")
             self._snapshot = folder
             report = export(self.engine, self.depsgraph, folder, self.check, overrides)
+        self._lights = report.lights
         self._warnings.update(dict.fromkeys(report.sentences))
 
     def measure(self) -> dict:
-        """What the engine finds for the exported snapshot: the step "h", and the "radii" of the lights by name."""
+        """What the engine finds for the exported snapshot: the step "h", and the "radii" of lights whose size counts.
+
+        A radius is None where nothing tells of it.
+        """
         self._say("Measuring the scene")
         found = self._carry_out(lambda event: None, "measure", snapshot=str(self._snapshot))
-        return {"h": found["h"], "radii": found.get("radii", {})}
+        return {"h": found["h"], "radii": {
+            light: r for light, r in zip(self._lights, found["radii"], strict=True) if light}}
 
     def render(self) -> None:
         """Have the exported snapshot rendered, and show it."""

@@ -160,11 +160,9 @@ class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
         """A job whose scene is exported, with lights whose size sets their shadows' edges."""
         depsgraph = context.evaluated_depsgraph_get()
         job = Job(_Watcher(context.scene.render), depsgraph, session.MEASURE)
-        lights = {ob.name: {"softness": 'LIGHT_SIZE'} for ob in depsgraph.objects if ob.type == 'LIGHT'}
         try:
-            # Of a light without any shadow in sight the engine says the scene's own r.
-            settings = {"shadows": 'LIGHT_MESHES', "auto_h": True, "kI": USUAL * penumbra.AUTO_STEPS}
-            job.export({"settings": settings, "lights": lights})
+            settings = {"shadows": 'LIGHT_MESHES', "auto_h": True}
+            job.export({"settings": settings, "lights": {"softness": 'LIGHT_SIZE'}})
         except BaseException:
             job.__exit__()
             session.discard(session.MEASURE)
@@ -183,7 +181,8 @@ class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
 
     def _take(self, context, found: dict):
         scene = context.scene
-        found = suggested(found["h"], list(found["radii"].values()))
+        usual = USUAL * penumbra.AUTO_STEPS * found["h"]  # of a light without any shadow in sight
+        found = suggested(found["h"], [usual if r is None else r for r in found["radii"].values()])
         own = scene.light_meshes
         own.auto_h, own.h, own.kI = False, found.h, found.kI
         width = penumbra.length(scene, 2 * found.h * found.kI)

@@ -66,9 +66,15 @@ class LightMeshesScene(bpy.types.PropertyGroup):
     )
     auto_h: BoolProperty(
         name="Automatic Step",
-        description="Take the step of the lattice from what the camera sees at the scene's first frame, "
+        description="Take the step of the lattice from what the camera sees at the frame below, "
                     "so that shadow edges look alike at any scale and do not change through an animation",
         default=True, update=_changed,
+    )
+    measure_frame: IntProperty(
+        name="Measured at Frame",
+        description="At this frame the automatic step and the sizes of lights are measured, for all frames alike. "
+                    "Which frames are rendered does not change it. A file from before this setting has its first frame",
+        min=-1048574, max=1048574, default=1, update=_changed,
     )
     h: FloatProperty(
         name="Step (h)",

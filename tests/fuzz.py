@@ -178,7 +178,7 @@ GOOD_EVENTS = [
     {"event": "picture", "id": 7, "step": 0, "width": 8, "height": 8, "passes": {"Combined": 4}},
     {"event": "done", "id": 1, "statistics": {"width": 8, "height": 8, "triangles": 4, "lights": 1, "seconds": 0.5},
      "warnings": ["left out"]},
-    {"event": "measured", "id": 2, "h": 0.05, "radii": {"Sun": 0.12}},
+    {"event": "measured", "id": 2, "h": 0.05, "radii": [0.12, None]},
     {"event": "cancelled", "id": 1}, {"event": "error", "id": None, "message": "no"}, {"event": "alive"},
 ]
 
@@ -266,7 +266,7 @@ class Events:
         elif kind == "progress":
             assert 0 <= float(event["fraction"]) <= 1 and len(event["stage"]) >= 0
         elif kind == "measured":
-            assert all(math.isfinite(x) for x in [event["h"], *event["radii"].values()])
+            assert all(math.isfinite(x) for x in [event["h"], *event["radii"]] if x is not None)
         elif kind == "error":
             assert event["id"] is None or event["id"] >= 0
             assert isinstance(event["message"], str)

@@ -61,7 +61,9 @@ def post(lights, camera=None, **values):
 
 
 def radii(scene):
-    return measure(scene)["radii"]
+    """Those of lights whose size counts, by name."""
+    found = zip(scene.lights, measure(scene)["radii"], strict=True)
+    return {light.name: r for light, r in found if light.softness == "LIGHT_SIZE"}
 
 
 def test_a_sun_is_measured_by_how_far_its_blockers_are():
@@ -95,7 +97,7 @@ def test_only_what_the_light_shines_on_and_what_blocks_it_is_measured():
     soft_only = replace(both, objects=(*both.objects[:1], replace(both.objects[1], cast_soft_shadows=False),
                                        both.objects[2]))
     assert radii(soft_only)["lamp"] == near  # sharp casters have no width
-    assert radii(with_lights(both, replace(lamp, receivers=())))["lamp"] == pytest.approx(0.2)  # h·kI
+    assert radii(with_lights(both, replace(lamp, receivers=())))["lamp"] is None  # the scene's
 
 
 def _parts():
@@ -106,9 +108,9 @@ def _parts():
 def test_nothing_in_the_way_leaves_the_scenes_radius():
     lamp = point((0, 0, 5), radius=0.2, softness="LIGHT_SIZE", name="lamp")
     scene = with_lights(post([lamp]), replace(lamp, blockers=()))
-    assert radii(scene)["lamp"] == pytest.approx(0.2)
+    assert radii(scene)["lamp"] is None
     away = replace(post([lamp]), camera=look_at((0, 0, 20), (0, 0, 40), 40, 32, 32))
-    assert radii(away)["lamp"] == pytest.approx(0.2)
+    assert radii(away)["lamp"] is None
     assert render_image(away).warnings == []
 
 
@@ -117,8 +119,7 @@ def test_what_is_measured_is_what_is_rendered():
     scene = tabletop(48)
     lamp = replace(scene.lights[0], radius=0.3, softness="LIGHT_SIZE")
     found = measure(with_lights(scene, lamp))
-    assert list(found["radii"]) == [lamp.name]
-    fixed = replace(lamp, softness="RADIUS", soft_radius=found["radii"][lamp.name])
+    fixed = replace(lamp, softness="RADIUS", soft_radius=found["radii"][0])
     a, b = (render_image(with_lights(scene, light)).passes["Combined"] for light in (lamp, fixed))
     np.testing.assert_array_equal(a, b)
     assert (a != render_image(scene).passes["Combined"]).any()
@@ -126,6 +127,14 @@ def test_what_is_measured_is_what_is_rendered():
     assert again == found and measure(with_settings(with_lights(scene, lamp), shadows="SHARP")) == found
     cropped = replace(scene, camera=replace(scene.camera, width=96, crop=(3, 5, 20, 30)))
     assert measure(with_lights(cropped, lamp))["radii"] == found["radii"]
+
+
+def test_lights_of_one_name_have_radii_of_their_own():
+    """As the instances of one lamp have."""
+    near, far = (point((x, 0, z), radius=0.2, softness="LIGHT_SIZE", name="lamp") for x, z in ((-1, 2), (1, 5)))
+    other = replace(near, softness="SCENE")
+    found = measure(post([near, other, far]))["radii"]
+    assert found[0] > 2 * found[2] > 0 and found[1] is None
 
 
 @pytest.mark.parametrize("weights", ["UNIFORM", "SMOOTH"])

@@ -58,7 +58,7 @@ def test_h_is_measured(child):
     child.put(tabletop(64))
     child.send(command="measure", id=1, snapshot="scene")
     (event,) = child.of(1)
-    assert event["event"] == "measured" and 0.01 < event["h"] < 0.1 and event["radii"] == {}
+    assert event["event"] == "measured" and 0.01 < event["h"] < 0.1 and set(event["radii"]) == {None}
 
 
 def test_the_radii_of_lights_by_their_size_are_measured(child):
@@ -67,7 +67,8 @@ def test_the_radii_of_lights_by_their_size_are_measured(child):
     child.put(replace(scene, lights=(lamp,)))
     child.send(command="measure", id=1, snapshot="scene")
     (event,) = child.of(1)
-    assert list(event["radii"]) == [lamp.name] and 0.01 < event["radii"][lamp.name] < 0.5
+    (radius,) = event["radii"]
+    assert 0.01 < radius < 0.5
 
 
 def test_cancel_ends_a_render_within_a_fifth_of_a_second_and_the_next_one_works(child):

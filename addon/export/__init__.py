@@ -19,9 +19,9 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides
     """Write what `depsgraph` holds into `folder`; `check` is called often, and ends the export by raising.
 
     `engine` is the RenderEngine, which knows the size of the picture. `overrides` replace what was found: "settings"
-    by name, "lights" by the light object's name and then by name.
+    and "lights", of all lights, by name; "sized lights", of those of softness LIGHT_SIZE, by light and then by name.
     """
-    overrides = {"settings": {}, "lights": {}} | (overrides or {})
+    overrides = {"settings": {}, "lights": {}, "sized lights": {}} | (overrides or {})
     report = Report()
     scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
     _refuse(scene)
@@ -34,8 +34,11 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides
     walk.go(depsgraph)
     description = walk.description(
         depsgraph, camera, preview.SETTINGS if engine.is_preview else overrides["settings"])
-    for light in description["lights"]:
-        light |= overrides["lights"].get(light["name"], {})
+    for which, light in zip(walk.lamps, description["lights"], strict=True):
+        light |= overrides["lights"]
+        sized = light["softness"] == 'LIGHT_SIZE'
+        report.lights.append(which if sized else None)
+        light |= overrides["sized lights"].get(which, {}) if sized else {}
     if engine.is_preview:
         preview.adapt(description["objects"], description["materials"])
     write(folder, geometry.arrays(), description)

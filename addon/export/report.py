@@ -11,6 +11,7 @@ class Report:
     """Collects warnings in order. What is said of several materials (or objects, …) becomes one sentence."""
 
     def __init__(self) -> None:
+        self.lights: list[tuple | None] = []  # which they are, in the snapshot's order; None: their size has no effect
         # (kind, sentence) → name of what it is said of → what was used instead there.
         self._found: dict[tuple[str, str], dict[str, str]] = {}
 

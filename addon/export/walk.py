@@ -22,6 +22,7 @@ class Walk:
 
     def __init__(self, materials: Materials, geometry: Geometry, report: Report, check: Callable[[], None]) -> None:
         self._lamps: list[dict] = []
+        self.lamps: list[tuple] = []  # which they are, as `_identity` tells
         self._links = linking.Links()
         self._materials, self._geometry, self._report, self._check = materials, geometry, report, check
         self._done = 0
@@ -37,6 +38,7 @@ class Walk:
     def _take(self, instance, ob) -> None:
         if ob.type == 'LIGHT':
             self._lamps.append(lights.light(ob, instance.matrix_world, self._report))
+            self.lamps.append(_identity(instance, ob))
             self._links.add(ob)
         else:
             self._geometry.add(instance, ob)
@@ -59,6 +61,12 @@ class Walk:
             "settings": values,
             "warnings": self._report.sentences,
         }
+
+
+def _identity(instance, ob) -> tuple:
+    """What tells an object from all others in every frame: the instances of one object share its name."""
+    parent = instance.parent
+    return ob.name_full, parent.name_full if parent else "", *(instance.persistent_id if instance.is_instance else ())
 
 
 def settings(scene, view_layer) -> dict:

@@ -38,6 +38,8 @@ class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
             layout.prop(settings, "auto_h")
             if not settings.auto_h:
                 layout.prop(settings, "h")
+            if settings.auto_h or any(lamp.light_meshes.softness == 'LIGHT_SIZE' for lamp in bpy.data.lights):
+                layout.prop(settings, "measure_frame")
             layout.prop(settings, "kI")
             layout.prop(settings, "weights")
             layout.prop(settings, "shadow_rate")

@@ -141,12 +141,11 @@ def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: i
 
 
 def measure(scene: Scene) -> dict[str, Any]:
-    """h that `auto_h` takes for the scene, and r of its lights whose softness is LIGHT_SIZE, by name."""
+    """h that `auto_h` takes for the scene, and r of its lights whose softness is LIGHT_SIZE; None: the scene's."""
     # No more pixels are looked at: what speeds up a large picture need not be made.
     ready = Prepared(replace(scene, camera=replace(scene.camera, width=64, height=64, crop=None)))
     s, own = ready.scene.settings, own_radii(ready)
-    radii = {light.name: own.get(i, s.h * s.kI) for i, light in enumerate(scene.lights)
-             if light.softness == "LIGHT_SIZE"}
+    radii = [own.get(i) if light.softness == "LIGHT_SIZE" else None for i, light in enumerate(scene.lights)]
     return {"h": s.h if s.auto_h else measured_h(ready), "radii": radii}
 
 

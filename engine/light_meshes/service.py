@@ -16,7 +16,7 @@ of the scene files in a folder; passes.py lists the passes):
         A snapshot that is the one of the last command with keep is not read again. camera: as in scene.json, of the
         rays, while the snapshot's own is what h is measured by; null: its own
     {"command": "measure", "id": 2, "snapshot": "scene"}     h that `auto_h` would take for this scene,
-        and r of each light whose softness is LIGHT_SIZE
+        and r of each light whose softness is LIGHT_SIZE; null for others, and where nothing tells of it
     {"command": "cancel", "id": 1}                           ends that command at its next batch, or before it starts
     {"command": "quit"}
 Child → parent:
@@ -29,7 +29,7 @@ Child → parent:
         whole one does; its sides are rounded up
     {"event": "done", "id": 1, "statistics": {…}, "warnings": [sentence, …]}      of a view: those of its last step,
         and under "steps" a few figures of each
-    {"event": "measured", "id": 2, "h": 0.05, "radii": {"Sun": 0.12}}
+    {"event": "measured", "id": 2, "h": 0.05, "radii": [0.12, null]}
     {"event": "cancelled", "id": 1}
     {"event": "error", "id": 1, "message": sentence}         the child lives on, unless the id is null
     {"event": "alive"}                                       every second, so that a stopped child is noticed

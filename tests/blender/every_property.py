@@ -37,6 +37,7 @@ from property_scenes import (
     stage,
     under_a_lamp,
     wide_radius,
+    zooming_out,
 )
 
 # What is seen of a picture (rows from the bottom up): before → after.
@@ -113,6 +114,7 @@ ROWS = [
     Row("scene", "mode", 'LOCAL', brighter),
     Row("scene", "shadows", 'SHARP', narrower),
     Row("scene", "auto_h", True, narrower, coarse),
+    Row("scene", "measure_frame", 9, wider, zooming_out),
     Row("scene", "h", 0.2, wider),
     Row("scene", "kI", 6.0, wider),
     Row("scene", "weights", 'UNIFORM', wider, coarse),

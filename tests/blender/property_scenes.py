@@ -107,6 +107,16 @@ def coarse():
     bpy.context.scene.light_meshes.h = 0.3
 
 
+def zooming_out():
+    """From frame 1, which is rendered, to 9."""
+    scene = bpy.context.scene
+    scene.light_meshes.auto_h = True
+    for frame, scale in ((9, 8 * VIEW), (1, VIEW)):
+        scene.camera.data.ortho_scale = scale
+        scene.camera.data.keyframe_insert("ortho_scale", frame=frame)
+    scene.frame_set(1)
+
+
 def silhouette():
     """The floor's edge, which is not along the pixels, against black."""
     hide("Blocker")
