@@ -6,7 +6,8 @@ from pathlib import Path
 
 import bpy
 
-from . import console, observers, session
+from . import console, observers, passes, session
+from .cryptomatte import metadata
 from .export import border, export
 from .export.snapshot import handing_over
 from .picture import Picture
@@ -57,6 +58,7 @@ class Job:
             report = export(self.engine, self.depsgraph, folder, self.check, overrides)
         self._lights = report.lights
         self._warnings.update(dict.fromkeys(report.sentences))
+        self._mattes = report.mattes
 
     def measure(self) -> dict:
         """What the engine finds for the exported snapshot: the step "h", and the "radii" of lights whose size counts.
@@ -75,6 +77,9 @@ class Job:
         crop = border(render, engine.resolution_x, engine.resolution_y)
         size = (crop[2] - crop[0], crop[3] - crop[1]) if crop else (engine.resolution_x, engine.resolution_y)
         picture = Picture(engine, size, self.depsgraph)
+        if not engine.is_preview:
+            layer = self.depsgraph.view_layer_eval
+            self._warnings.update(dict.fromkeys(passes.missing(self.depsgraph.scene, layer)))
         # A preview comes at once: until then its artist sees the one before, not one with holes.
         shows = not bpy.app.background and not engine.is_preview
         shown = time.monotonic()
@@ -96,7 +101,7 @@ class Job:
         except BaseException:
             picture.give_up()
             raise
-        picture.end()
+        picture.end(metadata(self.depsgraph.view_layer_eval.name, self._mattes))
         self._finish(done)
 
     def check(self) -> None:

@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import bpy
 
+from . import cryptomatte
+
 
 class Pass(NamedTuple):
     """A pass, by Blender's name and by the engine's."""
@@ -31,6 +33,7 @@ def _since_5(new: str, old: str) -> str:
 _ALL = (
     Pass("Combined", "Combined", "RGBA", 'COLOR', "use_pass_combined"),
     Pass("Depth", "Depth", "Z", 'VALUE', "use_pass_z"),
+    Pass("Mist", "Mist", "Z", 'VALUE', "use_pass_mist"),
     Pass("Position", "Position", "XYZ", 'VECTOR', "use_pass_position"),
     Pass("Normal", "Normal", "XYZ", 'VECTOR', "use_pass_normal"),
     Pass("UV", "UV", "UVA", 'VECTOR', "use_pass_uv"),
@@ -50,7 +53,7 @@ _ALL = (
 )
 ALL = {p.engine_name: p for p in _ALL}
 # As the panel groups them.
-DATA = ("Combined", "Depth", "Position", "Normal", "UV", "Object Index", "Material Index")
+DATA = ("Combined", "Depth", "Mist", "Position", "Normal", "UV", "Object Index", "Material Index")
 LIGHT = ("Diffuse", "Glossy", "Transmission", "Emission", "Ambient", "Environment", "Shadow")
 DEBUG = ("Debug Candidates", "Debug m", "Debug Empty", "Debug Skipped")
 
@@ -58,7 +61,42 @@ DEBUG = ("Debug Candidates", "Debug m", "Debug Empty", "Debug Skipped")
 def wanted(scene, view_layer) -> list[Pass]:
     """The passes that `view_layer` asks for, and those of the lights of `scene`. Blender always has Combined."""
     own = [p for p in _ALL if p.name == "Combined" or getattr(p.owner(view_layer), p.switch)]
-    return own + _shadow_passes(scene)
+    mattes = [Pass(f"{kind}{i:02d}", f"{kind}{i:02d}", "rgba", 'COLOR')
+              for kind in cryptomatte.wanted(view_layer) for i in range(cryptomatte.levels(view_layer))]
+    return own + mattes + _shadow_passes(scene)
+
+
+def missing(scene, view_layer) -> list[str]:
+    """A sentence for each pass of `view_layer` that the compositor of `scene` uses and does not get."""
+    tree = scene.compositing_node_group if bpy.app.version >= (5, 0) else scene.use_nodes and scene.node_tree
+    if not (tree and scene.render.use_compositing):
+        return []
+    given = {"Image", "Alpha", *(p.name for p in wanted(scene, view_layer))}
+    known = {p.name for p in _ALL} | {f"{kind}00" for kind in cryptomatte.KINDS}
+    lacking: dict[str, None] = {}
+    todo, done = [tree], set()
+    while todo:
+        tree = todo.pop()
+        done.add(tree)
+        for node in tree.nodes:
+            if getattr(node, "node_tree", None) and node.node_tree not in done:
+                todo.append(node.node_tree)
+            of_us = not node.mute and getattr(node, "scene", None) == scene
+            if of_us and node.bl_idname == 'CompositorNodeRLayers' and node.layer == view_layer.name:
+                lacking.update((link.from_socket.name, None) for link in tree.links if link.from_node == node)
+            elif of_us and node.bl_idname == 'CompositorNodeCryptomatteV2' and node.source == 'RENDER':
+                layer, _, kind = node.layer_name.rpartition(".")
+                if layer == view_layer.name:
+                    lacking[f"{kind}00"] = None
+    sentences = []
+    for name in (name for name in lacking if name not in given):
+        if name in known:
+            sentences.append(f"The compositor uses the pass '{name}' of view layer '{view_layer.name}', which is not "
+                             "switched on in the View Layer properties")
+        else:
+            sentences.append(f"The compositor uses the pass '{name}' of view layer '{view_layer.name}', which Light "
+                             "Meshes does not have: it is empty")
+    return sentences
 
 
 def shadow_number(light) -> int:

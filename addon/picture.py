@@ -34,10 +34,14 @@ class Picture:
         self._copy()
         self._engine.update_result(self._result)
 
-    def end(self) -> None:
-        """Hand over what is done, for good."""
+    def end(self, metadata: dict[str, str]) -> None:
+        """Hand over what is done, for good; metadata: field → value of the files that Blender writes."""
         self._copy()
         self._engine.end_result(self._result)
+        if metadata:
+            result = self._engine.get_result()
+            for field, value in metadata.items():
+                result.stamp_data_add_field(field, value)
 
     def give_up(self) -> None:
         """Nothing more will come. What was shown stays in sight; handing more over would keep the artist waiting."""

@@ -75,7 +75,7 @@ def test_ambient_emission_and_environment_are_numbers():
     np.testing.assert_array_equal(passes["Emission"][inside] - np.float32([3.0, 0.0, 0.5]), 0)
     assert not passes["Environment"][inside].any()
     np.testing.assert_array_equal(passes["Environment"][0] - np.float32([0.1, 0.2, 0.3]), 0)
-    assert not any(passes[name][0].any() for name in ALL if name not in ("Combined", "Environment", "Depth"))
+    assert not any(passes[name][0].any() for name in ALL if name not in ("Combined", "Environment", "Depth", "Mist"))
 
 
 @pytest.mark.parametrize(("name", "material"), [

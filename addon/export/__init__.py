@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from .. import cryptomatte
 from . import left_out, preview
 from .camera import border, frame
 from .geometry import Geometry
@@ -39,6 +40,7 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides
         sized = light["softness"] == 'LIGHT_SIZE'
         report.lights.append(which if sized else None)
         light |= overrides["sized lights"].get(which, {}) if sized else {}
+    report.mattes = cryptomatte.add_numbers(description, view_layer)
     if engine.is_preview:
         preview.adapt(description["objects"], description["materials"])
     write(folder, geometry.arrays(), description)

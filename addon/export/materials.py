@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from ..cryptomatte import DEFAULT
 from .images import Images
 from .nodes import Nodes, uses_nodes
 from .report import Report
 from .surface import Surface
 from .surface_nodes import surface
 
-DEFAULT = "default"  # of faces without a material
 _TUPLES = {"Od", "Os", "mirror", "emission", "kt"}
 
 
@@ -97,12 +97,11 @@ class Materials:
 
 
 def translate(material, report: Report) -> Surface:
-    """The surface that the nodes of `material` describe, or its viewport colours where it has none."""
+    """The surface that the nodes of `material` describe, or its viewport colour where it has none."""
     if uses_nodes(material):
         nodes = Nodes(material.node_tree, "Material", material.name, report)
         return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
-    return Surface.principled(
-        tuple(material.diffuse_color)[:3], material.metallic, material.roughness, material.specular_intensity)
+    return Surface.diffuse(tuple(material.diffuse_color)[:3])  # as Cycles
 
 
 def translated_value(material, name: str):

@@ -23,10 +23,9 @@ class Nodes:
         self.tree, self.kind, self.owner, self._report = tree, kind, owner, report
 
     def output(self, idname: str):
-        """The output node that renders use, or None."""
-        outputs = [n for n in self.tree.nodes if n.bl_idname == idname]
-        for_us = [n for n in outputs if n.target == 'ALL'] or outputs
-        return next((n for n in for_us if n.is_active_output), for_us[0] if for_us else None)
+        """The output node that Cycles takes, or None."""
+        node = self.tree.get_output_node('CYCLES')
+        return node if node and node.bl_idname == idname else None
 
     def source(self, node, socket):
         """The node that feeds input `socket` of `node`, through reroutes; None where nothing does."""

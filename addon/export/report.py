@@ -14,6 +14,7 @@ class Report:
         self.lights: list[tuple | None] = []  # which they are, in the snapshot's order; None: their size has no effect
         # (kind, sentence) → name of what it is said of → what was used instead there.
         self._found: dict[tuple[str, str], dict[str, str]] = {}
+        self.mattes: dict[str, set[str]] = {}  # the names that each kind of Cryptomatte has
 
     def warn(self, sentence: str, kind: str = "", name: str = "", used: str = "") -> None:
         """`kind` and `name` say of what, such as "Material" and its name; `used`: the value used instead."""

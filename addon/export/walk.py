@@ -46,7 +46,8 @@ class Walk:
     def description(self, depsgraph, camera: dict, overrides: dict | None = None) -> dict:
         """What scene.json says, once all is taken in; `overrides` replace settings."""
         scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-        values = settings(scene, view_layer) | (overrides or {})
+        shown_world = view_layer.world_override or scene.world
+        values = settings(scene, view_layer) | _mist(shown_world, view_layer) | (overrides or {})
         if "lens_radius" in camera and values["samples"] < FEW_SAMPLES:
             self._report.warn(f"Depth of field with Samples at {values['samples']}: what is out of focus is shown as "
                               f"so many sharp copies; {FEW_SAMPLES} and more blur it")
@@ -57,7 +58,7 @@ class Walk:
             "materials": list(self._materials.descriptions),
             "images": list(self._materials.images),
             "objects": self._geometry.objects,
-            "world_color": world.color(view_layer.world_override or scene.world, self._report),
+            "world_color": world.color(shown_world, self._report),
             "settings": values,
             "warnings": self._report.sentences,
         }
@@ -81,3 +82,11 @@ def settings(scene, view_layer) -> dict:
         "filter_size": min(scene.render.filter_size, 10.0),
         "film_transparent": scene.render.film_transparent,
     }
+
+
+def _mist(shown_world, view_layer) -> dict:
+    """What the pass Mist wants of the world."""
+    if not (view_layer.use_pass_mist and shown_world):
+        return {}
+    mist = shown_world.mist_settings
+    return {"mist_start": mist.start, "mist_depth": mist.depth, "mist_falloff": mist.falloff}

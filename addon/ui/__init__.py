@@ -14,7 +14,7 @@ _EXCLUDED = {
 # Panels of EEVEE that show what this engine reads: shader nodes, depth of field.
 _EEVEES = {
     "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
-    "EEVEE_WORLD_PT_surface", "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture",
+    "EEVEE_WORLD_PT_surface", "EEVEE_WORLD_PT_mist", "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture",
 }
 
 

@@ -85,4 +85,22 @@ def _meaning(scene, light, name: str) -> list[tuple[str, str]]:
     return [*rows, ("", "{:.0f} pixels {}".format(*on_screen))] if on_screen else rows
 
 
-CLASSES = (LIGHT_MESHES_PT_light, LIGHT_MESHES_PT_light_shadow)
+class LIGHT_MESHES_PT_light_nodes(_LightPanel, bpy.types.Panel):
+    bl_label = "Nodes"
+
+    def fill(self, layout, context):
+        from bpy_extras.node_utils import find_node_input
+
+        light = context.light
+        layout.prop(light, "use_nodes", icon='NODETREE')
+        if not light.use_nodes:
+            return
+        node = light.node_tree.get_output_node('CYCLES')
+        socket = node and find_node_input(node, "Surface")
+        if socket:
+            layout.template_node_view(light.node_tree, node, socket)
+        else:
+            layout.label(text="No output node")
+
+
+CLASSES = (LIGHT_MESHES_PT_light, LIGHT_MESHES_PT_light_shadow, LIGHT_MESHES_PT_light_nodes)

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import bpy
 
-from .. import passes
+from .. import cryptomatte, passes
 from .panel import LightMeshesPanel
 
 
@@ -40,6 +40,19 @@ class LIGHT_MESHES_PT_passes_light(_Passes, bpy.types.Panel):
     names = passes.LIGHT
 
 
+class LIGHT_MESHES_PT_passes_cryptomatte(_Passes, bpy.types.Panel):
+    bl_label = "Cryptomatte"
+
+    def fill(self, layout, context):
+        layer = context.view_layer
+        column = layout.column(heading="Include", align=True)
+        for name, text in (("object", "Object"), ("material", "Material"), ("asset", "Asset")):
+            column.prop(layer, f"use_pass_cryptomatte_{name}", text=text)
+        column = layout.column()
+        column.active = bool(cryptomatte.wanted(layer))
+        column.prop(layer, "pass_cryptomatte_depth", text="Levels")
+
+
 class LIGHT_MESHES_PT_passes_shadow(_Passes, bpy.types.Panel):
     bl_label = "Shadow of Each Light"
     bl_options: ClassVar = {'DEFAULT_CLOSED'}
@@ -67,6 +80,7 @@ class LIGHT_MESHES_PT_override(LightMeshesPanel, bpy.types.Panel):
 
 
 CLASSES = (
-    LIGHT_MESHES_PT_passes, LIGHT_MESHES_PT_passes_data, LIGHT_MESHES_PT_passes_light, LIGHT_MESHES_PT_passes_shadow,
-    LIGHT_MESHES_PT_passes_debug, LIGHT_MESHES_PT_override,
+    LIGHT_MESHES_PT_passes, LIGHT_MESHES_PT_passes_data, LIGHT_MESHES_PT_passes_light,
+    LIGHT_MESHES_PT_passes_cryptomatte, LIGHT_MESHES_PT_passes_shadow, LIGHT_MESHES_PT_passes_debug,
+    LIGHT_MESHES_PT_override,
 )

@@ -43,6 +43,8 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
         rays |= {"clear": np.ones(n, np.bool_), "media": np.full((n, interfaces.MEDIA), -1, np.int32)}
     if tile.parts:
         rays["part"] = np.zeros(n, np.int8)  # DIRECT
+    if tile.layers:
+        rays["left"] = np.ones(n)  # of the sample, after what it saw so far and saw through
     ready.stats.add(camera_rays=n)
     waves: dict[str, Rays] = {"camera": rays}
     while waves:
@@ -80,6 +82,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         seen = _shade(ready, kind, rays, rays["weight"], hits, first, tile, check)
         if kind == "camera":
             _first(ready, tile, rays["pixel"], hits, seen)
+            _layer(ready, tile, rays, hits, np.ones(len(hits.P)))
         if plan.reflections:
             bounced = rays["weight"] * ready.materials.mirror[hits.material]
             children += _going(ready, "reflection", _as(REFLECTED, rays), hits, bounced, None, 1)
@@ -92,10 +95,16 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     new = rays["clear"][solid] & (alpha[solid] >= 0.5) & ~tile.seen[rays["pixel"][solid]]
     _first(ready, tile, rays["pixel"][solid][new], hits.at(solid[new]),
            {name: values[new] for name, values in shadows.items()})
+    through = _as(TRANSMITTED, rays) | {"media": face.media, "clear": np.zeros_like(rays["clear"])}
+    if "left" in rays and kind == "camera":
+        there = np.where(face.real, alpha, 0)
+        behind = ready.glass.seen_through(hits.material)
+        _layer(ready, tile, rays, hits, there * (1 - behind))
+        through["left"] = rays["left"] * there * behind
+        rays = rays | {"left": rays["left"] * (1 - there)}
     # What is not there: cut-outs, and interfaces inside a medium of higher priority.
     unseen = rays | {"media": np.where(face.real[:, None], rays["media"], face.media)}
     children += _going(ready, kind, unseen, hits, rays["weight"] - share, rays["direction"], 0)
-    through = _as(TRANSMITTED, rays) | {"media": face.media, "clear": np.zeros_like(rays["clear"])}
     straight = ~face.bends
     passed = share * face.kt
     children += _going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays["direction"], 0)
@@ -136,6 +145,8 @@ def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
         left[catcher] = ready.shadow_ratio(hits.at(catcher), rays["direction"][catcher], check, work)
         tile.add_work(rays["pixel"][catcher], work)
     gone = ready.holdout[owner] | ready.catcher[owner]
+    if "left" in rays:
+        rays["left"] = np.where(holdout, rays["left"] * (1 - alpha[:, 0]), rays["left"])
     weight = rays["weight"] * (1 - alpha + alpha * left)  # cut-outs let pass
     children = _going(ready, "camera", _rows(rays, gone), hits.at(gone), weight[gone], rays["direction"][gone], 0)
     return _rows(rays, ~gone), hits.at(~gone), children
@@ -172,6 +183,24 @@ def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dic
             samples[pixel] = _AT_FIRST[name](ready, hits)
         elif name in shadows:
             samples[pixel] = shadows[name]
+
+
+def _layer(ready: Prepared, tile: Tile, rays: Rays, hits: Hits, opacity: NDArray) -> None:
+    """Add what camera rays see, of which `opacity` is there, to the passes that look through surfaces."""
+    if not tile.layers:
+        return
+    coverage = rays["left"] * opacity
+    for kind in tile.mattes.wanted:
+        index = hits.material if kind == "CryptoMaterial" else ready.owner(hits.triangle)
+        tile.mattes.add(kind, rays["pixel"], ready.cryptomatte[kind][index], coverage)
+    if "Mist" in tile.samples:
+        s = ready.scene.settings
+        away = np.linalg.norm(hits.P - ready.scene.camera.matrix[:3, 3], axis=1)
+        if not ready.scene.camera.perspective:
+            away = depth(ready.scene.camera, hits.P)
+        mist = np.clip((away - s.mist_start) / s.mist_depth, 0, 1) if s.mist_depth > 0 else np.zeros_like(away)
+        mist = mist ** {"LINEAR": 1.0, "QUADRATIC": 2.0, "INVERSE_QUADRATIC": 0.5}[s.mist_falloff]
+        tile.subtract("Mist", rays["pixel"], (1 - mist) * coverage)
 
 
 def _rows(rays: Rays, rows: NDArray) -> Rays:

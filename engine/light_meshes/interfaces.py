@@ -89,6 +89,11 @@ class Interfaces:
         alpha = self._alpha_of(material, uv)[:, None]
         return (1 - alpha + alpha * self._kt[material]).astype(np.float32)
 
+    def seen_through(self, material: NDArray[np.int32]) -> NDArray[np.float64]:
+        """How much (n,) of what is behind shows as through a Transparent BSDF, which is no glass."""
+        clear = (self._ior == 1) & ~self._fresnel
+        return np.where(clear, np.minimum(self._kt.mean(1), 1), 0)[material]
+
     def interface(self, hits: Hits, rays: dict[str, NDArray]) -> Face:
         """What becomes of rays that hit `hits`."""
         n = len(hits.P)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
+from .mattes import KINDS, Mattes
 from .scene import Scene, SceneError, quoted
 
 NO_DEPTH = 1e10  # as Cycles writes it
@@ -21,6 +22,7 @@ PASSES = {
     "Depth": "Z",  # along the camera's axis; NO_DEPTH where nothing is hit
     "Position": "XYZ",  # in the world
     "Normal": "XYZ",  # the shading normal, in the world
+    "Mist": "Z",  # 0 near … 1 far; cut-outs and transparent surfaces count by how much of them is there
     "UV": "UVA",  # A is 1 where there is a surface
     "Object Index": "X",
     "Material Index": "X",
@@ -47,6 +49,8 @@ DIRECT, REFLECTED, TRANSMITTED = range(3)  # how the camera sees what a ray meet
 
 def letters(name: str) -> str:
     """Letters of the channels of pass `name`; raises SceneError where there is none."""
+    if re.fullmatch(rf"({'|'.join(KINDS)})0[0-7]", name):
+        return "rgba"
     if name not in PASSES and shadow_number(name) is None:
         raise SceneError(f"there is no pass {quoted(name)}; there are {', '.join(PASSES)}, and 'Shadow N' of the "
                          "lights whose shadow_pass is N")
@@ -69,10 +73,15 @@ class Tile:
     """The samples of a tile, (n, channels) a pass: Combined, and of the others those that are asked for."""
 
     def __init__(self, names: Sequence[str], n: int) -> None:
-        self.samples = {name: np.zeros((n, len(letters(name)))) for name in {"Combined": None} | dict.fromkeys(names)}
+        self.mattes = Mattes(names)
+        self.samples = {name: np.zeros((n, len(letters(name)))) for name in {"Combined": None} | dict.fromkeys(names)
+                        if not name.startswith(KINDS)}
         self.samples["Combined"][:, 3] = 1
         if "Depth" in self.samples:
             self.samples["Depth"][:] = NO_DEPTH
+        if "Mist" in self.samples:
+            self.samples["Mist"][:] = 1
+        self.layers = "Mist" in self.samples or bool(self.mattes.wanted)  # rays know how much of them is left so far
         self.parts = any(name in self.samples for name in LIGHT)  # rays know how the camera sees what they meet
         self.seen = np.zeros(n, np.bool_)  # which samples have met their first surface
         self._debug = any(name in self.samples for name in DEBUG)
@@ -94,6 +103,10 @@ class Tile:
         """Alpha −= the mean of weight (n,3): here the picture stays open."""
         _add(self.samples["Combined"][:, 3:], pixel, -weight.mean(1, keepdims=True), np.ones((len(pixel), 1)))
 
+    def subtract(self, name: str, pixel: NDArray, values: NDArray) -> None:
+        """Take values (n,) from a pass of one channel."""
+        _add(self.samples[name], pixel, -values[:, None], np.ones((len(pixel), 1)))
+
     def work(self, n: int) -> NDArray | None:
         """Room for the counts of DEBUG of n surfaces, (n,4); None where nobody wants them."""
         return np.zeros((n, len(DEBUG))) if self._debug else None
@@ -107,6 +120,9 @@ class Tile:
 
     def developed(self, name: str, box: tuple[int, int, int, int], per_pixel: int) -> NDArray:
         """(height, width, channels): the mean of a pixel's samples, added in order, or the one next to its centre."""
+        if name.startswith(KINDS):
+            found = self.mattes.developed(name, len(self.seen) // per_pixel, per_pixel)
+            return found.reshape(box[3] - box[1], box[2] - box[0], -1)
         pixels = self.samples[name].reshape(-1, per_pixel, self.samples[name].shape[1])
         total = pixels[:, 0]
         if name not in _CENTRE:

@@ -84,6 +84,10 @@ class Prepared:
         self.materials = shading.material_arrays(scene.materials)
         self.material_index = np.array([m.index for m in scene.materials], np.float64)
         self.object_index = np.array([o.index for o in scene.objects], np.float64)
+        self.cryptomatte = {
+            "CryptoObject": np.array([o.cryptomatte for o in scene.objects], np.uint32),
+            "CryptoAsset": np.array([o.cryptomatte_asset for o in scene.objects], np.uint32),
+            "CryptoMaterial": np.array([m.cryptomatte for m in scene.materials], np.uint32)}
         self.holdout = np.array([o.holdout for o in scene.objects], np.bool_)
         self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
         self.refraction = self._refraction(previous)

@@ -19,6 +19,7 @@ GLASS = ("BOUNDED", "PAPER")
 CAUSTICS = ("PAPER", "FOCUS")
 SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
+FALLOFFS = ("LINEAR", "QUADRATIC", "INVERSE_QUADRATIC")
 WEIGHTS = ("UNIFORM", "SMOOTH")
 SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE")
 COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
@@ -72,6 +73,9 @@ class Settings:
     shadow_rate: int = 1  # light meshes' light at points so many pixels apart, interpolated between; 1: at each sample
     light_samples: int = 64  # shadow rays a light, AREA_SAMPLING only
     seed: int = 0  # of AREA_SAMPLING
+    mist_start: float = 0.0  # of the pass Mist: the distance at which it is 0, scene units,
+    mist_depth: float = 100.0  # how much farther it is 1,
+    mist_falloff: str = "LINEAR"  # and how it rises: LINEAR, QUADRATIC, INVERSE_QUADRATIC
     film_transparent: bool = False  # alpha 0 where nothing is hit
     lattice_rotation: bool = True  # False: nodes on multiples of h (for tests; artists' walls lie there)
     lattice_origin: RGB = (0.0, 0.0, 0.0)
@@ -150,6 +154,7 @@ class Material:
     cast_soft_shadows: bool = True  # False: its shadows are sharp (method §4b)
     receive_soft_shadows: bool = True  # False: shadows on it are sharp (method §4c)
     index: int = 0  # the artist's number, for the Material Index pass
+    cryptomatte: int = 0  # its name's, for Cryptomatte
 
 
 @dataclass(frozen=True)
@@ -186,6 +191,8 @@ class Object:
     shadow_terminator_normal_offset: float = 0.0
     shadow_terminator_shading_offset: float = 0.0
     index: int = 0  # the artist's number, for the Object Index pass
+    cryptomatte: int = 0  # its name's, for Cryptomatte,
+    cryptomatte_asset: int = 0  # and that of what it hangs from
 
 
 @dataclass(frozen=True)

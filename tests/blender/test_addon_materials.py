@@ -1,5 +1,8 @@
 """Shader nodes become Whitted's parameters; what does not is named."""
 
+import os
+import subprocess
+
 import bpy
 import numpy as np
 import OpenImageIO as oiio
@@ -92,6 +95,78 @@ def test_without_nodes(translated):
         material.use_nodes = False
         found, _ = translated(material)
         assert found.Od == pytest.approx((0.2, 0.4, 0.6))
+
+
+def outputs(material, colors):
+    """Give the material an output for each target: a diffuse surface of that colour; the last is the active one."""
+    tree = material.node_tree
+    tree.nodes.clear()
+    for target, color in colors:
+        shader, output = tree.nodes.new('ShaderNodeBsdfDiffuse'), tree.nodes.new('ShaderNodeOutputMaterial')
+        shader.inputs["Color"].default_value = (*color, 1)
+        output.target = target
+        tree.links.new(shader.outputs[0], output.inputs[0])
+        tree.nodes.active = output
+
+
+RED, GREEN, BLUE = (0.8, 0, 0), (0, 0.8, 0), (0, 0, 0.8)
+
+
+@pytest.mark.parametrize("colors", [
+    [('ALL', RED), ('CYCLES', GREEN), ('EEVEE', BLUE)], [('CYCLES', RED), ('ALL', GREEN)], [('EEVEE', RED)],
+    [('ALL', RED), ('ALL', GREEN)], [('EEVEE', RED), ('ALL', GREEN)], [('CYCLES', RED), ('CYCLES', GREEN)],
+])
+def test_of_several_outputs_it_is_that_of_cycles(scene, add_plane, add_light, diffuse, render, colors):
+    material = diffuse()
+    outputs(material, colors)
+    add_plane(5).data.materials.append(material)
+    add_light('SUN', energy=3.14159, angle=0)
+    scene.light_meshes.shadows = 'SHARP'
+    ours = render(scene)["Combined"][24, 32, :3]
+    scene.render.engine = 'CYCLES'
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.max_bounces = 4, False, 0
+    assert ours == pytest.approx(render(scene)["Combined"][24, 32, :3], abs=2e-3)
+
+
+OLD = """
+import bpy, os, sys
+bpy.ops.wm.read_factory_settings(use_empty=True)
+mesh = bpy.data.meshes.new("Plane")
+mesh.from_pydata([(-5, -5, 0), (5, -5, 0), (5, 5, 0), (-5, 5, 0)], [], [(0, 1, 2, 3)])
+material = bpy.data.materials.new("Old")
+material.diffuse_color, material.metallic, material.roughness = (0.2, 0.4, 0.6, 1), 0.7, 0.3
+mesh.materials.append(material)
+scene = bpy.context.scene
+sun = bpy.data.lights.new("Sun", 'SUN')
+sun.energy, sun.angle = 3.14159, 0
+for data in (mesh, sun, bpy.data.cameras.new("Camera")):
+    ob = bpy.data.objects.new(data.name, data)
+    ob.location.z = 0 if data == mesh else 10
+    scene.collection.objects.link(ob)
+scene.camera = ob
+bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
+sys.stdout.flush()
+os._exit(0)
+"""
+
+
+@pytest.mark.slow
+def test_an_old_material_without_nodes_is_that_of_cycles(scene, render, tmp_path):
+    """Blender 5 gives it nodes with an output for each engine."""
+    python = next((p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if "4.2" in p), None)
+    if not python:
+        pytest.skip("LIGHT_MESHES_BPY_PYTHONS names no Python with bpy 4.2")
+    subprocess.run([python, "-c", OLD, str(tmp_path / "old.blend")], check=True, capture_output=True, timeout=60)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "old.blend"))
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 64, 48
+    scene.light_meshes.shadows = 'SHARP'
+    pictures = []
+    for engine in ('LIGHT_MESHES', 'CYCLES'):
+        scene.render.engine = engine
+        scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.max_bounces = 4, False, 0
+        pictures.append(render(scene)["Combined"][24, 32, :3])
+    assert pictures[0] == pytest.approx(pictures[1], abs=2e-3) and pictures[0].max() > 0.1
 
 
 def test_constants_through_nodes(translated, node_material):

@@ -7,7 +7,8 @@ import pytest
 
 STANDARD = ("use_pass_z", "use_pass_position", "use_pass_normal", "use_pass_uv", "use_pass_object_index",
             "use_pass_material_index", "use_pass_diffuse_direct", "use_pass_glossy_direct",
-            "use_pass_transmission_direct", "use_pass_emit", "use_pass_environment")
+            "use_pass_transmission_direct", "use_pass_emit", "use_pass_environment", "use_pass_mist")
+MATTES = ("use_pass_cryptomatte_object", "use_pass_cryptomatte_material", "use_pass_cryptomatte_asset")
 
 
 @pytest.fixture
@@ -38,12 +39,14 @@ def test_standard_passes_are_those_of_cycles(scene, passes):
     from cycles.engine import list_render_passes
 
     layer = scene.view_layers[0]
-    for name in STANDARD:
+    for name in STANDARD + MATTES:
         setattr(layer, name, True)
     scene.cycles.use_denoising = False
-    theirs = set(list_render_passes(scene, layer))
-    ours = {(p.name, p.channel_ids, p.kind) for p in passes.wanted(scene, layer)}
-    assert ours == theirs and len(ours) == 1 + len(STANDARD)
+    for depth, levels in ((2, 1), (5, 3), (6, 3), (16, 8)):
+        layer.pass_cryptomatte_depth = depth
+        theirs = set(list_render_passes(scene, layer))
+        ours = {(p.name, p.channel_ids, p.kind) for p in passes.wanted(scene, layer)}
+        assert ours == theirs and len(ours) == 1 + len(STANDARD) + levels * len(MATTES)
 
 
 @pytest.fixture
