@@ -2,7 +2,8 @@
 
 A ray is an array (6,3): origin P, unit direction D, and their derivatives by two parameters (Pu, Pv, Du, Dv), carried
 along as in Igehy, Tracing Ray Differentials (1999), but without his approximations: normals are interpolated ones.
-A path's signature is the sequence of what bends it: 2·patch, + 1 where it leaves the body, and η = n before / n behind.
+A path's signature is the sequence of what bends it: 2·patch, + 1 where it leaves the body, and η = n before / n behind,
+or REFLECTED where it stays: total reflection, if the light's paths are followed beyond it.
 """
 
 from __future__ import annotations
@@ -16,8 +17,11 @@ from .boxes import STACK
 from .compiled import kernel, part
 from .media import BODY, E1, E2, FLAT_SHADED, KT, NG, NS, OWNER, PATCH, TOUCHING, A, Glass, U, V, closest
 
-DEPTH = 8  # interfaces at which a path may bend
-BODIES = 16  # bodies around one point
+DEPTH = 64  # interfaces at which a path may bend
+BODIES = 64  # bodies around one point
+REFLECTED = -1.0
+REFLECTIONS = 8  # of one path: of so many, one at a curved surface counting as CURVED, which scatters them
+CURVED = 4
 FAR = 8.0  # a sun's rays start so far away: the frame's scene lies in [−1, 1]³
 # Work of a call, counted by the kernels.
 SEEDS, UNCONVERGED, NEWTON, RAYS, REJECTED = range(5)
@@ -28,13 +32,14 @@ class Scratch(NamedTuple):
 
     light: NDArray[np.float64]  # (3,) frame; of a sun the unit vector towards it
     sun: bool
+    total: bool  # whether paths go on where light is reflected totally
     medium0: NDArray[np.int64]  # (BODIES+1,2) bodies around the light, see `_cross`
     medium: NDArray[np.int64]  # and around the ray
     ray: NDArray[np.float64]  # (6,3)
     alpha: NDArray[np.float64]  # (3,)
     touched: NDArray[np.int64]  # (10,) see `next_bend`
-    code: NDArray[np.int64]  # (DEPTH,2) of each bend: code, slot
-    bend: NDArray[np.float64]  # (DEPTH+1,4) η, u, v, length before it
+    code: NDArray[np.int64]  # (DEPTH+1,2) of each bend: code, slot; behind the last one of what reflects all, −1: none
+    bend: NDArray[np.float64]  # (DEPTH+1,5) η, u, v, length before it, `beyond`
     rays: NDArray[np.float64]  # (DEPTH,6,3) behind it
     want: NDArray[np.int64]  # (DEPTH,) the signature that Newton's method keeps to: codes
     want_eta: NDArray[np.float64]  # (DEPTH,)
@@ -46,13 +51,13 @@ class Scratch(NamedTuple):
     work: NDArray[np.int64]  # (5,) SEEDS .. REJECTED
 
 
-def scratch(g: Glass, light: NDArray[np.float64], sun: bool) -> Scratch:
-    """Room for the paths of one light; `light` in the frame."""
+def scratch(g: Glass, light: NDArray[np.float64], sun: bool, total: bool) -> Scratch:
+    """Room for the paths of one light; `light` in the frame. total: see `Scratch`."""
     s = Scratch(
-        np.ascontiguousarray(light, np.float64), bool(sun), np.zeros((BODIES + 1, 2), np.int64),
+        np.ascontiguousarray(light, np.float64), bool(sun), bool(total), np.zeros((BODIES + 1, 2), np.int64),
         np.zeros((BODIES + 1, 2), np.int64), np.zeros((6, 3)), np.ones(3), np.zeros(10, np.int64),
-        np.zeros((DEPTH, 2), np.int64),
-        np.zeros((DEPTH + 1, 4)), np.zeros((DEPTH, 6, 3)), np.zeros(DEPTH, np.int64), np.zeros(DEPTH),
+        np.zeros((DEPTH + 1, 2), np.int64),
+        np.zeros((DEPTH + 1, 5)), np.zeros((DEPTH, 6, 3)), np.zeros(DEPTH, np.int64), np.zeros(DEPTH),
         np.zeros((6, 3)), np.zeros((3, 3)), np.zeros((3, 2)), np.zeros(7), np.zeros(STACK, np.int64),
         np.zeros(5, np.int64),
     )
@@ -140,9 +145,10 @@ def travel(g, slot, t, ray):
 
 @part
 def bend(g, slot, u, v, eta, ray, n):
-    """Snell's law at the ray's point (u, v) of a triangle, by the shading normal; False: no light passes.
+    """Snell's law at the ray's point (u, v) of a triangle, by the shading normal; η REFLECTED: a mirror's.
 
-    That is total reflection, or a shading normal by which the ray would not reach or not leave the surface.
+    False: no light goes there. That is total reflection, or a shading normal by which the ray would not reach the
+    surface, or not leave it on the right side.
     n (3,3) is room for the normal against the ray and its derivatives.
     """
     p = g.place
@@ -176,13 +182,17 @@ def bend(g, slot, u, v, eta, ray, n):
     square = 1.0 - eta * eta * (1.0 - c * c)
     if not (c > 0.0 and square > 0.0):
         return False
-    root = np.sqrt(square)
-    mu = eta * c - root
+    mu, by_c = 2.0 * c, 2.0
+    if eta == REFLECTED:
+        eta, facing = 1.0, -facing
+    else:
+        root = np.sqrt(square)
+        mu, by_c = eta * c - root, eta - eta * eta * c / root
     for k in range(2):
         dc = 0.0
         for j in range(3):
             dc -= ray[4 + k, j] * n[0, j] + ray[1, j] * n[1 + k, j]
-        dmu = (eta - eta * eta * c / root) * dc
+        dmu = by_c * dc
         for j in range(3):
             ray[4 + k, j] = eta * ray[4 + k, j] + dmu * n[0, j] + mu * n[1 + k, j]
     for j in range(3):
@@ -234,7 +244,9 @@ def next_bend(g, s, end):
     """
     touched, out = s.touched, s.out
     t0, last = 0.0, -1.0
-    if touched[0]:
+    if touched[0] < 0:  # reflected: whatever else is in that place is behind
+        t0, touched[0] = 2.0 * TOUCHING, 0
+    elif touched[0]:
         t0, last = -2.0 * TOUCHING, 0.0
     while True:
         s.work[RAYS] += 1
@@ -314,28 +326,53 @@ def chain(g, s, y, most, cutoff):
     """The light's ray through y, up to `most` bends; returns how many there are.
 
     s takes for each bend its code, slot, η, (u, v), the length of the ray before it (infinity behind the last one: no
-    further bend, or not looked for) and the ray behind it; s.ray, s.alpha and s.medium are those at the end.
+    further bend, or not looked for) and the ray behind it; s.ray, s.alpha and s.medium are those at the end. Where it
+    ends at a surface that reflects all, s.code[n] and s.bend[n] say at which, and how far beyond.
     """
     set_out(s, y)
-    n = 0
+    n, reflections = 0, 0
     while n < most:
-        s.bend[n, 3] = np.inf
+        s.bend[n, 3], s.code[n, 0] = np.inf, -1
         if next_bend(g, s, np.inf) != BENDS:
             return n
         t, slot = s.out[0], int(s.out[3])
         s.bend[n, 0], s.bend[n, 1], s.bend[n, 2], s.bend[n, 3] = s.out[4], s.out[1], s.out[2], t
         travel(g, slot, t, s.ray)
-        if not bend(g, slot, s.out[1], s.out[2], s.out[4], s.ray, s.normal):
+        bends = bend(g, slot, s.out[1], s.out[2], s.out[4], s.ray, s.normal)
+        if not bends and s.total and reflections < REFLECTIONS and beyond(s) >= 0.0:
+            bends = bend(g, slot, s.out[1], s.out[2], REFLECTED, s.ray, s.normal)
+            s.bend[n, 0] = REFLECTED
+            reflections += 1 if g.planar[g.link[slot, PATCH]] >= 0 else CURVED
+            leaving = s.touched[3] > 0
+            s.touched[0] = -1
+            _cross(s.medium, g.link[slot, BODY], leaving)  # back
+        if bends and max(s.alpha[0], s.alpha[1], s.alpha[2]) <= cutoff:
             return n
-        if max(s.alpha[0], s.alpha[1], s.alpha[2]) <= cutoff:
+        s.bend[n, 4] = beyond(s)
+        if bends or s.bend[n, 4] >= 0.0:
+            s.code[n, 0], s.code[n, 1] = 2 * g.link[slot, PATCH] + (1 if s.touched[3] > 0 else 0), slot
+        if not bends:
             return n
-        s.code[n, 0], s.code[n, 1] = 2 * g.link[slot, PATCH] + (1 if s.touched[3] > 0 else 0), slot
         for i in range(6):
             for j in range(3):
                 s.rays[n, i, j] = s.ray[i, j]
         n += 1
-    s.bend[n, 3] = np.inf
+    s.bend[n, 3], s.code[n, 0] = np.inf, -1
     return n
+
+
+@part
+def beyond(s):
+    """By how much the cosine at s.normal, where `bend` let no light pass, is smaller than at the critical angle.
+
+    Negative: it was not total reflection.
+    """
+    cosine, eta = 0.0, s.out[4]
+    for j in range(3):
+        cosine -= s.ray[1, j] * s.normal[0, j]
+    if eta <= 1.0 or cosine <= 0.0:
+        return -1.0
+    return np.sqrt(max(1.0 - 1.0 / (eta * eta), 0.0)) - cosine
 
 
 @part

@@ -19,7 +19,6 @@ from .certificate import Certificate, certificate
 from .geometry import Hits, flatten, surface
 from .interfaces import Interfaces
 from .lattice import lattice
-from .optics import DEPTH
 from .passes import shadow_number
 from .plan import darkness, plan
 from .refraction import RefractedPaths
@@ -153,7 +152,8 @@ class Prepared:
             for n in sorted({g.casters for g in (*self.casters.whole, *self.casters.soft, *self.casters.sharp)}):
                 media = self.glass.media(self.casters.sets[n])
                 if media.solid.any():
-                    solvers[n] = RefractedPaths(self.surfaces, media, self.lights.targets(), self.tracer, s.h, n)
+                    solvers[n] = RefractedPaths(self.surfaces, media, self.lights.targets(), self.tracer, s.h, n,
+                                                s.caustics == "FOCUS")
         if not solvers:  # what bends blocks no light
             return None
         return Refraction(solvers, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free)
@@ -164,13 +164,13 @@ class Prepared:
         return reuse.footprints(self)
 
     def path_warnings(self) -> list[str]:
-        """A sentence a light whose paths were followed through fewer bends than usual, after a render."""
-        if self.refraction is None:
-            return []
-        bends = np.min([solver.bends() for solver in self.refraction.solvers.values()], 0)
-        return [f"light '{light.name}': so many glass surfaces scatter it that it was followed through {most} bends "
-                f"only, and some of its light behind glass is missing"
-                for light, most in zip(self.scene.lights, bends, strict=True) if most < DEPTH]
+        """A sentence a light that was not followed through all the glass in its way, after a render."""
+        solvers = list(self.refraction.solvers.values()) if self.refraction else []
+        most = [min((n for solver in solvers if (n := solver.lost(i))), default=0)
+                for i in range(len(self.scene.lights))]
+        return [f"light '{light.name}': it was followed through {n} bends only, so many surfaces of glass stand in its "
+                f"way or scatter it; behind more of them it falls straight through"
+                for light, n in zip(self.scene.lights, most, strict=True) if n]
 
     @property
     def soft(self) -> LightMeshes:

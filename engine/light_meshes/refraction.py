@@ -24,7 +24,7 @@ from .compiled import kernel, part
 from .geometry import Surfaces
 from .media import BODY, E1, E2, A, Media, glass
 from .optics import (
-    DEPTH,
+    BENDS,
     ENDS,
     NEWTON,
     RAYS,
@@ -83,23 +83,26 @@ class RefractedPaths:
     """The solver for one scene. Beams are made once a light, when first asked for; results do not depend on batches."""
 
     def __init__(self, surfaces: Surfaces, media: Media, lights: Targets, opaque: Tracer, h: float,
-                 casters: int = 0) -> None:
+                 casters: int = 0, total: bool = False) -> None:
         """`lights`: all lights of the scene. `opaque`: a tracer of the triangles that are not `media.transparent`.
 
         h (world): detail that the answers need; beams are refined to h/4, Newton's method does the rest. casters: the
-        tracer's set of what may stand in the way, which holds all of `media`.
+        tracer's set of what may stand in the way, which holds all of `media`. total: follow light that is reflected
+        totally, too.
         """
         self.glass = glass(surfaces, media)
         self._centre, self._scale, self._h = surfaces.centre, surfaces.scale, h / surfaces.scale
         self._lights, self._opaque, self._casters = lights, opaque, casters
+        self._total = total
         self._any_opaque = not media.transparent.all()
+        self._hollow = bool((self.glass.ior == 1.0).any())
         self._beams: dict[int, Beams] = {}
         self._lock = threading.Lock()
 
     def _scratch(self, light: int) -> Scratch:
         position = self._lights.position[light]
         sun = bool(self._lights.directional[light])
-        return scratch(self.glass, position if sun else (position - self._centre) / self._scale, sun)
+        return scratch(self.glass, position if sun else (position - self._centre) / self._scale, sun, self._total)
 
     def beams(self, light: int) -> Beams:
         """The light's beams."""
@@ -108,9 +111,9 @@ class RefractedPaths:
                 self._beams[light] = trace_beams(self.glass, self._scratch(light), self._h)
             return self._beams[light]
 
-    def bends(self) -> list[int]:
-        """How many bends each light was followed through; `DEPTH` where no point has asked for it yet."""
-        return [self._beams[i].most if i in self._beams else DEPTH for i in range(len(self._lights.position))]
+    def lost(self, light: int) -> int:
+        """How many bends the light was followed through if some of it went on; 0: none did, as far as was asked."""
+        return self._beams[light].most if light in self._beams and self._beams[light].cut else 0
 
     def paths(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None = None,
               ) -> tuple[Paths, Work]:
@@ -123,10 +126,10 @@ class RefractedPaths:
         if normal is not None:
             local += ULPS * normal
         count = np.zeros(len(x), np.int64)
-        parts = [_room(0)]
+        parts = [_room(0, beams.most)]
         p = 0
         while p < len(x) and len(beams.slot):
-            room = _room(len(x) - p + MOST)
+            room = _room(len(x) - p + MOST, beams.most)
             p, rows = _solve(self.glass, beams, s, local, p, count, *room)
             parts.append(tuple(a[:rows] for a in room))
         alpha, bends, k, arrival, spread, reach = (np.concatenate(a) for a in zip(*parts, strict=True))
@@ -166,34 +169,57 @@ class RefractedPaths:
         return clear, rays
 
     def straight(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None = None,
-                 ) -> NDArray[np.float64]:
+                 beyond: int = 0) -> NDArray[np.float64]:
         """Π t (n,3) of all that the straight way from a light to points x (n,3) crosses, 0 where it would bend.
 
-        Opaque surfaces are not looked at.
+        beyond > 0: not 0 where it would bend so often and more. Opaque surfaces are not looked at.
         """
         s = self._scratch(light)
         local = np.ascontiguousarray((x - self._centre) / self._scale)
         if normal is not None:
             local += ULPS * normal
         out = np.zeros((len(x), 3))
-        _straight(self.glass, s, local, out)
+        _straight(self.glass, s, local, beyond or 1 << 30, out)
         return out
 
+    def straight_on(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None,
+                    ) -> NDArray[np.float64] | None:
+        """What of the light comes straight to points x (n,3) though bending surfaces stand there; None: nothing.
 
-def _room(n: int) -> tuple[NDArray, ...]:
-    return (np.empty((n, 3)), np.empty((n, DEPTH, 3)), np.empty(n, np.int64), np.empty((n, 3)), np.empty((n, 2)),
+        That is Π t (n,3), 0 behind opaque surfaces, where they do not bend it: a body of index 1 outside of other
+        glass. And where there are so many of them that the light was not followed through all.
+        """
+        beams = self.beams(light)
+        if not beams.cut and not self._hollow:
+            return None
+        through = self.straight(light, x, normal, beams.most + 1 if beams.cut else 0)
+        lit = np.flatnonzero(through.any(1)).astype(np.int32)
+        blocked = self._opaque.occluded(x, lit, self._lights, np.full(len(lit), light, np.int32), normal,
+                                        closed=False, kind="opaque", casters=self._casters)
+        through[lit[blocked]] = 0
+        return through
+
+
+def _room(n: int, most: int) -> tuple[NDArray, ...]:
+    return (np.empty((n, 3)), np.empty((n, most, 3)), np.empty(n, np.int64), np.empty((n, 3)), np.empty((n, 2)),
             np.empty(n))
 
 
 @kernel
-def _straight(g, s, x, out):
+def _straight(g, s, x, beyond, out):
     y = np.empty(3)
     for p in range(len(x)):
         for j in range(3):
             y[j] = x[p, j]
         set_out(s, y)
         _, end = miss(s.ray, y)
-        if next_bend(g, s, end) == ENDS:
+        bends, met = 0, next_bend(g, s, end)
+        while met == BENDS and beyond < 1 << 30:
+            for j in range(3):
+                s.ray[0, j] += s.out[0] * s.ray[1, j]
+            end -= s.out[0]
+            bends, met = bends + 1, next_bend(g, s, end)
+        if met == ENDS and (bends == 0 or bends >= beyond):
             for j in range(3):
                 out[p, j] = s.alpha[j]
 
@@ -322,7 +348,7 @@ def _record(g, s, x, k, along, row, alpha, bends, k_out, arrival, spread, reach)
     k_out[row] = k
     for j in range(3):
         alpha[row, j], arrival[row, j] = s.alpha[j], s.ray[1, j]
-        for i in range(DEPTH):
+        for i in range(bends.shape[1]):
             bends[row, i, j] = s.rays[i, 0, j] if i < k else 0.0
     cross_section(s.ray, x, along, s.section)
     m = s.section

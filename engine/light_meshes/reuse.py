@@ -97,7 +97,8 @@ def measured_h(new: Prepared, old: Prepared | None) -> float | None:
 
 def solvers(new: Prepared, old: Prepared | None) -> dict[int, RefractedPaths] | None:
     """The refracted paths' beams, by sets of casters."""
-    if old and old.refraction and new.glass is old.glass and new.scene.settings.h == old.scene.settings.h and all(
+    if old and old.refraction and new.glass is old.glass and new.scene.settings.h == old.scene.settings.h and (
+            new.scene.settings.caustics == old.scene.settings.caustics) and all(
             np.array_equal(a, b) for a, b in zip(new.lights.targets(), old.lights.targets(), strict=True)) and (
             len(new.casters.sets) == len(old.casters.sets)) and all(
             np.array_equal(a, b) for a, b in zip(new.casters.sets, old.casters.sets, strict=True)):

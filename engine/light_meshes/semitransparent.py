@@ -68,7 +68,21 @@ class Straight:
                 origin, normal, of = starts(lift, P, N, self._targets, row, light)
                 S[row, light] = self.segments(origin, of, self._targets, light, normal, group.casters)
                 self._stats.add(**{"shadow_rays" if N is not None else "long_rays": len(row)})
+        for i in range(self.count if self._refraction else 0):
+            solver = self._solver(i)
+            dark = np.flatnonzero(has(active.T, i) & ~S[:, i].any(1))
+            if solver is not None and len(dark):
+                check()
+                origin, normal, of = starts(lift, P, N, self._targets, dark, np.full(len(dark), i, np.int32))
+                straight = solver.straight_on(i, origin[of], None if normal is None else normal[of])
+                if straight is not None:
+                    S[dark, i] = straight[:, :self.channels]
         return S
+
+    def _solver(self, light: int) -> RefractedPaths | None:
+        """Of the refracted paths of a light; None: nothing bends them."""
+        solvers = self._refraction.solvers if self._refraction else {}
+        return next((solvers.get(g.casters) for g in self._groups if has(g.lights, light)), None)
 
     def paths(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
               lift: Lift | None = None) -> Iterator[tuple[NDArray, int, NDArray, NDArray, NDArray]]:
@@ -79,9 +93,9 @@ class Straight:
         """
         if self._refraction is None:
             return
-        solvers, footprint, _ = self._refraction
+        footprint = self._refraction.footprint
         for i in range(self.count):
-            solver = next((solvers.get(g.casters) for g in self._groups if has(g.lights, i)), None)
+            solver = self._solver(i)
             wanted = np.flatnonzero(has(active.T, i))
             if len(wanted) and solver is not None:
                 check()
