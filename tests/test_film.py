@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from light_meshes import film
 from light_meshes.render import render_image
 from light_meshes.scene import Camera, Material
 from meshes import Mesh, Part, assemble, camera_matrix, look_at, look_down, move, rectangle, sphere
@@ -161,3 +163,17 @@ def test_clipping_hides_what_is_too_near_and_too_far():
         camera = Camera(move(0, 0, 5), (-0.1, 0.1, -0.1, 0.1), 4, 4, clip_start=clip[0], clip_end=clip[1])
         depth = render_image(assemble(parts, camera, [], settings()), passes=("Depth",)).passes["Depth"]
         np.testing.assert_allclose(depth, expected, rtol=1e-6)
+
+
+def test_a_picture_in_another_working_space(tmp_path):
+    """A PNG is sRGB all the same; an EXR says what its colours are."""
+    to_rec709 = ((1.6605, -0.5876, -0.0728), (-0.1246, 1.1329, -0.0083), (-0.0182, -0.1006, 1.1187))  # from Rec.2020
+    frame = film.Framebuffer(1, 1, {"Combined": np.array([[[0.3, 0.5, 0.2, 1]]], np.float32)})
+    film.write(frame, tmp_path / "a.png", to_rec709)
+    film.write(frame, tmp_path / "a.exr", to_rec709)
+    shown = film.to_srgb(np.array([[[*(np.array(to_rec709) @ (0.3, 0.5, 0.2)), 1]]], np.float32))
+    assert oiio.ImageBuf(str(tmp_path / "a.png")).get_pixels(oiio.UINT8).tolist() == shown.tolist()
+    exr = oiio.ImageBuf(str(tmp_path / "a.exr"))
+    assert exr.get_pixels(oiio.FLOAT)[0, 0] == pytest.approx((0.3, 0.5, 0.2, 1))
+    assert exr.spec().getattribute("chromaticities") == pytest.approx(
+        (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290), abs=1e-3)

@@ -1,7 +1,9 @@
 """A scene too large says so before it starts; what is expected is what it comes to."""
 
+import struct
 import subprocess
 import sys
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 from light_meshes import film, memory, snapshot
 from light_meshes.prepared import Prepared
 from light_meshes.render import draw
-from light_meshes.scene import SceneError
+from light_meshes.scene import Image, SceneError
 from light_meshes.statistics import peak_memory
 from scenes import hall, point, tabletop, with_lights, with_settings
 
@@ -57,6 +59,23 @@ def test_a_scene_too_large_is_refused_before_it_starts(child, tmp_path):
     child.put(tabletop(16))
     child.send(command="render", id=9, snapshot="scene", framebuffer="frame", passes=["Combined"])
     assert child.of(9)[-1]["event"] == "done"
+
+
+def test_images_count_before_they_are_read(tmp_path, monkeypatch):
+    """A small file may hold a large picture: its first bytes tell."""
+    header = struct.pack(">IIBBBBB", 50_000, 50_000, 8, 2, 0, 0, 0)
+    path = tmp_path / "large.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in ((b"IHDR", header), (b"IDAT", b""), (b"IEND", b""))))
+    scene = tabletop(16)
+    images = (Image("large", str(path)), Image("lost", str(tmp_path / "lost.png")))
+    scene = replace(scene, images=images, materials=tuple(replace(m, image=0) for m in scene.materials),
+                    geometry=replace(scene.geometry, uvs=np.zeros((len(scene.geometry.triangles), 3, 2), np.float32)))
+    monkeypatch.setattr(memory, "available", lambda: 4 * GIB)
+    with pytest.raises(SceneError) as refused:
+        Prepared(scene)
+    assert "1 image texture, the largest 'large' of 50,000 × 50,000 take 7.0; scale images down" in str(refused.value)
 
 
 def test_where_it_will_be_close_a_warning_says_so(monkeypatch):

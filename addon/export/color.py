@@ -33,6 +33,11 @@ def space(settings) -> dict:
     return {"colorspace": name, "ocio": _configuration(), "working_space": working_space()}
 
 
+def to_rec709() -> list[list[float]]:
+    """The matrix, rows, from the scene's linear light to that of Rec.709."""
+    return _matrix("from_scene_linear_to_rec709_linear")
+
+
 def working_space() -> str:
     """What the configuration calls the scene's linear light."""
     found = getattr(bpy.data, "colorspace", None)  # 5.0+
@@ -46,7 +51,7 @@ def luminance(color) -> float:
 
 
 def _matrix(method: str) -> list[list[float]]:
-    """The matrix, rows, of a method of Color that converts to the scene's linear light."""
+    """The matrix, rows, of a method of Color that converts."""
     rows = np.array([getattr(Color(one), method)() for one in IDENTITY], np.float64).T
     # Blender before 5.0 computes the identity from rounded numbers.
     return IDENTITY if np.abs(rows - IDENTITY).max() < 1e-4 else rows.tolist()

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from itertools import islice
 
 from ..properties import caustics_of
-from . import lights, linking, world
+from . import color, lights, linking, world
 from .geometry import Geometry
 from .materials import Materials
 from .report import Report
@@ -60,6 +60,7 @@ class Walk:
             "objects": self._geometry.objects,
             "world_color": world.color(shown_world, self._report),
             "settings": values,
+            "to_rec709": color.to_rec709(),
             "warnings": self._report.sentences,
         }
 

@@ -168,7 +168,7 @@ def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple
     names = passes.all_of(scene) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
     memory.check(memory.before(scene, names))
     done = render.render(scene, film.Framebuffer.create(scene, names), progress=progress)
-    film.write(done.frame, arguments.output)
+    film.write(done.frame, arguments.output, scene.to_rec709)
     return [*scene.warnings, *done.warnings], done.statistics
 
 

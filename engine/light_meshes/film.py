@@ -13,7 +13,11 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from .passes import letters
-from .scene import Scene, SceneError
+from .scene import IDENTITY, RGB, Scene, SceneError
+
+# Rec.709's linear light → CIE XYZ.
+_REC709 = np.array([(0.4123908, 0.3575843, 0.1804808), (0.2126390, 0.7151687, 0.0721923),
+                    (0.0193308, 0.1191948, 0.9505322)])
 
 
 @dataclass(frozen=True)
@@ -72,10 +76,11 @@ def _mapped(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float32]:
     return array
 
 
-def write(frame: Framebuffer, path: Path) -> None:
+def write(frame: Framebuffer, path: Path, to_rec709: tuple[RGB, RGB, RGB] = IDENTITY) -> None:
     """Write .exr (all passes, scene-linear float32) or .png (Combined, sRGB "Standard" view, 8 bits).
 
-    The file appears at once, whole. Raises SceneError where that cannot be done.
+    to_rec709: the scene's, where its linear light is not that of Rec.709. The file appears at once, whole. Raises
+    SceneError where that cannot be done.
     """
     if path.suffix.lower() == ".exr":
         channels = [f"{name}.{c}" if name != "Combined" else c
@@ -84,8 +89,13 @@ def write(frame: Framebuffer, path: Path) -> None:
         spec = oiio.ImageSpec(frame.width, frame.height, len(channels), oiio.FLOAT)
         spec.channelnames = tuple(channels)
         spec.attribute("compression", "zip")
+        if to_rec709 != IDENTITY:
+            spec.attribute("chromaticities", "float[8]", chromaticities(to_rec709))
     elif path.suffix.lower() == ".png":
-        pixels = to_srgb(frame.passes["Combined"])
+        pixels = frame.passes["Combined"]
+        if to_rec709 != IDENTITY:
+            pixels = np.concatenate([pixels[..., :3] @ np.array(to_rec709, np.float32).T, pixels[..., 3:]], 2)
+        pixels = to_srgb(pixels)
         spec = oiio.ImageSpec(frame.width, frame.height, 4, oiio.UINT8)
     else:
         raise SceneError(f"{path.name}: pictures are written as .png or .exr")
@@ -116,6 +126,13 @@ def utf8(path: Path) -> str:
         return os.fsencode(path).decode()
     except UnicodeError:
         raise SceneError(f"{path} cannot be used: its name is not in UTF-8") from None
+
+
+def chromaticities(to_rec709: tuple[RGB, RGB, RGB]) -> tuple[float, ...]:
+    """x and y of red, green, blue and white, as OpenEXR's header has them."""
+    xyz = _REC709 @ np.array(to_rec709)
+    columns = np.column_stack([xyz, xyz.sum(1)])
+    return tuple((columns[:2] / columns.sum(0)).T.ravel().tolist())
 
 
 def to_srgb(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:

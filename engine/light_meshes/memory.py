@@ -76,9 +76,9 @@ def _textures(scene: Scene) -> list[Part]:
     if not found:
         return []
     image, largest = max(found, key=lambda one: one[1].bytes)
+    what = f"{len(found)} image {'textures' if len(found) > 1 else 'texture'}"
     return [Part(float(sum(layout.bytes for _, layout in found)),
-                 f"{len(found)} image textures, the largest '{image.name}' of {largest.width:,} × {largest.height:,}",
-                 "scale images down")]
+                 f"{what}, the largest '{image.name}' of {largest.width:,} × {largest.height:,}", "scale images down")]
 
 
 def _triangles(scene: Scene, glass: bool) -> Part:

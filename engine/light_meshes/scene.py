@@ -225,6 +225,7 @@ class Scene:
     objects: tuple[Object, ...] = ()
     world_color: RGB = (0.0, 0.0, 0.0)  # radiance; background and ambient light Ia
     settings: Settings = field(default_factory=Settings)
+    to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # from the scene's linear light to that of sRGB, which PNGs are in
     warnings: tuple[str, ...] = ()  # what the exporter could not translate, one sentence each
 
 

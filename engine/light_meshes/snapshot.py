@@ -21,6 +21,7 @@ from .scene import (
     COLORSPACES,
     FALLOFFS,
     GLASS,
+    IDENTITY,
     IMAGE_ALPHAS,
     LIGHT_TYPES,
     MODES,
@@ -144,6 +145,7 @@ def read(path: Path, mapped: bool = True) -> Scene:
     if unknown:
         raise SceneError(f"scene.json has an unknown entry {quoted(min(unknown))}")
     world = _value("scene.json", "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]))
+    to_rec709 = _value("scene.json", "to_rec709", IDENTITY, data.get("to_rec709", IDENTITY))
     warnings = data.get("warnings", [])
     if not isinstance(warnings, list) or not all(isinstance(w, str) for w in warnings):
         raise SceneError("scene.json: warnings must be a list of sentences")
@@ -162,6 +164,7 @@ def read(path: Path, mapped: bool = True) -> Scene:
         objects=_many(Object, data, "objects"),
         world_color=world,
         settings=_build(Settings, data.get("settings", {}), "settings"),
+        to_rec709=to_rec709,
         warnings=tuple(warnings),
     )
     check(scene)

@@ -103,7 +103,7 @@ class Texture:
             self._each(layout, lambda colour, alpha: colour * alpha)
         else:  # in the file's own numbers
             self._each(layout, lambda colour, alpha: (
-                (colour.astype(np.uint64) * alpha + white // 2) // white).astype(colour.dtype))
+                (colour.astype(np.uint32) * alpha + white // 2) // white).astype(colour.dtype))
 
     def _each(self, layout: Layout, change: Callable[[NDArray, NDArray], NDArray], strip: int = 1 << 18) -> None:
         """Replace all colours by change(colours (n,w,3 or 1), alpha (n,w,1)), about so many texels at a time."""
