@@ -181,7 +181,7 @@ def _number(key: str, text: str, kind: type, low, high):
 
 
 def _bad(key: str, text: str, needed: str) -> UsageError:
-    return UsageError(f"{key} cannot be '{text}': it must be {needed}")
+    return UsageError(f"{key} cannot be '{text if len(text) < 100 else text[:97] + '...'}': it must be {needed}")
 
 
 def _render(options) -> None:

@@ -116,6 +116,7 @@ class Job:
         """A folder of our own in the one shared with the engine, which is started if need be."""
         if not self._folder:
             self._say("Starting the engine")
+            session.set_temporary(temporary_folder())
             self._session = session.current(self._purpose)
             while not self._session.folder:
                 self._poll()
@@ -179,6 +180,12 @@ class Job:
         if text != self._said or not bpy.app.background:
             self._said = text
             self.engine.update_stats("", text)
+
+
+def temporary_folder() -> str:
+    """Where Blender has its temporary files: the folder that its preferences name, or the system's."""
+    folder = Path(bpy.app.tempdir)  # of this Blender alone, if it could be made; it goes when Blender ends
+    return str(folder.parent if folder.name.startswith("blender_") else folder) if bpy.app.tempdir else ""
 
 
 def summary(statistics: dict) -> str:

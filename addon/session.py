@@ -41,20 +41,21 @@ _OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocat
                             re.IGNORECASE)
 
 
-def timeout() -> float:
-    """Seconds of silence after which an engine hangs: it says "alive" every second."""
-    try:
-        return float(os.environ["LIGHT_MESHES_TIMEOUT"])
-    except (KeyError, ValueError):
-        return 60.0
-
-
 class EngineError(Exception):
     """The engine did not do it. The message is for the artist; `log` is the end of the engine's log."""
 
     def __init__(self, message: str, log: str = "") -> None:
         super().__init__(message)
         self.log = log
+
+
+def timeout() -> float:
+    """Seconds of silence after which an engine hangs: it says "alive" every second."""
+    text = os.environ.get("LIGHT_MESHES_TIMEOUT", "60")
+    with contextlib.suppress(ValueError):
+        if float(text) > 0:
+            return float(text)
+    raise EngineError(f"LIGHT_MESHES_TIMEOUT is '{text}': it must be a number of seconds above 0")
 
 
 class Session:
@@ -64,7 +65,7 @@ class Session:
     """
 
     def __init__(self, python: str, polite: bool = False) -> None:
-        self.python = python
+        self.python, self.temporary = python, _temporary
         self.folder: Path | None = None  # shared with the engine, known once it is ready
         self.keeps = False  # what it prepared for the last render, for the next one
         self._number = 0
@@ -74,6 +75,7 @@ class Session:
         self._closed = False  # nothing more will come
         self._events: queue.Queue[dict | None] = queue.Queue()
         self._log: collections.deque[str] = collections.deque(maxlen=60)
+        timeout()  # raises where it is none
         console.keep_standard_streams()
         try:
             # Only this process holds the other ends of the pipes: close_fds is subprocess's default.
@@ -272,6 +274,7 @@ RENDER, PREVIEW, MEASURE = "render", "preview", "measure"
 
 _python = ""
 _cache = ""
+_temporary = ""
 _sessions: dict[str, Session] = {}
 _enders: list[threading.Thread] = []
 statistics: dict = {}  # of the last render: its "scene" and "frame", and what the engine gave
@@ -292,6 +295,12 @@ def set_cache(folder: str) -> None:
     """Remember the folder, for this add-on alone, where an engine in this Python keeps its compiled kernels."""
     global _cache
     _cache = folder
+
+
+def set_temporary(folder: str) -> None:
+    """Remember the folder where the next engines make theirs, the one that Blender's preferences name."""
+    global _temporary
+    _temporary = folder
 
 
 def _command(python: str) -> list[str]:
@@ -327,6 +336,8 @@ def _python_path() -> list[str]:
 
 def _environment(python: str) -> dict[str, str]:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(_python_path())}  # an empty one counts as none
+    if _temporary:
+        environment["TMPDIR"] = _temporary  # on Windows, too, it comes before TEMP
     return {"LIGHT_MESHES_CACHE": _cache} | environment if _cache and python == sys.executable else environment
 
 
@@ -334,7 +345,7 @@ def current(purpose: str = RENDER) -> Session:
     """The engine for `purpose`, started if need be. It may not be ready yet: poll it."""
     python = engine_python()
     session = _sessions.get(purpose)
-    if session and not (session.usable and session.python == python):
+    if session and not (session.usable and session.python == python and session.temporary == _temporary):
         discard(purpose)
     if purpose not in _sessions:
         _sessions[purpose] = Session(python)

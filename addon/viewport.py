@@ -22,7 +22,7 @@ from .export import ExportError, camera
 from .export.scenes import Scenes
 from .export.snapshot import handing_over
 from .export.walk import settings
-from .job import summary
+from .job import summary, temporary_folder
 
 SLICE_SECONDS = 0.04  # of an export, between two redraws
 TICK_SECONDS = 0.01  # how often the engine is listened to
@@ -91,6 +91,7 @@ class Viewport:
 
     def _go_on(self, context, depsgraph) -> None:
         if not self._session:
+            session.set_temporary(temporary_folder())
             self._session = session.Session(session.engine_python(), polite=True)
             self._say("Starting the engine")
         if self._session.folder and not self._scenes:

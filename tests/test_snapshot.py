@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -297,3 +298,32 @@ def test_whatever_happens_to_the_bytes_it_is_read_or_refused(folder, data):
         assert str(e)
     else:
         assert isinstance(scene.camera, Camera)
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda d: d["lights"][0].update(intensity=[1e308, 0, 0]), "is 1e+308; it must lie between -1e+30 and 1e+30"),
+    (lambda d: d["lights"][0].update(position=[0, -1e31, 0]), "position is -1e+31"),
+    (lambda d: d["materials"][0].update(emission=[0, 0, 1e300]), "emission is 1e+300"),
+    (lambda d: d["materials"][0].update(kd=1e300), "kd is 1e+300"),
+    (lambda d: d.update(world_color=[1e308, 0, 0]), "world_color is 1e+308"),
+    (lambda d: d["camera"].update(matrix=[[0, 0, 0, 0]] * 3 + [[0, 0, 0, 1]]), "its matrix is flat"),
+    (lambda d: d["camera"]["matrix"][0].__setitem__(0, 1e308), "none beyond 1e+30"),
+], ids=range(7))
+def test_numbers_that_single_precision_does_not_take(tmp_path, change, words):
+    snapshot.write(tabletop(8), tmp_path)
+    data = json.loads((tmp_path / "scene.json").read_text())
+    change(data)
+    (tmp_path / "scene.json").write_text(json.dumps(data))
+    with pytest.raises(SceneError, match=re.escape(words)):
+        snapshot.read(tmp_path)
+
+
+@pytest.mark.parametrize("shape", ["(True, 4, 4)", "(-1, 4, 4)", "(1, True, 4)", "(1.0, 4, 4)", "(None,)", "True"])
+def test_shapes_that_are_none(tmp_path, shape):
+    snapshot.write(tabletop(8), tmp_path)
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    content = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(128)
+    (tmp_path / "instance_matrix.npy").write_bytes(content)
+    with pytest.raises(SceneError, match=r"instance_matrix\.npy") as e:
+        snapshot.read(tmp_path)
+    assert len(str(e.value)) < 300

@@ -13,7 +13,11 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
     camera = camera.evaluated_get(depsgraph)
     width, height = engine.resolution_x, engine.resolution_y
     matrix = np.array(camera.matrix_world, np.float64)
-    matrix[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)  # a camera's scale does not matter to its picture
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    if not np.isfinite(matrix).all() or not scale.all():
+        raise ExportError(f"Camera '{camera.name}' is scaled to 0, or its place is no number: clear its scale (Alt S), "
+                          "and look at its constraints and drivers")
+    matrix[:3, :3] /= scale  # a camera's scale does not matter to its picture
     result = {
         "matrix": matrix.tolist(),
         "width": width,

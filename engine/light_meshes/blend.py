@@ -12,6 +12,7 @@ import json
 import os
 import secrets
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -30,6 +31,7 @@ _EVENTS: dict[str, dict[str, tuple[type, ...]]] = {
     "wrote": {"path": (str,)}, "kept": {"path": (str,)}, "warning": {"message": (str,)}, "error": {"message": (str,)},
     "statistics": {"statistics": (dict,)}, "end": {},
 }
+_CRASHES = (-signal.SIGSEGV, -signal.SIGABRT, -9)  # 9: the system ends what takes too much
 _LONGEST = 2**24  # characters of a line; what is longer comes in parts, of which none is an event
 Changes = list[tuple[str, str]]
 
@@ -126,7 +128,9 @@ def _events(arguments: list[str], changes: Changes, debug: bool) -> Iterator[dic
     if error:
         raise UsageError(error) if code == 2 else SceneError(error)
     if code or not ended:  # a script may have ended it
-        raise SceneError(f"Blender ended with code {code}; its last words: {' | '.join(filter(None, tail))}")
+        words = " | ".join(filter(None, tail))
+        why = ", perhaps for want of memory" if code in _CRASHES or console.OUT_OF_MEMORY.search(words) else ""
+        raise SceneError(f"Blender ended with code {code}{why}; its last words: {words}")
 
 
 def _event(text: str) -> dict[str, Any] | None:

@@ -47,7 +47,7 @@ class Progress:
 def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     console.prepare()
-    arguments = _parser().parse_args(argv)
+    arguments = _parser().parse_args(_attached(sys.argv[1:] if argv is None else argv))
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a farm's cancel leaves nothing behind, as Ctrl-C
     try:
         arguments.run(arguments)
@@ -64,11 +64,22 @@ def _sentence(e: BaseException) -> str:
         return "interrupted"
     if isinstance(e, SceneError | UsageError):
         return str(e)
-    if isinstance(e, MemoryError):
+    if isinstance(e, MemoryError) or console.OUT_OF_MEMORY.search(f"{e} {e.__cause__} {e.__context__}"):
         return "out of memory: render fewer pixels, a larger h or fewer triangles"
     if isinstance(e, OSError):
         return f"{e.filename}: {e.strerror}" if e.filename else str(e)
     return f"{type(e).__name__}: {e} (--debug shows where)"
+
+
+def _attached(argv: list[str]) -> list[str]:
+    """`argv` with negative frames as a part of their option: argparse would take -2..-1 for another one."""
+    joined: list[str] = []
+    for word in argv:
+        if joined and joined[-1] in ("-f", "--frames") and re.match(r"-[0-9]", word):
+            joined[-1] = f"--frames={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 class _Parser(argparse.ArgumentParser):
@@ -126,8 +137,8 @@ def _is_blend(path: Path) -> bool:
 def _render(arguments: argparse.Namespace) -> None:
     output: Path = arguments.output
     if output.suffix.lower() not in (".png", ".exr"):
-        raise UsageError(f"{output.name}: pictures are written as .png or .exr")
-    frames = frame_numbers(arguments.frames) if arguments.frames else None
+        raise UsageError(f"'{output.name}': pictures are written as .png or .exr")
+    frames = None if arguments.frames is None else frame_numbers(arguments.frames)
     if not output.absolute().parent.is_dir():
         raise SceneError(f"the folder {output.absolute().parent} does not exist")
     started, progress = time.monotonic(), Progress()

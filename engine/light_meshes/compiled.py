@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +16,8 @@ with contextlib.chdir(Path(sys.executable).parent) if Path(".numba_config.yaml")
     from numba.core import config, event
     from numba.cpython.unsafe.numbers import trailing_zeros as trailing_zeros
 config._config_fname = os.devnull
+
+from . import kernel_files  # noqa: E402
 
 KEPT = 4  # caches of other versions that stay, as an installed engine and a checkout may take turns
 USUAL = 55  # kernels of a picture without glass
@@ -45,10 +46,7 @@ def _cache_folder() -> Path | None:
     folder = root / "light-meshes" / digest.hexdigest()[:16]
     try:
         if not folder.is_dir():
-            folder.mkdir(parents=True, mode=0o700)
-            older = sorted(folder.parent.iterdir(), key=lambda f: f.stat().st_mtime)
-            for old in older[:-1 - kept]:
-                shutil.rmtree(old, ignore_errors=True)
+            kernel_files.new_folder(folder, kept)
         return folder if os.access(folder, os.W_OK | os.X_OK) and _private(folder) else None
     except OSError:
         return None
@@ -69,10 +67,16 @@ if _folder:
 # error_model: a division by zero gives IEEE's infinity instead of a Python exception.
 _njit: Any = numba.njit
 _options = {"cache": _folder is not None, "nogil": True, "error_model": "numpy"}
-kernel = _njit(**_options)
+
+
+def _kept(decorator: Any) -> Any:
+    return (lambda function: kernel_files.keep(decorator(function))) if _folder else decorator
+
+
+kernel = _kept(_njit(**_options))
 
 # Called by kernels only. Without its two wrappers, which Python would call it by, it compiles faster.
-part = _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_options)
+part = _kept(_njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_options))
 
 # Part of whatever calls it, so that loops around it become vectors.
 inlined = _njit(inline="always", error_model="numpy")

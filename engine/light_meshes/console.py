@@ -6,11 +6,15 @@ import codecs
 import contextlib
 import io
 import os
+import re
 import sys
 from typing import TextIO
 
 from .scene import shown
 
+# As libraries and the system's loader say it.
+OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment|"
+                           r"can't start new thread", re.IGNORECASE)
 _PLAINER = {"×": "x", "…": "...", "█": "#", "░": ".", "²": "^2", "−": "-", "→": "->", "Ψ": "Psi", "Π": "Pi", "Σ": "sum"}
 lost: OSError | None = None  # why something that was said did not arrive
 

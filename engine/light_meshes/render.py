@@ -120,14 +120,14 @@ def draw(
         try:
             for future in futures:
                 future.result()
-        except BaseException:
+        except BaseException as failure:
             stopped.set()  # the other threads end at their next batch
             pool.shutdown(wait=True, cancel_futures=True)
             reasons = [f.exception() for f in futures if f.done() and not f.cancelled()]
             for e in reasons:  # a thread that failed is the reason; those that were stopped or waited for it are not
                 if e is not None and not isinstance(e, Cancelled | SharedNodesError):
                     raise e from None
-            if any(isinstance(e, Cancelled) for e in reasons):
+            if isinstance(failure, Exception) and any(isinstance(e, Cancelled) for e in reasons):  # and no Ctrl-C
                 raise Cancelled from None
             raise
     return Result(frame, _report(ready, frame, tiles, threads, ready.seconds + time.perf_counter() - started),

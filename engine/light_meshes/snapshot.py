@@ -61,6 +61,7 @@ _CHOICES = {
     (Image, "interpolation"): ("LINEAR", "CLOSEST"),
     (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
 }
+_LARGEST = 1e30  # what single precision takes with some room
 # Smallest and largest sensible value; outside is a mistake and is said so.
 _RANGES = {
     (Settings, "h"): (1e-30, 1e30),
@@ -77,6 +78,8 @@ _RANGES = {
     (Settings, "mist_depth"): (0.0, 1e30),
     (Camera, "width"): (1, 65536),
     (Camera, "height"): (1, 65536),
+    (Camera, "clip_start"): (-math.inf, math.inf),
+    (Camera, "clip_end"): (-math.inf, math.inf),
     (Camera, "lens_radius"): (0.0, 1e30),
     (Camera, "focus_distance"): (1e-30, 1e30),
     (Camera, "lens_blades"): (0, 1000),
@@ -144,8 +147,8 @@ def read(path: Path, mapped: bool = True) -> Scene:
     unknown = set(data) - known - {"format", "version", "blocks", "instances"}
     if unknown:
         raise SceneError(f"scene.json has an unknown entry {quoted(min(unknown))}")
-    world = _value("scene.json", "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]))
-    to_rec709 = _value("scene.json", "to_rec709", IDENTITY, data.get("to_rec709", IDENTITY))
+    world = _checked(Scene, "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]), "scene.json")
+    to_rec709 = _checked(Scene, "to_rec709", IDENTITY, data.get("to_rec709", IDENTITY), "scene.json")
     warnings = data.get("warnings", [])
     if not isinstance(warnings, list) or not all(isinstance(w, str) for w in warnings):
         raise SceneError("scene.json: warnings must be a list of sentences")
@@ -232,7 +235,7 @@ def with_setting(settings: Settings, key: str, text: str) -> Settings:
         raise SceneError(f"there is no setting '{key}'; there are {', '.join(names_of(Settings))}")
     try:
         value = json.loads(text.lower() if text.lower() in ("true", "false") else text)
-    except ValueError:
+    except (ValueError, RecursionError):
         value = text
     value = _checked(Settings, key, names_of(Settings)[key], value, "--set")
     changed: dict[str, Any] = {key: value} | ({"auto_h": False} if key == "h" else {})
@@ -255,8 +258,10 @@ def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
             matrix = np.array(value, np.float64)
         except (ValueError, TypeError):
             matrix = np.empty(0)
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-            raise SceneError(f"{where}: matrix must be 4 rows of 4 finite numbers")
+        if matrix.shape != (4, 4) or not (np.abs(matrix) <= _LARGEST).all():
+            raise SceneError(f"{where}: matrix must be 4 rows of 4 finite numbers, none beyond {_LARGEST:g}")
+        if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
+            raise SceneError(f"{where}: its matrix is flat: a scale of 0 leaves nothing to see")
         return matrix
     if value is None and default is None:
         return None
@@ -269,9 +274,10 @@ def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
     choices = _CHOICES.get((cls, name))
     if choices and value not in choices:
         raise SceneError(f"{where}: {name} is {quoted(value)}; choose one of {', '.join(choices)}")
-    low, high = _RANGES.get((cls, name), (-math.inf, math.inf))
-    if isinstance(value, int | float) and not low <= value <= high:
-        raise SceneError(f"{where}: {name} is {value:g}; it must lie between {low:g} and {high:g}")
+    low, high = _RANGES.get((cls, name), (-_LARGEST, _LARGEST))
+    for number in np.ravel(value).tolist() if isinstance(value, tuple) else (value,):
+        if isinstance(number, int | float) and not low <= number <= high:
+            raise SceneError(f"{where}: {name} is {number:g}; it must lie between {low:g} and {high:g}")
     return value
 
 

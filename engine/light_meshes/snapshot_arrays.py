@@ -93,6 +93,8 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
                 else np.lib.format.read_array_header_2_0
             shape, fortran, found = header(f)
             start = f.tell()
+        if not all(type(n) is int and n >= 0 for n in shape):
+            raise SceneError(f"{shown} has the shape {quoted(shape)}, which is none: write the snapshot again")
         size = math.prod(shape) * found.itemsize
         if fortran or found != np.dtype(dtype) or len(shape) != 1 + len(tail) or shape[1:] != tail:
             raise SceneError(f"{shown} is {found} {quoted(shape)}; needed: {dtype} (n, {str(tail)[1:]}")
@@ -106,7 +108,7 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
         if e.errno == errno.ENOMEM:
             raise MemoryError from e
         raise SceneError(f"{shown} in the snapshot cannot be read: {e.strerror or e}") from e
-    except (ValueError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as e:
+    except (ValueError, TypeError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as e:
         raise SceneError(f"{shown} in the snapshot cannot be read: {quoted(str(e))}") from e
 
 
