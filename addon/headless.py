@@ -5,24 +5,33 @@
 
 What a program wants to know is printed on lines of a mark, "@light-meshes " or what LIGHT_MESHES_MARK says, and JSON:
 the events compiling, progress, wrote, kept (there already), warning, statistics, error, and end where all is done.
+One that gives its temporary folder as LIGHT_MESHES_TEMPORARY answers "found", a picture that is there, by a line
+"whole" or "broken" on stdin. When stdin closes it is gone: this process goes, with all in that folder and in --work.
 Exit codes: 0 done, 1 failed, 2 bad usage.
 """
 
 import argparse
+import contextlib
 import importlib
 import importlib.util
+import itertools
 import json
 import os
+import queue
 import re
 import secrets
 import shutil
 import sys
+import threading
 from pathlib import Path
 from typing import NoReturn
 
 MARK = "@light-meshes "  # a program that must not take anything else for ours gives another for each run
+FRAMES = 1048574  # Blender has none beyond
 RENDER_KEYS = ("resolution", "resolution_percentage")
 _mark = MARK
+_driven = False  # by a program, which answers
+_answers: queue.Queue[str] = queue.Queue()
 
 
 class UsageError(Exception):
@@ -33,6 +42,26 @@ class FailedError(Exception):
     """The command could not be carried out; exit code 1."""
 
 
+def _listen(folders: list[Path]) -> None:
+    """Hear answers, until the program that started us is gone: then `folders` and this process go as well."""
+    with contextlib.suppress(OSError):
+        for answer in os.fdopen(os.dup(0), "rb", buffering=0):
+            _answers.put(answer.decode().strip())
+    for folder in folders:
+        shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
+
+
+def _is_whole(picture: Path) -> bool:
+    """Whether a picture is there, and all of it: this the program that started us can tell."""
+    if not picture.is_file() or not picture.stat().st_size:
+        return False
+    if not _driven:
+        return True
+    say(event="found", path=str(picture))
+    return _answers.get() == "whole"
+
+
 def say(**event) -> None:
     """Tell the program that started us."""
     print(_mark + json.dumps(event), flush=True)
@@ -40,10 +69,15 @@ def say(**event) -> None:
 
 def main(arguments: list[str]) -> int:
     """Carry a command out; the exit code."""
-    global _mark
+    global _mark, _driven
     _mark = os.environ.pop("LIGHT_MESHES_MARK", MARK)  # nobody else need know it
+    temporary = os.environ.pop("LIGHT_MESHES_TEMPORARY", "")
     try:
         options = _parse(arguments)
+        if temporary:
+            _driven = True
+            folders = [Path(temporary), *([options.work] if options.work else [])]
+            threading.Thread(target=_listen, args=(folders,), daemon=True).start()
         _disable_others()
         addon = sys.modules[__package__]
         addon.register()
@@ -77,26 +111,29 @@ def _parse(arguments: list[str]):
         command.add_argument("-o", "--output", type=Path, required=True)
         command.add_argument("-f", "--frames", type=frames_of, default=[])
         command.add_argument("--resume", action="store_true")
+        command.add_argument("--work", type=Path)
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args(arguments)
     if options.command == "render" and options.output.suffix.lower() not in {".png", ".exr"}:
         raise UsageError(f"{options.output.name}: pictures are written as .png or .exr")
-    if options.command == "snapshot" and len(options.frames) > 1:
+    if options.command == "snapshot" and sum(map(len, options.frames)) > 1:
         raise UsageError("a snapshot is of one frame")
     return options
 
 
-def frames_of(text: str) -> list[int]:
-    """'1,3..8' or '1,3-8' → frame numbers."""
+def frames_of(text: str) -> list[range]:
+    """'1,3..8' or '1,3-8' → ranges of frame numbers."""
     frames = []
     for part in text.split(","):
-        match = re.fullmatch(r"(-?\d+)(?:(?:\.\.|-)(-?\d+))?", part.strip())
+        match = re.fullmatch(r"(-?[0-9]{1,999})(?:(?:\.\.|-)(-?[0-9]{1,999}))?", part.strip())
         if not match:
             raise UsageError(f"'{part}' is no frame: give numbers and ranges, such as 1,3..8")
         first, last = int(match[1]), int(match[2] or match[1])
-        frames += range(first, last + 1)
-    if not frames:
-        raise UsageError(f"'{text}' holds no frame: ranges go upwards, such as 3..8")
+        if max(-first, last) > FRAMES:
+            raise UsageError(f"'{part}': Blender's frames go from -{FRAMES} to {FRAMES}")
+        if first > last:
+            raise UsageError(f"'{part}' holds no frame: ranges go upwards, such as 3..8")
+        frames.append(range(first, last + 1))
     return frames
 
 
@@ -188,7 +225,8 @@ def _render(options) -> None:
     import bpy
 
     scene = bpy.context.scene
-    frames = options.frames or [scene.frame_current]
+    frames = options.frames or [[scene.frame_current]]
+    several = sum(map(len, frames)) > 1
     file_format = 'PNG' if options.output.suffix.lower() == ".png" else 'OPEN_EXR'
     image = scene.render.image_settings
     if not image.file_format.startswith(file_format):  # an EXR of several layers stays one
@@ -197,18 +235,21 @@ def _render(options) -> None:
         image.file_format = file_format
     # Blender would append a suffix of its own choice, and read #s in a folder's name as the frame's number.
     scene.render.use_file_extension = False
-    for frame in frames:
-        path = path_of(options.output, frame, len(frames) > 1).resolve()
+    for frame in itertools.chain.from_iterable(frames):
+        path = path_of(options.output, frame, several).resolve()
         if not path.parent.is_dir():
             raise FailedError(f"the folder {path.parent} does not exist")
-        if options.resume and path.exists():
+        if path.is_dir():
+            raise FailedError(f"{path} is a folder: remove it, or give the picture another name")
+        if options.resume and _is_whole(path):
             say(event="kept", frame=frame, path=str(path))
             continue
         scene.frame_set(frame)
         # Under another name until it is whole: a picture that is there is a finished one.
         # Not longer than the picture's own, which may be as long as the file system takes.
-        new = path.with_name(f".{secrets.token_hex(4)}{path.suffix.lower()}")
-        scene.render.filepath = str(new)
+        new = (options.work or path.parent) / f".{secrets.token_hex(4)}{path.suffix.lower()}"
+        scene.render.filepath = _literal(new)
+        _check_place(path, new)
         try:
             _run(lambda: bpy.ops.render.render(write_still=True))
             _check_room(new)
@@ -218,6 +259,24 @@ def _render(options) -> None:
         finally:
             new.unlink(missing_ok=True)
         say(event="wrote", frame=frame, path=str(path))
+
+
+def _literal(path: Path) -> str:
+    """`path` as Blender takes it: since 5.0 braces are templates, unless they are doubled."""
+    import bpy
+
+    text = str(path)
+    return text.replace("{", "{{").replace("}", "}}") if bpy.app.version >= (5, 0) else text
+
+
+def _check_place(path: Path, new: Path) -> None:
+    """Before it is rendered: whether a picture can be written there, under that name."""
+    try:
+        new.touch()
+        new.unlink()
+        path.exists()  # which a name that is too long cannot be asked
+    except OSError as e:
+        raise FailedError(f"{path} cannot be written: {e.strerror}") from e
 
 
 def _check_room(picture: Path) -> None:
@@ -235,8 +294,8 @@ def _snapshot(options) -> None:
 
     from .render_engine import export_frame
 
-    for frame in options.frames:
-        bpy.context.scene.frame_set(frame)
+    for frames in options.frames:
+        bpy.context.scene.frame_set(frames[0])
     _run(lambda: export_frame(bpy.context.scene, options.output.resolve()))
     if not (options.output / "scene.json").is_file():
         raise FailedError(f"{options.output} has not been written: is there room, and permission?")

@@ -147,17 +147,51 @@ def test_a_picture_that_cannot_be_written_whole_leaves_the_one_before(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["out.exr"] and path.stat().st_size > 10_000
 
 
-def test_resume_leaves_a_picture_that_is_there(folder):
-    (folder / "out.exr").write_bytes(b"rendered before")
-    done = run("render", folder / "scene", "-o", folder / "out.exr", "--resume")
-    assert done.returncode == 0 and "is there already" in done.stdout
-    assert (folder / "out.exr").read_bytes() == b"rendered before"
-    done = run("render", folder / "scene", "-o", folder / "other.exr", "--resume")
-    assert done.returncode == 0 and len(read(folder / "other.exr")[1]) > 4
+@pytest.mark.parametrize("suffix", ["png", "exr"])
+def test_resume_leaves_whole_pictures_only(folder, suffix):
+    out = folder / f"out.{suffix}"
+    assert run("render", folder / "scene", "-o", out).returncode == 0
+    picture, before = out.read_bytes(), out.stat().st_mtime_ns
+    done = run("render", folder / "scene", "-o", out, "--resume")
+    assert done.returncode == 0 and "is there already" in done.stdout and out.stat().st_mtime_ns == before
+    assert film.whole(out)
+    for broken in (b"", b"no picture", picture[:100], picture[:len(picture) // 2], picture[:-1], bytes(len(picture))):
+        out.write_bytes(broken)
+        assert not film.whole(out), len(broken)
+    done = run("render", folder / "scene", "-o", out, "--resume")
+    assert done.returncode == 0 and "is there already" not in done.stdout and film.whole(out)
+
+
+def test_multilayer_and_tiled_pictures_are_whole_to_their_end(tmp_path):
+    pixels = np.random.default_rng(0).random((200, 300, 7), np.float32)
+    for tile in (0, 64):
+        spec = oiio.ImageSpec(300, 200, 7, oiio.FLOAT)
+        spec.tile_width = spec.tile_height = tile
+        path = tmp_path / f"tiles-{tile}.exr"
+        out = oiio.ImageOutput.create(str(path))
+        assert out.open(str(path), spec) and out.write_image(pixels) and out.close()
+        assert film.whole(path)
+        path.write_bytes(path.read_bytes()[:-5])
+        assert not film.whole(path)
+
+
+def test_what_cannot_be_written_is_refused_before_it_is_rendered(folder):
+    """The scene is none, which nobody looks at."""
+    (folder / "scene" / "scene.json").write_text("{")
+    (folder / "taken.exr").mkdir()
+    for name, why in ((f"{'n' * 300}.exr", "File name too long"), ("taken.exr", "is a folder"),
+                      ("no/such/o.exr", "does not exist"), ("/proc/o.exr", "o.exr cannot be written")):
+        done = run("render", folder / "scene", "-o", folder / name)
+        assert done.returncode == 1 and why in done.stderr and "scene.json" not in done.stderr, done.stderr
+    assert sorted(p.name for p in folder.iterdir()) == ["scene", "taken.exr"]
 
 
 def test_frames_are_listed_as_blender_does_and_as_farms_do():
-    assert frame_numbers("1,3..5") == frame_numbers("1,3-5") == [1, 3, 4, 5]
-    assert frame_numbers("-3--1") == [-3, -2, -1] and frame_numbers("7-7") == [7]
+    assert frame_numbers("1,3..5") == frame_numbers("01,3-05") == [range(1, 2), range(3, 6)]
+    assert frame_numbers("-3--1") == [range(-3, 0)] and frame_numbers("7-7") == [range(7, 8)]
+    assert frame_numbers("-1048574..1048574") == [range(-1048574, 1048575)]
     with pytest.raises(UsageError, match="empty"):
         frame_numbers("5-3")
+    for beyond in ("1048575", "1..9999999999", "-1048575..1", f"{'9' * 999}"):
+        with pytest.raises(UsageError, match="from -1048574 to 1048574"):
+            frame_numbers(beyond)

@@ -7,6 +7,7 @@ PATH does as well.
 from __future__ import annotations
 
 import collections
+import contextlib
 import importlib.util
 import json
 import os
@@ -15,11 +16,12 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import tempfile
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
-from . import console
+from . import console, film, scratch
 from .cli import UsageError
 from .scene import SceneError
 
@@ -29,10 +31,11 @@ _EVENTS: dict[str, dict[str, tuple[type, ...]]] = {
     "progress": {"fraction": (int, float), "frame": (int,), "stage": (str,)},
     "compiling": {"fraction": (int, float), "frame": (int,), "stage": (str,)},
     "wrote": {"path": (str,)}, "kept": {"path": (str,)}, "warning": {"message": (str,)}, "error": {"message": (str,)},
-    "statistics": {"statistics": (dict,)}, "end": {},
+    "found": {"path": (str,)}, "statistics": {"statistics": (dict,)}, "end": {},
 }
 _CRASHES = (-signal.SIGSEGV, -signal.SIGABRT, -9)  # 9: the system ends what takes too much
 _LONGEST = 2**24  # characters of a line; what is longer comes in parts, of which none is an event
+PATIENCE = 3.0  # seconds that a driver has to end by itself
 Changes = list[tuple[str, str]]
 
 
@@ -76,38 +79,43 @@ def render(file: Path, output: Path, frames: str | None, resume: bool, changes: 
                  *([f"--frames={frames}"] if frames else [])]
     warnings, pictures = [], {}
     statistics: dict[str, Any] = {}
-    for event in _events(arguments, changes, debug):
-        if event["event"] in ("progress", "compiling"):
-            progress(event["fraction"], f"frame {event['frame']}: {event['stage']}")
-        elif event["event"] == "warning":
-            warnings.append(event["message"])
-        elif event["event"] in ("wrote", "kept"):
-            pictures[Path(event["path"])] = event["event"] == "wrote"
-        elif event["event"] == "statistics":
-            statistics = event["statistics"]
+    with _work_folder(output.absolute().parent) as work, contextlib.closing(
+            _events([*arguments, "--work", str(work)], changes, debug)) as events:
+        for event in events:
+            if event["event"] in ("progress", "compiling"):
+                progress(event["fraction"], f"frame {event['frame']}: {event['stage']}")
+            elif event["event"] == "warning":
+                warnings.append(event["message"])
+            elif event["event"] in ("wrote", "kept"):
+                pictures[Path(event["path"])] = event["event"] == "wrote"
+            elif event["event"] == "statistics":
+                statistics = event["statistics"]
     return warnings, pictures, statistics
 
 
 def export(file: Path, folder: Path, changes: Changes, debug: bool) -> None:
     """Write the snapshot of a .blend's current frame into `folder`."""
-    for _ in _events(["snapshot", str(file), "-o", str(folder)], changes, debug):
-        pass
+    with contextlib.closing(_events(["snapshot", str(file), "-o", str(folder)], changes, debug)) as events:
+        for _ in events:
+            pass
 
 
-def _events(arguments: list[str], changes: Changes, debug: bool) -> Iterator[dict[str, Any]]:
+def _work_folder(folder: Path) -> contextlib.AbstractContextManager[Path]:
+    """Where pictures are written before they are whole, beside their place."""
+    try:
+        return scratch.made(folder, hidden=True)
+    except OSError as e:
+        raise SceneError(f"the folder {folder} cannot be written: {e.strerror}") from e
+
+
+def _events(arguments: list[str], changes: Changes, debug: bool) -> Generator[dict[str, Any]]:
     """What the driver says, event by event; its error is raised as SceneError (UsageError for exit code 2)."""
     command = driver() + arguments + [word for key, value in changes for word in ("--set", f"{key}={value}")]
-    # Whatever Python Blender has inside, the engine runs in this one.
     mark = f"@light-meshes-{secrets.token_hex(16)} "  # of this run: no name in the file knows it, nor a script's output
-    child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                             encoding="utf-8", errors="replace",
-                             env=environment() | {"LIGHT_MESHES_PYTHON": sys.executable, "LIGHT_MESHES_MARK": mark})
-    said = child.stdout
-    assert said is not None
     tail: collections.deque[str] = collections.deque(maxlen=5)
     error, ended = "", False
-    try:
-        for line in iter(lambda: said.readline(_LONGEST), ""):
+    with _running(command, mark) as child:
+        for line in iter(lambda: child.stdout.readline(_LONGEST), ""):
             noise, _, text = line.partition(mark)  # Blender does not end each of its lines
             if debug and noise:
                 console.say(noise.rstrip("\n"), sys.stderr)
@@ -118,19 +126,48 @@ def _events(arguments: list[str], changes: Changes, debug: bool) -> Iterator[dic
                 error = event["message"]
             elif event["event"] == "end":
                 ended = True
+            elif event["event"] == "found":
+                _answer(child, "whole" if film.whole(Path(event["path"])) else "broken")
             else:
                 yield event
         code = child.wait()
-    finally:
-        if child.poll() is None:
-            child.terminate()
-            child.wait()
     if error:
         raise UsageError(error) if code == 2 else SceneError(error)
     if code or not ended:  # a script may have ended it
         words = " | ".join(filter(None, tail))
         why = ", perhaps for want of memory" if code in _CRASHES or console.OUT_OF_MEMORY.search(words) else ""
         raise SceneError(f"Blender ended with code {code}{why}; its last words: {words}")
+
+
+@contextlib.contextmanager
+def _running(command: list[str], mark: str) -> Iterator[Any]:
+    """The driver's process, with pipes to and from it. At the end it is gone, with its engine and temporary files.
+
+    While it lives it reads its stdin: when that closes this process is gone, and so it goes, too.
+    """
+    with scratch.made(Path(tempfile.gettempdir())) as temporary:
+        places = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))  # Blender's and the engine's
+        # Whatever Python Blender has inside, the engine runs in this one.
+        own = {"LIGHT_MESHES_PYTHON": sys.executable, "LIGHT_MESHES_MARK": mark,
+               "LIGHT_MESHES_TEMPORARY": str(temporary)}
+        child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                 encoding="utf-8", errors="replace", env=environment() | places | own)
+        try:
+            yield child
+        finally:
+            child.terminate()
+            try:
+                child.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+            scratch.end_owners(temporary)
+
+
+def _answer(child: Any, text: str) -> None:
+    with contextlib.suppress(OSError):  # it has ended, which its stdout tells
+        child.stdin.write(f"{text}\n")
+        child.stdin.flush()
 
 
 def _event(text: str) -> dict[str, Any] | None:

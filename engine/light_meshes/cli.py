@@ -16,8 +16,10 @@ import traceback
 from pathlib import Path
 from typing import Any, NoReturn
 
-from . import __version__, console
+from . import __version__, console, scratch
 from .scene import Scene, SceneError, shown
+
+FRAMES = 1048574  # Blender has none beyond
 
 
 class UsageError(Exception):
@@ -48,7 +50,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     console.prepare()
     arguments = _parser().parse_args(_attached(sys.argv[1:] if argv is None else argv))
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a farm's cancel leaves nothing behind, as Ctrl-C
+    for each in _signals():
+        signal.signal(each, _interrupt)
     try:
         arguments.run(arguments)
         return 0
@@ -57,6 +60,18 @@ def main(argv: list[str] | None = None) -> int:
             console.say(traceback.format_exc(), sys.stderr)
         console.say(f"light-meshes: {shown(_sentence(e))}", sys.stderr)
         return 2 if isinstance(e, UsageError) else 1
+
+
+def _signals() -> list[int]:
+    """The signals that end the command: Ctrl-C, a farm's cancel, a terminal that is closed. nohup has one ignored."""
+    known = (getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+    return [each for each in known if signal.getsignal(each) != signal.SIG_IGN]
+
+
+def _interrupt(*_: object) -> NoReturn:
+    for each in _signals():  # once is enough: what is left behind is cleared away now
+        signal.signal(each, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def _sentence(e: BaseException) -> str:
@@ -135,23 +150,25 @@ def _is_blend(path: Path) -> bool:
 
 
 def _render(arguments: argparse.Namespace) -> None:
+    from . import film
+
     output: Path = arguments.output
     if output.suffix.lower() not in (".png", ".exr"):
         raise UsageError(f"'{output.name}': pictures are written as .png or .exr")
     frames = None if arguments.frames is None else frame_numbers(arguments.frames)
-    if not output.absolute().parent.is_dir():
-        raise SceneError(f"the folder {output.absolute().parent} does not exist")
     started, progress = time.monotonic(), Progress()
     try:
-        if _is_blend(arguments.file):
+        blend_file = _is_blend(arguments.file)
+        if not blend_file and frames:
+            raise UsageError("a snapshot is one frame: leave out -f")
+        film.check_place(output.absolute())
+        if blend_file:
             from . import blend
 
             warnings, pictures, statistics = blend.render(arguments.file, output, arguments.frames, arguments.resume,
                                                           arguments.set, progress, arguments.debug)
         else:
-            if frames:
-                raise UsageError("a snapshot is one frame: leave out -f")
-            if arguments.resume and output.exists():
+            if arguments.resume and film.whole(output):
                 warnings, pictures, statistics = [], {output: False}, {}
             else:
                 warnings, statistics = _render_snapshot(arguments, progress)
@@ -203,17 +220,19 @@ def _changed(scene: Scene, changes: list[tuple[str, str]]) -> Scene:
     return dataclasses.replace(scene, settings=settings)
 
 
-def frame_numbers(text: str) -> list[int]:
+def frame_numbers(text: str) -> list[range]:
     """Frames of a list: "1,3..8" is 1 and 3 to 8, as Blender takes it, and so is 1,3-8. Raises UsageError."""
-    frames: list[int] = []
+    frames = []
     for part in text.split(","):
-        match = re.fullmatch(r"(-?\d+)(?:(?:\.\.|-)(-?\d+))?", part.strip())
+        match = re.fullmatch(r"(-?[0-9]{1,999})(?:(?:\.\.|-)(-?[0-9]{1,999}))?", part.strip())
         if not match:
             raise UsageError(f"-f {text}: '{part}' is not a frame or a range such as 3..8")
         low, high = int(match[1]), int(match[2] or match[1])
         if low > high:
             raise UsageError(f"-f {text}: the range {part} is empty")
-        frames += range(low, high + 1)
+        if max(-low, high) > FRAMES:
+            raise UsageError(f"-f {text}: Blender's frames go from -{FRAMES} to {FRAMES}")
+        frames.append(range(low, high + 1))
     return frames
 
 
@@ -225,9 +244,9 @@ def _inspect(arguments: argparse.Namespace) -> None:
         return
     from . import blend
 
-    with tempfile.TemporaryDirectory(prefix="light-meshes-") as folder:
-        blend.export(arguments.file, Path(folder), arguments.set, arguments.debug)
-        _answer(report.describe(_read(Path(folder))))
+    with scratch.made(Path(tempfile.gettempdir())) as folder:
+        blend.export(arguments.file, folder / "scene", arguments.set, arguments.debug)
+        _answer(report.describe(_read(folder / "scene")))
 
 
 def _answer(text: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
+from . import scratch
 from .passes import letters
 from .scene import IDENTITY, RGB, Scene, SceneError
 
@@ -99,25 +99,76 @@ def write(frame: Framebuffer, path: Path, to_rec709: tuple[RGB, RGB, RGB] = IDEN
         spec = oiio.ImageSpec(frame.width, frame.height, 4, oiio.UINT8)
     else:
         raise SceneError(f"{path.name}: pictures are written as .png or .exr")
-    if not path.parent.is_dir():
-        raise SceneError(f"the folder {path.parent} does not exist")
-    # Of one name alone: several machines may write one picture. An older picture stays until this one is whole.
-    # Not longer than the picture's own, which may be as long as the file system takes.
-    new = path.with_name(f".{secrets.token_hex(4)}{path.suffix.lower()}")
+    try:
+        # In a place of its own: several machines may write one picture. An older one stays until this one is whole.
+        with scratch.made(path.parent, hidden=True) as folder:
+            new = folder / f"picture{path.suffix.lower()}"
+            _write_file(new, spec, pixels[::-1], path)
+            new.replace(path)
+    except OSError as e:  # the name is too long, say
+        raise SceneError(f"{path} cannot be written: {e.strerror}") from e
+
+
+def _write_file(new: Path, spec: oiio.ImageSpec, pixels: NDArray, path: Path) -> None:
+    """Write a file that will be `path`."""
     name = utf8(new)
     out = oiio.ImageOutput.create(name)
     if out is None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")
+    done = out.open(name, spec) and out.write_image(np.ascontiguousarray(pixels)) and out.close()
+    # OpenImageIO does not notice that a disk was full when a small PNG was written: its last chunk is not there.
+    if not done or not _ends_well(new):
+        raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
+
+
+def _ends_well(path: Path) -> bool:
+    """Whether a PNG has its last chunk, which OpenImageIO does not miss."""
+    if path.suffix.lower() != ".png":
+        return True
+    with path.open("rb") as f:
+        f.seek(max(0, f.seek(0, os.SEEK_END) - 12))
+        return f.read().endswith(b"IEND\xae\x42\x60\x82")
+
+
+def check_place(path: Path) -> None:
+    """Raise SceneError where no picture could be written, before it is rendered."""
+    if not path.parent.is_dir():
+        raise SceneError(f"the folder {path.parent} does not exist")
+    if path.is_dir():
+        raise SceneError(f"{path} is a folder: remove it, or give the picture another name")
     try:
-        done = out.open(name, spec) and out.write_image(np.ascontiguousarray(pixels[::-1])) and out.close()
-        # OpenImageIO does not notice that a disk was full when a small PNG was written: its last chunk is not there.
-        if not done or (new.suffix.lower() == ".png" and not new.read_bytes().endswith(b"IEND\xae\x42\x60\x82")):
-            raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
-        new.replace(path)
-    except OSError as e:  # the name is too long, say
+        with scratch.made(path.parent, hidden=True) as folder:
+            (folder / path.name).touch()
+    except OSError as e:
         raise SceneError(f"{path} cannot be written: {e.strerror}") from e
+
+
+def whole(path: Path) -> bool:
+    """Whether a picture is there with all its pixels: neither empty, nor cut short, nor a folder."""
+    if not path.is_file() or not _ends_well(path):
+        return False
+    file = oiio.ImageInput.open(utf8(path))
+    if file is None:
+        oiio.geterror()
+        return False
+    try:
+        number = 0
+        while file.seek_subimage(number, 0):
+            spec = file.spec()
+            rows = range(spec.y, spec.y + spec.height, spec.tile_height or 64)
+            for y in rows:  # not all at once: it may be larger than the memory
+                end = min(y + rows.step, rows.stop)
+                pixels = file.read_tiles(number, 0, spec.x, spec.x + spec.width, y, end, spec.z, spec.z + 1, 0,
+                                         spec.nchannels, spec.format) if spec.tile_width else \
+                    file.read_scanlines(number, 0, y, end, spec.z, 0, spec.nchannels, spec.format)
+                if pixels is None:
+                    return False
+            number += 1
     finally:
-        new.unlink(missing_ok=True)
+        file.geterror()
+        file.close()
+    oiio.geterror()
+    return number > 0
 
 
 def utf8(path: Path) -> str:

@@ -3,7 +3,8 @@
 The child says first
     {"event": "ready", "version": "0.1.0", "folder": PATH}
 where PATH is a new private folder (mode 0700) that parent and child share; the child owns it and removes it when
-it ends: on "quit", on a closed stdin (so nothing outlives the parent, however it died), on SIGTERM.
+it ends: on "quit", on a closed stdin (so nothing outlives the parent, however it died), on SIGTERM and SIGHUP. What
+children that were killed left behind is removed when another one starts.
 
 Parent → child (paths are relative to the folder, or absolute; a snapshot is a folder with a scene.json, or any one
 of the scene files in a folder; passes.py lists the passes):
@@ -55,7 +56,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import __version__
+from . import __version__, scratch
 
 if TYPE_CHECKING:
     from .prepared import Prepared
@@ -307,8 +308,10 @@ def main() -> None:
     """Run the service on this process's stdin and stdout."""
     events = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # a stray print must not break the protocol
-    folder = Path(tempfile.mkdtemp(prefix="light-meshes-"))
+    folder = scratch.make(Path(tempfile.gettempdir()))
     signal.signal(signal.SIGTERM, lambda *_: end(folder))
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, lambda *_: end(folder))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the group; the parent decides
     try:
         Service(sys.stdin.buffer, events, folder).run()

@@ -165,3 +165,23 @@ def wait(happens, seconds=60):
     while not happens():
         assert time.monotonic() < end
         time.sleep(0.05)
+
+
+def test_render_slurm_reads_decimal_numbers(animation, tmp_path):
+    """Also without Slurm, which sets but the task's number."""
+    scene, frames = animation
+    script = ROOT / "docs" / "farm" / "render.slurm"
+
+    def run(*arguments):
+        return subprocess.run(["bash", script, scene, tmp_path / "frame_####.exr", *arguments], text=True,
+                              env=ENVIRONMENT | {"SLURM_ARRAY_TASK_ID": "0"}, capture_output=True, timeout=300)
+    for arguments, why in (("1 three", "LAST is"), ("0x1 3", "FIRST is '0x1'"), ("1 3 1.5", "FRAMES_PER_TASK is"),
+                           ("1 3 0", "must be 1 or more"), ("1 3 -2", "must be 1 or more"), ("9 3", "go upwards"),
+                           ("1 2000000 2000000", "Blender's frames go from -1048574 to 1048574")):
+        failed = run(*arguments.split())
+        assert failed.returncode == 2 and why in failed.stderr, failed.stderr
+        assert len(failed.stderr.splitlines()) == 1, failed.stderr
+    (tmp_path / "frame_0002.exr").touch()  # an empty one is none
+    done = run("001", "0002", "08")
+    assert done.returncode == 0, done.stderr
+    same(tmp_path, frames[:2])
