@@ -20,7 +20,7 @@ class Images:
         self.moves = False  # whether one shows another picture at another frame
         self._folder = folder
         self._indices: dict[tuple, int] = {}
-        self._written: dict[int, str] = {}  # files of images that Blender alone has
+        self._written: dict[int, dict] = {}  # files of images that Blender alone has
         self._files = 0
 
     def clear(self, repainted: bool) -> None:
@@ -31,7 +31,7 @@ class Images:
 
     def forget_files(self, names: set[str]) -> None:
         """These files are gone."""
-        self._written = {uid: name for uid, name in self._written.items() if name not in names}
+        self._written = {uid: file for uid, file in self._written.items() if file["path"] not in names}
 
     def index(self, node, report: Report) -> int:
         """Number of the image of an image texture node, as the node shows it; −1 where it cannot be had."""
