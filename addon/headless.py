@@ -335,8 +335,9 @@ def _this_package() -> str:
 
 def leave(code: int) -> NoReturn:
     """End the process with `code`."""
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in filter(None, (sys.stdout, sys.stderr)):  # one that is closed is None
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
     bpy = sys.modules.get("bpy")
     if bpy and not bpy.app.binary_path:
         # bpy as a Python module: 4.2 may crash and 4.5 may hang at exit once an add-on's engine has rendered.
