@@ -296,6 +296,7 @@ def _arriving(light: Light, P: np.ndarray) -> tuple[np.ndarray, float]:
     distance = float(np.linalg.norm(to))
     L, attenuation = to / distance, 1 / distance**2
     cosine = float(-L @ axis)
+    assert light.axes is None, "stretched and sheared lamps are compared with Cycles, not here"
     if light.type == "SPOT":  # Cycles' falloff
         edge = np.cos(light.spot_angle / 2)
         x = (cosine - edge) / max((1 - edge) * light.spot_blend, 1e-12)

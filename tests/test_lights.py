@@ -99,6 +99,38 @@ def test_a_spot_is_smooth_within_its_blend_and_dark_outside():
     assert (found[cosine < np.cos(half)] == 0).all()
 
 
+def test_an_elliptic_spot_is_a_round_one_in_its_own_space():
+    half, wide = 0.6, 1.7
+    scene = floor(Light("spot", "SPOT", (1.0, 1.0, 1.0), position=(0, 0, 1), direction=(0, 0, -1), spot_angle=2 * half,
+                        spot_blend=0.4, axes=((1 / wide, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))))
+    x, y = positions(scene)
+    turned = 1 / np.sqrt((x / wide) ** 2 + y * y + 1)
+    t = np.clip((turned - np.cos(half)) / ((1 - np.cos(half)) * 0.4), 0, 1)
+    found = render_image(scene).passes["Combined"][..., 0]
+    np.testing.assert_allclose(found, (x * x + y * y + 1) ** -1.5 * t * t * (3 - 2 * t), rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["SPOT", "AREA"])
+def test_axes_of_a_plain_lamp_change_nothing(kind):
+    lamp = Light("lamp", kind, (1.0, 1.0, 1.0), position=(0.2, 0, 1), direction=(0, 0.6, -0.8), spread=2.0,
+                 spot_angle=1.4, spot_blend=0.5)
+    plain = render_image(floor(lamp)).passes["Combined"]
+    own = replace(lamp, axes=((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, 0.6, -0.8)))
+    np.testing.assert_allclose(render_image(floor(own)).passes["Combined"], plain, rtol=1e-5, atol=1e-7)
+    assert plain[..., :3].max() > 0.1
+
+
+@pytest.mark.parametrize("shadows", ["SHARP", "LIGHT_MESHES"])
+def test_lamps_may_light_only_the_matt_or_only_give_highlights(shadows):
+    both = Material("both", Od=(0.5, 0.4, 0.3), ks=0.5, nShiny=8.0)
+    lamps = [point((0.3, 0.1, 0.8)), replace(point((-0.4, 0.2, 0.6)), type="AREA")]
+    parts = [[render_image(with_settings(floor(*(replace(lamp, diffuse=d, glossy=g) for lamp in lamps), material=both),
+                                         shadows=shadows)).passes["Combined"][..., :3] for g in (True, False)]
+             for d in (True, False)]
+    np.testing.assert_allclose(parts[0][1] + parts[1][0], parts[0][0], rtol=1e-5)
+    assert (parts[1][1] == 0).all() and parts[1][0].max() > 0.01
+
+
 def test_an_area_light_shines_to_one_side():
     down = Light("area", "AREA", (1.0, 1.0, 1.0), position=(0, 0, 1), direction=(0, 0, -1))
     scene = floor(down)

@@ -44,6 +44,8 @@ materials = st.builds(Material, name, Od=triple, ka=number, kd=number, ks=number
 lights = st.builds(Light, name, st.sampled_from(LIGHT_TYPES), triple, position=triple, direction=triple,
                    spot_angle=number, spot_blend=number, spread=number, radius=positive, angle=number,
                    area_u=triple, area_v=triple, area_ellipse=st.booleans(), soft_shadows=st.booleans(),
+                   axes=st.one_of(st.none(), st.tuples(triple, triple, triple)), diffuse=st.booleans(),
+                   glossy=st.booleans(),
                    cast_shadow=st.booleans())
 chosen = st.builds(
     Settings, mode=st.sampled_from(MODES), shadows=st.sampled_from(SHADOWS), h=st.floats(1e-9, 1e9),

@@ -14,13 +14,15 @@ from .nodes import Nodes, uses_nodes
 from .report import Report
 
 
-def light(ob, matrix_world, report: Report) -> dict:
-    """The engine's description of light object `ob`, which stands at `matrix_world`."""
+def light(ob, parent, matrix_world, report: Report) -> dict:
+    """The engine's description of light object `ob`, which stands at `matrix_world`; `parent` is its instancer or None.
+    """
     lamp = ob.data
+    seen = [ob] if parent is None else [ob, parent]
     matrix = np.array(matrix_world, np.float64)
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
-    axes = matrix[:3, :3] / np.where(lengths > 0, lengths, 1)
-    x, y, z = axes.T
+    axes = (matrix[:3, :3] / np.where(lengths > 0, lengths, 1)).T
+    z = axes[2]
     description = {
         "name": ob.name,
         "type": lamp.type,
@@ -32,11 +34,29 @@ def light(ob, matrix_world, report: Report) -> dict:
         "softness": lamp.light_meshes.softness,
         "soft_radius": lamp.light_meshes.radius,
         "reference_distance": lamp.light_meshes.reference_distance,
+        "diffuse": all(o.visible_diffuse for o in seen),
+        "glossy": all(o.visible_glossy for o in seen),
     }
-    factor, own = _SHAPES[lamp.type](lamp, lengths, x, y, report)
+    factor, own = _SHAPES[lamp.type](lamp, lengths, axes, report)
     power = factor * lamp.energy * _exposure(lamp)
+    if _off(lamp, lengths, axes):
+        power = 0.0
+    elif not all(o.visible_transmission for o in seen):
+        report.warn("Ray Visibility: Transmission is off, but its light passes through glass", "Light", ob.name)
     description["intensity"] = [power * c for c in _color(lamp, report)]
     return description | own
+
+
+def _off(lamp, lengths, axes) -> bool:
+    """Whether the lamp gives no light in Cycles: one whose scale or size is 0, or a portal of the world's light."""
+    if lamp.type == 'SUN':
+        return not lengths[2] > 0
+    if lamp.type == 'SPOT':
+        return not _solid(lengths, axes)
+    if lamp.type == 'AREA':
+        sizes = [lamp.size, lamp.size_y if lamp.shape in {'RECTANGLE', 'ELLIPSE'} else lamp.size]
+        return not (lengths.all() and all(sizes)) or (hasattr(lamp, "cycles") and lamp.cycles.is_portal)
+    return False
 
 
 def _exposure(lamp) -> float:
@@ -64,7 +84,7 @@ def _color(lamp, report: Report) -> np.ndarray:
     return color
 
 
-def _point(lamp, lengths, x, y, report):
+def _point(lamp, lengths, axes, report):
     # Radiant flux Φ in all directions: I = Φ/4π; a diffuse surface returns I/π.
     radius = lamp.shadow_soft_size
     factor = 1 / (4 * math.pi**2)
@@ -74,7 +94,7 @@ def _point(lamp, lengths, x, y, report):
     return factor, {"radius": radius}
 
 
-def _sun(lamp, lengths, x, y, report):
+def _sun(lamp, lengths, axes, report):
     # The energy is irradiance.
     factor = 1 / math.pi
     if not _normalized(lamp) and lamp.angle > 0:
@@ -82,19 +102,31 @@ def _sun(lamp, lengths, x, y, report):
     return factor, {"angle": lamp.angle}
 
 
-def _spot(lamp, lengths, x, y, report):
-    factor, own = _point(lamp, lengths, x, y, report)
-    # A scaled spot lights a scaled cone; one scaled sideways would be elliptic.
-    across = math.sqrt(lengths[0] * lengths[1])
-    if not math.isclose(lengths[0], lengths[1], rel_tol=1e-3):
-        report.warn("it is scaled unevenly: its elliptic cone is drawn round", "Light", lamp.name)
-    half = lamp.spot_size / 2
-    if lengths[2] > 0 and not math.isclose(across, lengths[2], rel_tol=1e-6) and half < math.pi / 2:
-        half = math.atan(math.tan(half) * across / lengths[2])
-    return factor, own | {"spot_angle": 2 * half, "spot_blend": lamp.spot_blend}
+def _spot(lamp, lengths, axes, report):
+    factor, own = _point(lamp, lengths, axes, report)
+    own |= {"spot_angle": lamp.spot_size, "spot_blend": lamp.spot_blend}
+    if not _even(lengths, axes) and _solid(lengths, axes):
+        # The cone is a plain one in the lamp's own space.
+        own["axes"] = (np.linalg.inv((axes * lengths[:, None]).T) * lengths[2] * [[1], [1], [-1]]).tolist()
+    return factor, own
 
 
-def _area(lamp, lengths, x, y, report):
+def _even(lengths, axes) -> bool:
+    """Whether a lamp is neither sheared nor longer along one of its axes than along another."""
+    return np.ptp(lengths) <= 1e-6 * lengths.max() and _upright(axes)
+
+
+def _upright(axes) -> bool:
+    """Whether a lamp's axes (3,3) are perpendicular."""
+    return np.abs(np.triu(axes @ axes.T, 1)).max() <= 1e-5
+
+
+def _solid(lengths, axes) -> bool:
+    """Whether a lamp's space is not flat."""
+    return bool(lengths.all()) and abs(np.linalg.det(axes)) > 1e-6
+
+
+def _area(lamp, lengths, axes, report):
     # A Lambertian emitter of flux Φ: I = Φ/π on its axis.
     factor = 1 / math.pi**2
     size_x = lamp.size * lengths[0]
@@ -102,12 +134,18 @@ def _area(lamp, lengths, x, y, report):
     ellipse = lamp.shape in {'DISK', 'ELLIPSE'}
     if not _normalized(lamp):
         factor *= size_x * size_y * (math.pi / 4 if ellipse else 1)
-    return factor, {
+    own = {
         "spread": lamp.spread,
-        "area_u": (x * size_x / 2).tolist(),
-        "area_v": (y * size_y / 2).tolist(),
+        "area_u": (axes[0] * size_x / 2).tolist(),
+        "area_v": (axes[1] * size_y / 2).tolist(),
         "area_ellipse": ellipse,
     }
+    if not _upright(axes):
+        if not ellipse:
+            own["axes"] = [*axes[:2].tolist(), np.cross(axes[0], axes[1]).tolist()]
+        if lamp.spread < math.pi - 1e-4:
+            report.warn("it is sheared: its spread is that of a lamp that is not", "Light", lamp.name)
+    return factor, own
 
 
 _SHAPES = {'POINT': _point, 'SUN': _sun, 'SPOT': _spot, 'AREA': _area}

@@ -37,7 +37,7 @@ class Walk:
 
     def _take(self, instance, ob) -> None:
         if ob.type == 'LIGHT':
-            self._lamps.append(lights.light(ob, instance.matrix_world, self._report))
+            self._lamps.append(lights.light(ob, instance.parent, instance.matrix_world, self._report))
             self.lamps.append(_identity(instance, ob))
             self._links.add(ob)
         else:

@@ -49,6 +49,10 @@ class LIGHT_MESHES_PT_ray_visibility(LightMeshesPanel, bpy.types.Panel):
 
     def fill(self, layout, context):
         column = layout.column()
+        if context.object.type == 'LIGHT':
+            column.prop(context.object, "visible_diffuse", text="Diffuse")
+            column.prop(context.object, "visible_glossy", text="Glossy")
+            return
         column.prop(context.object, "visible_camera", text="Camera")
         column.prop(context.object, "visible_glossy", text="Mirrors")
         column.prop(context.object, "visible_shadow", text="Shadow")

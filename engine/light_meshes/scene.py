@@ -115,6 +115,12 @@ class Light:
     spot_angle: float = np.pi / 4  # full cone
     spot_blend: float = 0.0  # 0 hard edge .. 1
     spread: float = np.pi  # AREA: full angle outside which nothing is sent
+    # Of lamps that are scaled unevenly or sheared, None: of no others. The light that such a lamp sends along ω is
+    # that of a plain one, which looks along the third of its own axes, along (ω·a₁, ω·a₂, ω·a₃): SPOT as it is,
+    # AREA as Cycles has it (see `shading`).
+    axes: tuple[RGB, RGB, RGB] | None = None
+    diffuse: bool = True  # lights matt surfaces
+    glossy: bool = True  # gives highlights
     radius: float = 0.0  # AREA_SAMPLING and LIGHT_SIZE: of the sphere (POINT, SPOT), scene units
     angle: float = 0.0  # the same: full apparent angle of a SUN
     area_u: RGB = (0.0, 0.0, 0.0)  # the same: half-axes of the rectangle or ellipse

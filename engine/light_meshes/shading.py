@@ -12,17 +12,21 @@ from .scene import LIGHT_TYPES, Light, Material, Scene
 from .tracing import Targets
 
 POINT, SUN, SPOT, AREA = range(len(LIGHT_TYPES))
+SKEWED_SPOT, SKEWED_AREA = range(len(LIGHT_TYPES), len(LIGHT_TYPES) + 2)  # those with axes of their own
 
 
 class Lights(NamedTuple):
     """All lights, structure of arrays; see scene.Light for the units."""
 
-    type: NDArray[np.int8]  # (L,) index into LIGHT_TYPES
+    type: NDArray[np.int8]  # (L,) index into LIGHT_TYPES, or SKEWED_…
     position: NDArray[np.float64]  # (L,3)
     direction: NDArray[np.float64]  # (L,3) unit, the way the light travels
     intensity: NDArray[np.float64]  # (L,3)
     edge: NDArray[np.float64]  # (L,) SPOT: cosine of the half cone; AREA: tangent of half the spread
     slope: NDArray[np.float64]  # (L,) SPOT: 1/width of the blend in cosines; AREA: the spread's normalisation
+    axes: NDArray[np.float64]  # (L,3,3) SKEWED_…: scene.Light.axes
+    diffuse: NDArray[np.bool_]  # (L,)
+    glossy: NDArray[np.bool_]  # (L,)
 
     def targets(self) -> Targets:
         """Where shadow rays go."""
@@ -43,12 +47,15 @@ def light_arrays(lights: tuple[Light, ...]) -> Lights:
             edge[i], slope[i] = np.tan(half), 1 / (np.tan(half) - half)
     direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
     length = np.sqrt((direction**2).sum(1, keepdims=True))
+    skewed = {"SPOT": SKEWED_SPOT, "AREA": SKEWED_AREA}
     return Lights(
-        np.array([LIGHT_TYPES.index(light.type) for light in lights], np.int8),
+        np.array([skewed.get(light.type, LIGHT_TYPES.index(light.type)) if light.axes
+                  else LIGHT_TYPES.index(light.type) for light in lights], np.int8),
         np.array([light.position for light in lights], np.float64).reshape(-1, 3),
         direction / np.where(length > 0, length, 1),
         np.array([light.intensity for light in lights], np.float64).reshape(-1, 3),
-        edge, slope,
+        edge, slope, np.array([light.axes or np.zeros((3, 3)) for light in lights], np.float64).reshape(-1, 3, 3),
+        np.array([light.diffuse for light in lights], np.bool_), np.array([light.glossy for light in lights], np.bool_),
     )
 
 
@@ -110,12 +117,16 @@ class Source(NamedTuple):
     red: float  # intensity
     green: float
     blue: float
+    axes: NDArray[np.float64]  # (3,3)
+    diffuse: bool
+    glossy: bool
 
 
 @part
 def _source(lights, i):
     a, d, c = lights.position[i], lights.direction[i], lights.intensity[i]
-    return Source(a[0], a[1], a[2], d[0], d[1], d[2], lights.edge[i], lights.slope[i], c[0], c[1], c[2])
+    return Source(a[0], a[1], a[2], d[0], d[1], d[2], lights.edge[i], lights.slope[i], c[0], c[1], c[2],
+                  lights.axes[i], lights.diffuse[i], lights.glossy[i])
 
 
 @part
@@ -159,15 +170,30 @@ def _arriving(kind, light, block, k):
         power = inverse * inverse
         lit = square > 0.0  # else the light is on the very point
     axis = -(x * light.u + y * light.v + z * light.w) * inverse
-    if kind == SPOT:
+    if kind in (SKEWED_SPOT, SKEWED_AREA):
+        a, b, c = light.axes[0], light.axes[1], light.axes[2]
+        p, q, r = (x * a[0] + y * a[1] + z * a[2], x * b[0] + y * b[1] + z * b[2], x * c[0] + y * c[1] + z * c[2])
+        turned = 1.0 / np.sqrt(p * p + q * q + r * r)
+        if kind == SKEWED_SPOT:
+            axis = -r * turned
+        else:
+            # Cycles samples a rectangle as if its axes were perpendicular: the light comes from another direction.
+            lit &= axis > 0.0
+            x, y, z = p * a[0] + q * b[0] + r * c[0], p * a[1] + q * b[1] + r * c[1], p * a[2] + q * b[2] + r * c[2]
+            inverse = 1.0 / np.sqrt(x * x + y * y + z * z)
+            axis = -(x * light.u + y * light.v + z * light.w) * inverse
+            power = turned * turned * turned * abs(r)
+            lit &= power > 0.0
+    if kind in (SPOT, SKEWED_SPOT):
         t = (axis - light.edge) * light.slope
         t = t if t > 0.0 else 0.0
         t = t if t < 1.0 else 1.0
         lit &= t > 0.0
         power *= t * t * (3.0 - 2.0 * t)
     if kind == AREA:
-        lit &= axis > 0.0  # else behind the lamp
         power *= axis if axis > 0.0 else 0.0
+    if kind in (AREA, SKEWED_AREA):
+        lit &= axis > 0.0  # else behind the lamp
         sine = 1.0 - axis * axis
         spread = (light.edge - np.sqrt(sine if sine > 0.0 else 0.0) / axis) * light.slope
         spread = spread if light.slope > 0.0 else 1.0
@@ -200,8 +226,12 @@ def reaching(lights, materials, hits, direction, Od, unlit, active):
                     _mark(SUN, light, bit, unlit, block, bits)
                 elif kind == SPOT:
                     _mark(SPOT, light, bit, unlit, block, bits)
-                else:
+                elif kind == AREA:
                     _mark(AREA, light, bit, unlit, block, bits)
+                elif kind == SKEWED_SPOT:
+                    _mark(SKEWED_SPOT, light, bit, unlit, block, bits)
+                else:
+                    _mark(SKEWED_AREA, light, bit, unlit, block, bits)
             for k in range(min(BLOCK, len(direction) - first)):
                 active[first + k, w] = bits[k]
 
@@ -215,7 +245,8 @@ def _mark(kind, light, bit, unlit, block, bits):
         return
     for k in range(BLOCK):
         lit, _, _, cosine, lobe = _arriving(kind, light, block, k)
-        matt, gloss = block.returns[k] & colour != 0, block.returns[k] & (colour << np.uint64(3)) != 0
+        matt = light.diffuse & (block.returns[k] & colour != 0)
+        gloss = light.glossy & (block.returns[k] & (colour << np.uint64(3)) != 0)
         lit &= unlit | (matt & (cosine > 0.0)) | (gloss & (lobe > 0.0))
         bits[k] |= bit if lit else np.uint64(0)
 
@@ -237,15 +268,21 @@ def gather(lights, materials, hits, direction, Od, S, colour, matt, gloss):
                     share[c, k] = S[min(first + k, len(direction) - 1), i, c]
             S_i = share[0], share[channels // 2], share[channels - 1]
             kind, light = lights.type[i], _source(lights, i)
-            if kind == POINT:
+            if not light.diffuse:
+                pass
+            elif kind == POINT:
                 _add(POINT, light, S_i, block, total)
             elif kind == SUN:
                 _add(SUN, light, S_i, block, total)
             elif kind == SPOT:
                 _add(SPOT, light, S_i, block, total)
-            else:
+            elif kind == AREA:
                 _add(AREA, light, S_i, block, total)
-            if glossy:
+            elif kind == SKEWED_SPOT:
+                _add(SKEWED_SPOT, light, S_i, block, total)
+            else:
+                _add(SKEWED_AREA, light, S_i, block, total)
+            if glossy and light.glossy:
                 _add_gloss(kind, light, S_i, block, materials.nShiny, hits.material, first, shine)
         for k in range(min(BLOCK, len(direction) - first)):
             p = first + k
@@ -301,8 +338,9 @@ def partly(lights, materials, hits, direction, Od, S, matt, gloss):
                 if some:
                     _, power, inverse, cosine, lobe = _arriving(kind, light, block, k)
                     power *= most * max(light.red, max(light.green, light.blue))
-                    matt[p] = max(matt[p], power * cosine * inverse)
-                    if block.returns[k] > 7 and lobe > 0.0:
+                    if light.diffuse:
+                        matt[p] = max(matt[p], power * cosine * inverse)
+                    if light.glossy and block.returns[k] > 7 and lobe > 0.0:
                         shine = min(lobe * inverse, 1.0) ** materials.nShiny[hits.material[p]]
                         gloss[p] = max(gloss[p], power * shine)
 

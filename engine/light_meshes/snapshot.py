@@ -249,6 +249,7 @@ _SAMPLES: dict[tuple[type, str], Any] = {  # what a field without a default, or 
     (Camera, "height"): 1,
     (Camera, "crop"): (0, 0, 0, 0),
     (Light, "intensity"): (0.0,) * 3,
+    (Light, "axes"): ((0.0,) * 3,) * 3,
 }
 
 

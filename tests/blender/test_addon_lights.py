@@ -44,9 +44,10 @@ def test_spot(scene, add_light, snapshot):
     assert (light.spot_angle, light.spot_blend) == (pytest.approx(1), pytest.approx(0.3))
 
 
-def test_unevenly_scaled_spot_warns(scene, add_light, snapshot):
+def test_an_unevenly_scaled_spot_has_an_elliptic_cone(scene, add_light, snapshot):
     add_light('SPOT', scale=(2, 1, 1))
-    assert any("'Spot'" in w for w in snapshot(scene).warnings)
+    light = the_light(snapshot(scene))
+    np.testing.assert_allclose(light.axes, [(0.5, 0, 0), (0, 1, 0), (0, 0, -1)], atol=1e-6)
 
 
 def test_shadow_switch(scene, add_light, snapshot):
