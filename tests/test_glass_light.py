@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from light_meshes import beams
 from light_meshes.prepared import Prepared
+from light_meshes.render import render_image
 from light_meshes.scene import Material
-from meshes import Mesh, Part, assemble, box, look_down, rectangle
+from meshes import Mesh, Part, assemble, box, look_down, move, rectangle, sphere
 from refraction_reference import rotation
 from scenes import GREY, point, settings, sun
 
@@ -128,3 +129,27 @@ def test_a_tilted_block_sends_on_what_photons_bring(seed, half, n):
     whole, cut = arrives(1.0, 1) - shadow, arrives(1.0, 8) - shadow
     print(f"of {expected.sum():.4f}, {expected[1:].sum():.4f} by total reflection: {whole / expected.sum():.1%}")
     assert whole == pytest.approx(expected.sum(), rel=0.02) and whole == pytest.approx(cut, rel=0.005)
+
+
+@pytest.mark.parametrize("count", [1, 5, 20])
+def test_the_camera_sees_through_any_number_of_panes_and_a_mirror_behind_them(count):
+    """With the default max_depth, which bounds mirrors only: t² for each pane, and again on the way back."""
+    mirror = Material("mirror", Od=(0, 0, 0), kd=0.0, ka=0.0, mirror=(1.0,) * 3)
+    halves = [Part(rectangle((-9, -9), (0, 9), 0.0), mirror, "mirror"),
+              Part(rectangle((0, -9), (9, 9), 0.0), Material("lamp", kd=0.0, ka=0.0, emission=(3.0,) * 3), "lamp")]
+    scene = assemble([*halves, *panes(count, 0.97)], look_down(0, 0, 3, 8), [],
+                     settings(mode="WHITTED", refraction="VIEW"), world_color=(1.0,) * 3)
+    picture = render_image(scene).passes["Combined"][..., 0]
+    np.testing.assert_allclose(picture[:, 5:], 3 * 0.97 ** (2 * count), rtol=1e-5)
+    np.testing.assert_allclose(picture[:, :3], 0.97 ** (4 * count), rtol=1e-5)
+
+
+def test_the_camera_sees_through_glass_in_glass():
+    """Twelve spheres of falling index, one in the other, and three in a row: white before a white world."""
+    nested = [Part(sphere(1 - 0.07 * i, 32, 16), glass(1.0, 1.6 - 0.04 * i, priority=i), f"{i}", [move(0, 0, 1.5)])
+              for i in range(12)]
+    row = [Part(sphere(0.5, 32, 16), glass(1.0), f"ball {i}", [move(0, 0, 0.5 + 1.1 * i)]) for i in range(3)]
+    for parts in (nested, row):
+        scene = assemble(parts, look_down(0, 0, 3, 24), [], settings(mode="WHITTED", refraction="VIEW"),
+                         world_color=(1.0,) * 3)
+        np.testing.assert_allclose(render_image(scene).passes["Combined"][..., 0], 1, rtol=1e-5)

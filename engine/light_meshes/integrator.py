@@ -13,6 +13,7 @@ from .geometry import Hits
 from .passes import REFLECTED, TRANSMITTED, Tile
 from .prepared import Prepared
 
+BENDS = 64  # at which a ray through glass bends; at more surfaces it goes straight on
 Rays = dict[str, NDArray]  # pixel, weight, origin, direction, …: the rows of each array belong together
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
 
@@ -39,8 +40,9 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
     rays: Rays = {"pixel": np.arange(n), "weight": np.ones((n, 3)), "origin": origin, "direction": direction,
                   "depth": np.zeros(n, np.int16)}
     if ready.plan.transparent:
-        # Straight through all surfaces so far; the media it is in, −1: none.
-        rays |= {"clear": np.ones(n, np.bool_), "media": np.full((n, interfaces.MEDIA), -1, np.int32)}
+        # Straight through all surfaces so far; the media it is in, −1: none; of its bends (depth) those at mirrors.
+        rays |= {"clear": np.ones(n, np.bool_), "media": np.full((n, interfaces.MEDIA), -1, np.int32),
+                 "mirrored": np.zeros(n, np.int16)}
     if tile.parts:
         rays["part"] = np.zeros(n, np.int8)  # DIRECT
     if tile.layers:
@@ -105,12 +107,14 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     # What is not there: cut-outs, and interfaces inside a medium of higher priority.
     unseen = rays | {"media": np.where(face.real[:, None], rays["media"], face.media)}
     children += _going(ready, kind, unseen, hits, rays["weight"] - share, rays["direction"], 0)
-    straight = ~face.bends
+    straight = ~face.bends | (rays["depth"] >= BENDS)
     passed = share * face.kt
     children += _going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays["direction"], 0)
     children += _going(ready, "reflection", through, hits, np.where(straight[:, None], 0, passed), face.refracted, 1)
     if plan.reflections:
-        bounced = _as(REFLECTED, rays) | {"clear": np.zeros_like(rays["clear"])}
+        # Where nothing passes, light divides no further: only mirrors count then.
+        events = np.where(passed.any(1), rays["depth"], rays["mirrored"])
+        bounced = _as(REFLECTED, rays) | {"clear": np.zeros_like(rays["clear"]), "events": events}
         children += _going(ready, "reflection", bounced, hits, share * face.mirror, None, 1)
     return children
 
@@ -159,15 +163,23 @@ def _as(part: int, rays: Rays) -> Rays:
 
 def _going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray | None,
            step: int) -> list[tuple[str, Rays]]:
-    """The rays that go on with `weight`: mirrored where direction is None, else through the surface."""
+    """The rays that go on with `weight`: mirrored where direction is None, else through the surface.
+
+    max_depth bounds what is mirrored, so that light does not divide for ever. What goes through glass goes on.
+    """
     settings = ready.scene.settings
-    on = (weight.max(axis=1, initial=0) > settings.cutoff) & (rays["depth"] + step <= settings.max_depth)
+    on = weight.max(axis=1, initial=0) > settings.cutoff
+    if direction is None:
+        rays = dict(rays)
+        on &= rays.pop("events", rays["depth"]) < settings.max_depth
     if not on.any():
         return []
     rays = _rows(rays, on)
     normal = hits.Ng[on]
     if direction is None:
         turned = np.empty((len(normal), 3))
+        if "mirrored" in rays:
+            rays["mirrored"] = rays["mirrored"] + np.int16(1)
         shading.mirrored(rays["direction"], normal, hits.Ns[on], turned)
     else:
         turned, normal = direction[on], -normal
