@@ -111,6 +111,7 @@ def _parse(arguments: list[str]):
         command.add_argument("-o", "--output", type=Path, required=True)
         command.add_argument("-f", "--frames", type=frames_of, default=[])
         command.add_argument("--resume", action="store_true")
+        command.add_argument("--threads", type=int)
         command.add_argument("--work", type=Path)
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args(arguments)
@@ -227,6 +228,8 @@ def _render(options) -> None:
     scene = bpy.context.scene
     frames = options.frames or [[scene.frame_current]]
     several = sum(map(len, frames)) > 1
+    if options.threads:
+        scene.render.threads_mode, scene.render.threads = 'FIXED', options.threads
     file_format = 'PNG' if options.output.suffix.lower() == ".png" else 'OPEN_EXR'
     image = scene.render.image_settings
     if not image.file_format.startswith(file_format):  # an EXR of several layers stays one

@@ -125,7 +125,7 @@ class Job:
 
     def _carry_out(self, on_event, command: str, **arguments) -> dict:
         """Send a command and see it through; its last event."""
-        number = self._session.send(command, **arguments)
+        number = self._session.send(command, threads=threads(self.depsgraph.scene), **arguments)
         try:
             while True:
                 event = self._poll()
@@ -186,6 +186,11 @@ def temporary_folder() -> str:
     """Where Blender has its temporary files: the folder that its preferences name, or the system's."""
     folder = Path(bpy.app.tempdir)  # of this Blender alone, if it could be made; it goes when Blender ends
     return str(folder.parent if folder.name.startswith("blender_") else folder) if bpy.app.tempdir else ""
+
+
+def threads(scene) -> int | None:
+    """How many threads the engine is to use, by Blender's setting or its -t; None: all processors it may use."""
+    return scene.render.threads if scene.render.threads_mode == 'FIXED' else None
 
 
 def summary(statistics: dict) -> str:

@@ -22,7 +22,7 @@ from .export import ExportError, camera
 from .export.scenes import Scenes
 from .export.snapshot import handing_over
 from .export.walk import settings
-from .job import summary, temporary_folder
+from .job import summary, temporary_folder, threads
 
 SLICE_SECONDS = 0.04  # of an export, between two redraws
 TICK_SECONDS = 0.01  # how often the engine is listened to
@@ -54,6 +54,7 @@ class Viewport:
         self._exporting = False  # something has changed, and not all of it is taken in
         self._scene: Path | None = None  # the last that was taken in
         self._samples = 1
+        self._threads: int | None = None
         self._home: dict | None = None  # the camera that h is measured with where the scene has none
         self._view: view.View | None = None
         self._asked: _Asked | None = None
@@ -121,6 +122,7 @@ class Viewport:
         if path:
             self._scene, self._exporting = path, False
             self._samples = settings(scene, depsgraph.view_layer_eval)["samples"]
+            self._threads = threads(scene)
         else:
             self._say("Exporting the scene")
             self._engine().tag_redraw()
@@ -138,7 +140,7 @@ class Viewport:
         steps = STEPS + ([[1, self._samples]] if self._samples > 1 else [])
         number = self._session.send(
             "view", snapshot=str(self._scene), framebuffer=str(self._scene.with_name("view")),
-            camera=self._view.camera, passes=["Combined"], steps=steps)
+            camera=self._view.camera, passes=["Combined"], steps=steps, threads=self._threads)
         self._asked = _Asked(number, self._scene, self._view)
         self._say("Rendering")
 

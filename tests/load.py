@@ -111,7 +111,7 @@ def measure(name: str, folder: Path) -> None:
     watcher.start()
     began = time.monotonic()
     try:
-        _, _, s = blend.render(path, folder / f"{name}.exr", None, False, [], lambda *_: None, False)
+        _, _, s = blend.render(path, folder / f"{name}.exr", None, False, None, [], lambda *_: None, False)
     finally:
         over.set()
         watcher.join()

@@ -96,6 +96,9 @@ class LIGHT_MESHES_PT_performance(LightMeshesPanel, bpy.types.Panel):
     bl_options: ClassVar = {'DEFAULT_CLOSED'}
 
     def fill(self, layout, context):
+        layout.prop(context.scene.render, "threads_mode")
+        if context.scene.render.threads_mode == 'FIXED':
+            layout.prop(context.scene.render, "threads")
         layout.prop(context.scene.render, "use_persistent_data", text="Persistent Data")
         layout.prop(context.scene.render, "preview_pixel_size", text="Pixel Size of Views")
 

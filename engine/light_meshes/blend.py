@@ -69,14 +69,14 @@ def environment() -> dict[str, str]:
     return os.environ | {"PYTHONPATH": os.pathsep.join(named)}  # an empty one counts as none
 
 
-def render(file: Path, output: Path, frames: str | None, resume: bool, changes: Changes,
+def render(file: Path, output: Path, frames: str | None, resume: bool, threads: int | None, changes: Changes,
            progress: Callable[[float, str], None], debug: bool) -> tuple[list[str], dict[Path, bool], dict[str, Any]]:
     """Render frames of a .blend as Blender would; `resume` leaves out those whose picture is there.
 
     Returns warnings, the pictures and whether each was rendered, and the last's statistics.
     """
     arguments = ["render", str(file), "-o", str(output), *(["--resume"] if resume else []),
-                 *([f"--frames={frames}"] if frames else [])]
+                 *([f"--frames={frames}"] if frames else []), *([f"--threads={threads}"] if threads else [])]
     warnings, pictures = [], {}
     statistics: dict[str, Any] = {}
     with _work_folder(output.absolute().parent) as work, contextlib.closing(

@@ -16,7 +16,7 @@ import traceback
 from pathlib import Path
 from typing import Any, NoReturn
 
-from . import __version__, console, scratch
+from . import __version__, console, processors, scratch
 from .scene import Scene, SceneError, shown
 
 FRAMES = 1048574  # Blender has none beyond
@@ -111,6 +111,8 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("-o", "--output", metavar="OUT.png|.exr", type=Path, required=True,
                         help="#### stands for the frame number")
     render.add_argument("-f", "--frames", metavar="1,3..8", help="frames of a .blend; its current one otherwise")
+    render.add_argument("-t", "--threads", metavar="N", type=_threads,
+                        help="threads to render with; a .blend's own setting otherwise, or all processors")
     render.add_argument("--resume", action="store_true", help="leave out frames whose picture is there already")
     render.set_defaults(run=_render)
     inspect = commands.add_parser("inspect", help="say what a scene holds, what the plan decides, what is missing")
@@ -130,6 +132,12 @@ def _parser() -> argparse.ArgumentParser:
                                   "resolution=WxH")
         command.add_argument("--debug", action="store_true", help="show tracebacks and what Blender prints")
     return parser
+
+
+def _threads(text: str) -> int:
+    if not re.fullmatch("[0-9]{1,4}", text) or not 1 <= int(text) <= processors.MOST:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 to {processors.MOST}")
+    return int(text)
 
 
 def _setting(text: str) -> tuple[str, str]:
@@ -165,8 +173,9 @@ def _render(arguments: argparse.Namespace) -> None:
         if blend_file:
             from . import blend
 
-            warnings, pictures, statistics = blend.render(arguments.file, output, arguments.frames, arguments.resume,
-                                                          arguments.set, progress, arguments.debug)
+            warnings, pictures, statistics = blend.render(
+                arguments.file, output, arguments.frames, arguments.resume, arguments.threads, arguments.set, progress,
+                arguments.debug)
         else:
             if arguments.resume and film.whole(output):
                 warnings, pictures, statistics = [], {output: False}, {}
@@ -192,6 +201,7 @@ def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple
     from . import compiled, film, memory, passes, render
 
     compiled.watch(progress)
+    processors.tell(arguments.threads)
     scene = _changed(_read(arguments.file), arguments.set)
     names = passes.all_of(scene) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
     memory.check(memory.before(scene, names))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from . import textures
+from . import processors, textures
 from .camera import depth
 from .film import crop_of
 from .passes import letters
@@ -42,15 +42,10 @@ class Part(NamedTuple):
     remedy: str
 
 
-def processors() -> int:
-    """How many processors this process may use: a farm gives a task a part of its machine."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
     """What is known before anything is made: all but the nodes."""
     x0, y0, x1, y1 = crop_of(scene)
-    pixels, threads, lights = (x1 - x0) * (y1 - y0), processors(), len(scene.lights)
+    pixels, threads, lights = (x1 - x0) * (y1 - y0), processors.count(), len(scene.lights)
     glass = any(m.alpha < 1 or m.alpha_image >= 0 or any(m.kt) for m in scene.materials)
     most = RAYS * LARGER if scene.settings.shadow_rate > 1 else RAYS
     rays = min(most, pixels * scene.settings.samples / (4 * threads))
@@ -66,7 +61,7 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
         Part(4.0 * pixels * sum(len(letters(name)) for name in passes),
              f"{x1 - x0:,} × {y1 - y0:,} pixels of {len(passes)} passes", "render a smaller picture, or fewer passes"),
         Part(threads * work,
-             f"{threads} threads with {lights:,} lights", "let the engine use fewer processors"),
+             f"{threads} threads with {lights:,} lights", "use fewer threads: --threads, or Threads under Performance"),
     ]
 
 

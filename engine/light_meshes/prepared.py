@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from . import light_size, memory, reuse, shading, textures
+from . import light_size, memory, processors, reuse, shading, textures
 from .area_sampling import AreaSampling
 from .bits import has
 from .camera import camera_rays, depth, filter_offsets
@@ -54,7 +54,7 @@ class Prepared:
         check()
         self.textures: list[textures.Texture | None]  # of all images
         with self.stats.stage("textures"):
-            self.textures, sentences = textures.load(scene.images, textures.alphas(scene), memory.processors(),
+            self.textures, sentences = textures.load(scene.images, textures.alphas(scene), processors.count(),
                                                      previous.textures if previous else [])
         self.warnings = [*darkness(scene), *self.lost, *sentences]
         self.scene = scene

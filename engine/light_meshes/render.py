@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import processors
 from .film import Framebuffer, crop_of
 from .integrator import radiance
 from .light_size import own_radii
-from .memory import LARGER, processors
+from .memory import LARGER
 from .node_store import SharedNodesError
 from .prepared import Prepared, measured_h
 from .scene import Camera, Scene
@@ -96,7 +97,7 @@ def draw(
     stopped = threading.Event()
     check()
     crop = crop_of(ready.scene)
-    threads = threads or processors()
+    threads = threads or processors.count()
     if tile_size is None:
         batch = BATCH * (LARGER if ready.sparse else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)

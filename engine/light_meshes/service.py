@@ -11,6 +11,7 @@ of the scene files in a folder; passes.py lists the passes):
     {"command": "render", "id": 1, "snapshot": "scene", "framebuffer": "frame", "passes": ["Combined", "Depth"]}
         "keep": true: what was prepared (accelerator, nodes) stays, and the next command with keep takes over what is
         still right, by its contents; the picture is the same. Without it (the default) nothing stays
+        "threads": 4: use so many, in a view and a measurement as well; null: as many as there are processors
     {"command": "view", "id": 7, "snapshot": "scene-12.json", "framebuffer": "view", "passes": ["Combined"],
         "camera": {…}, "steps": [[8, 1], [4, 1], [2, 1], [1, 1], [1, 4]]}
         a picture that gets better in steps of (divisor of the resolution, samples a pixel). Keeps, as with "keep".
@@ -56,7 +57,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import __version__, scratch
+from . import __version__, processors, scratch
 
 if TYPE_CHECKING:
     from .prepared import Prepared
@@ -97,6 +98,7 @@ class Service:
         try:
             if number in self._cancelled:
                 raise Cancelled
+            processors.tell(_threads(message))
             if message["command"] == "render":
                 self._render(number, message)
             elif message["command"] == "view":
@@ -284,6 +286,15 @@ def _passes(message: dict[str, Any]) -> list[str]:
     if not all(isinstance(name, str) for name in passes):
         raise SceneError("passes must be a list of names")
     return list(passes)
+
+
+def _threads(message: dict[str, Any]) -> int | None:
+    from .scene import SceneError, quoted
+
+    threads = message.get("threads")
+    if threads is not None and not (type(threads) is int and 1 <= threads <= processors.MOST):
+        raise SceneError(f"threads is {quoted(threads)}; it must be a whole number from 1 to {processors.MOST}")
+    return threads
 
 
 def _steps(message: dict[str, Any]) -> list[tuple[int, int]]:

@@ -119,3 +119,14 @@ bpy.app.timers.register(render, first_interval=1)
     said = open_blender(blend, "-P", tmp_path / "window.py", timeout=120)
     assert (tmp_path / "window.exr").exists(), said[-3000:]
     np.testing.assert_array_equal(read(tmp_path / "window.exr"), pixels)
+
+
+def test_threads(run_blender, blend, tmp_path):
+    """Those of the file and of Blender's switch, as Cycles takes them."""
+    tell = ("import bpy\nfrom bl_ext.dev.light_meshes.observers import observers\nobservers.append(lambda e: "
+            "print('\\nTHREADS', e['statistics']['threads'], flush=True) if e['event'] == 'statistics' else 0)")
+    out = ("-E", "LIGHT_MESHES", "--python-expr", tell, "-o", tmp_path / "frame_####")
+    fixed = ("--python-expr", "import bpy; r = bpy.context.scene.render; r.threads_mode, r.threads = 'FIXED', 3")
+    for arguments, threads in ((["-t", 1, blend, *out], 1), ([blend, *out, *fixed], 3)):
+        said = run_blender(*arguments, "-f", 3).stdout
+        assert re.findall(r"^THREADS (\d+)", said, re.M) == [str(threads)], said

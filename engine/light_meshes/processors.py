@@ -1,0 +1,54 @@
+"""How many threads this process uses: as many as it was told, else as it has processors."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+MOST = 1024  # as many as Blender takes
+_told: int | None = None
+
+
+def tell(threads: int | None) -> None:
+    """Use so many from now on; None: as many as there are processors."""
+    global _told
+    _told = threads
+
+
+def count() -> int:
+    """How many threads to use: a farm gives a task a part of its machine, by processors or by their time."""
+    if _told is not None:
+        return _told
+    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        groups = Path("/proc/self/cgroup").read_text()
+    except OSError:
+        return there
+    return max(1, min([there, *map(math.ceil, allowed(groups))]))
+
+
+def allowed(groups: str, root: Path = Path("/sys/fs/cgroup")) -> Iterator[float]:
+    """Processors whose time the control groups around a process may take, where they have a limit.
+
+    groups: /proc/PID/cgroup.
+    """
+    for line in groups.splitlines():
+        _, kinds, path = line.split(":", 2)
+        if not kinds:  # version 2
+            top, files = root, ["cpu.max"]
+        elif "cpu" in kinds.split(","):
+            top = root / kinds if (root / kinds).is_dir() else root / "cpu"
+            files = ["cpu.cfs_quota_us", "cpu.cfs_period_us"]
+        else:
+            continue
+        group = top / path.lstrip("/")
+        for folder in (group, *group.parents):
+            with contextlib.suppress(OSError, ValueError):  # none, or not to be seen from a container
+                quota, period = map(int, " ".join((folder / name).read_text() for name in files).split())
+                if quota > 0 and period > 0:
+                    yield quota / period
+            if folder == top:
+                break
