@@ -107,7 +107,7 @@ class _Watcher:
 
 class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
     bl_idname = "light_meshes.suggest"
-    bl_label = "Suggest h and kI"
+    bl_label = "Soften from Lamp Sizes"
     bl_description = ("Set step and quality by what the camera sees now and by the size of the lights, so that shadow "
                       "edges are as wide as they would be in reality. Switches the automatic step off")
     bl_options = {'REGISTER', 'UNDO'}  # noqa: RUF012

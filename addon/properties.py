@@ -48,12 +48,13 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         items=(
             ('LOCAL', "Local", "Light and surface only: no shadows, no reflections. Fastest, for a first look", 0),
             ('RAY_CASTING', "Ray Casting", "With shadows, without reflections", 1),
-            ('WHITTED', "Whitted", "With shadows and mirror reflections", 2),
+            ('WHITTED', "Whitted Ray Tracing", "With shadows, and what is seen in mirrors and through glass, as in "
+             "T. Whitted's ray tracer of 1980. Surfaces do not light each other", 2),
         ),
         default='WHITTED', update=_changed,
     )
     shadows: EnumProperty(
-        name="Shadows",
+        name="Shadow Method",
         description="How the edge of a shadow is found",
         items=(
             ('SHARP', "Sharp", "Every shadow has a hard edge", 0),
@@ -160,8 +161,8 @@ class LightMeshesScene(bpy.types.PropertyGroup):
     )
     ambient: FloatProperty(
         name="Ambient",
-        description="How much the world's colour lights every surface, in shadow too. "
-                    "0 makes shadows black, 1 is the world's full colour",
+        description="How much the world's color lights every surface, in shadow too. "
+                    "0 makes shadows black, 1 is the world's full color",
         min=0.0, max=1e6, soft_max=2.0, default=1.0, update=_changed,
     )
 
@@ -251,19 +252,19 @@ def _override_switched(name):
 # The parameters of Whitted's shading that a material's nodes are translated to, and that may be overridden.
 PARAMETERS = {
     "ka": FloatProperty(
-        name="Ambient", description="How much of the world's colour the surface returns, in shadow too",
+        name="Ambient", description="How much of the world's color the surface returns, in shadow too",
         min=0.0, soft_max=1.0, default=1.0, update=_changed),
     "kd": FloatProperty(
         name="Diffuse", description="How bright the surface is where light falls on it",
         min=0.0, soft_max=1.0, default=1.0, update=_changed),
     "Od": FloatVectorProperty(
-        name="Colour", description="Colour of the lit and of the ambient surface; replaces an image too",
+        name="Color", description="Color of the lit and of the ambient surface; replaces an image too",
         subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.8, 0.8, 0.8), update=_changed),
     "ks": FloatProperty(
         name="Highlight", description="How bright the highlights of lights are",
         min=0.0, soft_max=10.0, default=0.0, update=_changed),
     "Os": FloatVectorProperty(
-        name="Highlight Colour", description="Colour of the highlights",
+        name="Highlight Color", description="Color of the highlights",
         subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(1.0, 1.0, 1.0), update=_changed),
     "nShiny": FloatProperty(
         name="Shininess", description="How small the highlights are: 1 is a broad sheen, 500 a bright dot",
@@ -275,7 +276,7 @@ PARAMETERS = {
         name="Emission", description="Light that the surface shows by itself. It does not light other surfaces",
         subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.0, 0.0, 0.0), update=_changed),
     "kt": FloatVectorProperty(
-        name="Transparency", description="How much light passes at each crossing of the surface, and in which colour",
+        name="Transparency", description="How much light passes at each crossing of the surface, and in which color",
         subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.0, 0.0, 0.0), update=_changed),
     "ior": FloatProperty(
         name="IOR", description="How strongly a closed mesh bends rays; 1 does not, glass is 1.5. "
@@ -299,9 +300,32 @@ PRIORITY = IntProperty(
 class LightMeshesMaterial(bpy.types.PropertyGroup):
     __annotations__ = PARAMETERS | {"priority": PRIORITY} | _surface_switches("this material", "the object") | {
         f"override_{name}": BoolProperty(
-            name="Override", description="Use the value here instead of the one translated from the nodes",
-            default=False, update=_override_switched(name))
-        for name in PARAMETERS
+            name=f"Override {parameter.keywords['name']}", default=False, update=_override_switched(name),
+            description="Use the value here instead of the one translated from the nodes")
+        for name, parameter in PARAMETERS.items()
+    }
+
+
+translated: dict[int, dict] = {}  # what the panel of the material with this session_uid found
+
+
+def _translated(name):
+    """What shows a color as it is: Blender dims those that cannot be changed. To change it is to override it."""
+    def override(own, value):
+        settings = own.id_data.light_meshes
+        setattr(settings, name, value)
+        setattr(settings, f"override_{name}", True)
+    return {"get": lambda own: translated[own.id_data.session_uid][name], "set": override}
+
+
+class LightMeshesTranslated(bpy.types.PropertyGroup):
+    """The colors that a material's nodes are translated to, for the panel to show."""
+
+    __annotations__ = {
+        name: FloatVectorProperty(
+            name=parameter.keywords["name"], description="As translated from the nodes; another color overrides it",
+            subtype='COLOR', size=3, **_translated(name))
+        for name, parameter in PARAMETERS.items() if parameter.keywords.get("subtype") == 'COLOR'
     }
 
 
@@ -318,11 +342,15 @@ def register() -> None:
     for owner, group in _GROUPS.items():
         bpy.utils.register_class(group)
         owner.light_meshes = PointerProperty(type=group)
+    bpy.utils.register_class(LightMeshesTranslated)
+    bpy.types.Material.light_meshes_translated = PointerProperty(type=LightMeshesTranslated)
     bpy.app.handlers.load_post.append(_show_old_choices)
 
 
 def unregister() -> None:
     bpy.app.handlers.load_post.remove(_show_old_choices)
+    del bpy.types.Material.light_meshes_translated
+    bpy.utils.unregister_class(LightMeshesTranslated)
     for owner, group in _GROUPS.items():
         del owner.light_meshes
         bpy.utils.unregister_class(group)

@@ -57,10 +57,6 @@ class LightMeshesEngine(bpy.types.RenderEngine):
         if self._viewport:
             self._viewport.draw(context, depsgraph)
 
-    def __del__(self):
-        if self._viewport:  # the view is closed, or shaded in another way
-            self._viewport.end()
-
     def _fail(self, message, log):
         if self.is_preview:  # Blender shows no errors of previews
             console.say(f"Light Meshes, preview: {console.shown(message)}")

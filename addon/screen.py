@@ -1,5 +1,6 @@
-"""A picture on the screen: pixels → a texture, drawn into the region of a 3D view."""
+"""What is drawn into the region of a 3D view: a picture, pixels → a texture; and a sentence instead of one."""
 
+import blf
 import gpu
 import numpy as np
 from gpu_extras.presets import draw_texture_2d
@@ -17,6 +18,10 @@ class Picture:
         """Show `pixels` (h,w,4), scene-linear, premultiplied, rows bottom-up, between these corners of the region."""
         self._pixels, self._corners = np.ascontiguousarray(pixels, np.float32), corners
 
+    def clear(self) -> None:
+        """Show nothing."""
+        self._pixels = self._texture = None
+
     def draw(self, engine, scene) -> None:
         """Draw what there is, through the scene's view transform."""
         if self._pixels is not None:
@@ -32,3 +37,21 @@ class Picture:
         draw_texture_2d(self._texture, (x0, y0), x1 - x0, y1 - y0)
         engine.unbind_display_space_shader()
         gpu.state.blend_set('NONE')
+
+
+def sentence(context, text: str) -> None:
+    """Draw `text` below the middle of the region, right of the toolbar, in as many lines as it needs."""
+    region, scale, font = context.region, context.preferences.system.ui_scale, 0
+    margin = 20 * scale
+    left = margin + max([0, *(r.x + r.width - region.x for r in context.area.regions if r.type == 'TOOLS')])
+    blf.size(font, 13 * scale)
+    blf.color(font, 1.0, 0.8, 0.5, 1.0)
+    blf.position(font, left, 0.4 * region.height, 0)
+    blf.word_wrap(font, int(max(region.width - left - margin, 100)))
+    for option in (blf.WORD_WRAP, blf.SHADOW):
+        blf.enable(font, option)
+    blf.shadow(font, 5, 0.0, 0.0, 0.0, 1.0)
+    blf.shadow_offset(font, 1, -1)
+    blf.draw(font, text)
+    for option in (blf.WORD_WRAP, blf.SHADOW):
+        blf.disable(font, option)

@@ -39,6 +39,7 @@ _REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of me
             signal.SIGABRT: "It crashed, perhaps for want of memory"}
 _OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment",
                             re.IGNORECASE)
+LISTENED_SECONDS = 2.0  # for which we must have listened without a pause before an engine is called silent
 
 
 class EngineError(Exception):
@@ -47,6 +48,10 @@ class EngineError(Exception):
     def __init__(self, message: str, log: str = "") -> None:
         super().__init__(message)
         self.log = log
+
+
+class EngineGone(EngineError):  # noqa: N818  what it says, not what to call it
+    """The engine's process has ended, or hangs. Another one may do it."""
 
 
 def timeout() -> float:
@@ -91,23 +96,35 @@ class Session:
         if polite and hasattr(os, "setpriority"):
             with contextlib.suppress(OSError):  # it ended at once; poll says so
                 os.setpriority(os.PRIO_PROCESS, self._process.pid, POLITENESS)
+        self._heard = self._looked = self._listens_since = time.monotonic()
         # Threads, because Windows cannot wait for a pipe with a timeout.
         self._readers = [threading.Thread(target=f, daemon=True) for f in (self._read_events, self._read_log)]
         for reader in self._readers:
             reader.start()
-        self.listen()
 
-    def listen(self) -> None:
-        """Start the clock by which a silent engine is said to hang."""
-        self._heard = time.monotonic()
+    @property
+    def alive(self) -> bool:
+        """Whether it runs, and no cleaner of temporary files took the shared folder away."""
+        running = self._process.poll() is None and not self._closed
+        return running and (self.folder is None or self.folder.is_dir())
 
     @property
     def usable(self) -> bool:
-        """Whether another command may be sent: it lives, nothing is left that was cancelled but goes on, and no
-        cleaner of temporary files took the shared folder away.
+        """Whether another command may be sent: it lives and is heard of, and nothing is left that was cancelled but
+        goes on.
         """
-        alive = self._process.poll() is None and not self._closed
-        return alive and not self._unfinished and (self.folder is None or self.folder.is_dir())
+        return self.alive and not self._unfinished and self._silence <= timeout()
+
+    @property
+    def _silence(self) -> float:
+        """Seconds since the engine's last word; what we say to it does not count."""
+        return time.monotonic() - self._heard
+
+    def ends_within(self, seconds: float) -> bool:
+        """Whether it is not alive, or not any more in so many seconds."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(seconds)
+        return not self.alive
 
     def new_folder(self) -> Path:
         """A new folder in the shared one, for the snapshots and the framebuffer of one job."""
@@ -122,21 +139,23 @@ class Session:
         with self._changed:
             self._unfinished.add(self._number)
         self._write(command=command, id=self._number, **arguments)
-        self.listen()
         return self._number
 
     def poll(self, seconds: float) -> dict | None:
-        """The next event, or None if there was none for `seconds`. Raises EngineError when the engine is gone."""
+        """The next event, or None if there was none for `seconds`. Raises EngineGone when the engine is gone."""
+        now = time.monotonic()
+        if now - self._looked > 1:  # Blender was busy, or the machine asleep: what was said may not be read yet
+            self._listens_since = now
+        self._looked = now
         try:
             event = self._events.get(timeout=seconds)
         except queue.Empty:
-            if time.monotonic() - self._heard > timeout():
-                raise EngineError(f"The Light Meshes engine does not answer any more: "
-                                  f"it was silent for {timeout():g} seconds and has been ended", self.log) from None
+            if self._silence > timeout() and time.monotonic() - self._listens_since > LISTENED_SECONDS:
+                raise EngineGone(f"The Light Meshes engine does not answer any more: "
+                                 f"it was silent for {timeout():g} seconds and has been ended", self.log) from None
             return None
         if event is None:
-            raise self._died()
-        self.listen()
+            raise self.gone()
         return event
 
     def cancel(self, number: int, seconds: float) -> None:
@@ -195,9 +214,9 @@ class Session:
             if event is None:
                 self._log.append(line[:1000].rstrip())
                 continue
+            self._heard = time.monotonic()
             kind = event["event"]
             if kind == "alive":
-                self.listen()
                 continue
             if kind == "ready":
                 if self.folder:
@@ -217,7 +236,10 @@ class Session:
         for line in _lines(self._process.stderr):
             self._log.append(line[:1000].rstrip())
 
-    def _died(self) -> EngineError:
+    def gone(self) -> EngineError:
+        """Why it is not alive."""
+        if self.folder and self._process.poll() is None and not self._closed:
+            return EngineGone(f"The folder {self.folder} of the Light Meshes engine has been removed", self.log)
         try:
             self._process.wait(1.0)
         except subprocess.TimeoutExpired:  # it closed its output, and lives
@@ -234,7 +256,7 @@ class Session:
         reason = _REASONS.get(-code, "")
         if _OUT_OF_MEMORY.search(log):
             reason = "It ran out of memory: render fewer pixels, a larger h or fewer triangles"
-        return EngineError(f"The Light Meshes engine {when} ({how})" + (reason and f". {reason}"), log)
+        return EngineGone(f"The Light Meshes engine {when} ({how})" + (reason and f". {reason}"), log)
 
 
 def _lines(stream) -> Iterator[str]:

@@ -2,6 +2,10 @@
 
 Blender calls `update` when data changed and `draw` whenever the region is drawn; between them a timer hears what
 the engine says. Nothing here waits: an export goes on slice by slice, each with a redraw of its own.
+
+What was begun is seen before anything newer is begun, so that a view whose scene changes without a pause shows one
+picture after the other, however slow they are: export, ask, show the first picture, then export what has changed.
+Only a picture that has been seen is given up for a newer one.
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ import traceback
 import weakref
 from collections.abc import Callable
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -22,11 +26,12 @@ from .export import ExportError, camera
 from .export.scenes import Scenes
 from .export.snapshot import handing_over
 from .export.walk import settings
-from .job import summary, temporary_folder, threads
+from .job import temporary_folder, threads
 
 SLICE_SECONDS = 0.04  # of an export, between two redraws
 TICK_SECONDS = 0.01  # how often the engine is listened to
-PATIENCE_SECONDS = 1.0  # how long an edit waits for the first picture of what was before it
+ENDING_SECONDS = 0.3  # an engine that was asked to end by others removes its files first
+RESTARTS = 2  # of engines that die before they finish a picture, until the artist is asked to change something
 STEPS = [[8, 1], [4, 1], [2, 1], [1, 1]]  # divisor of the resolution, samples; then as many as a render takes
 
 viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()  # all that are open
@@ -39,7 +44,6 @@ class _Asked:
     number: int
     scene: Path
     view: view.View
-    sent: float = field(default_factory=time.monotonic)
     seen: bool = False  # it has given a picture
     running: bool = True
 
@@ -52,6 +56,7 @@ class Viewport:
         self._session: session.Session | None = None
         self._scenes: Scenes | None = None
         self._exporting = False  # something has changed, and not all of it is taken in
+        self._slice = SLICE_SECONDS
         self._scene: Path | None = None  # the last that was taken in
         self._samples = 1
         self._threads: int | None = None
@@ -60,28 +65,40 @@ class Viewport:
         self._asked: _Asked | None = None
         self._picture = screen.Picture()
         self._text = ""
-        self._failed = False
+        self._failed = False  # until something changes
+        self._lost = 0  # engines, since a picture was finished
         self._timer = self._tick  # one object, as Blender's timers know functions by their identity
         self.longest: dict[str, tuple[float, float]] = {}  # for which Blender was kept: seconds, and its own of them
         self.pictures = 0
         self.statistics: dict = {}  # of the last picture that was finished
         viewports.add(self)
+        weakref.finalize(engine, self.end).atexit = False  # the view is closed, or shaded in another way
 
     def update(self, context, depsgraph) -> None:
         """Data changed, or this is the beginning."""
         with self._boundary("update"):
+            if self._may_export:  # it begins anew, and comes to an end however often the scene changes
+                self._slice *= 2
             self._failed = False
             self._exporting = True
             if self._scenes:
                 self._scenes.note(depsgraph)
+            self._view = view.current(context, depsgraph.scene, depsgraph)
             self._go_on(context, depsgraph)
 
     def draw(self, context, depsgraph) -> None:
         """Draw the last picture, and have the next one made if the view is another."""
         with self._boundary("draw"):
+            seen = view.current(context, depsgraph.scene, depsgraph)
+            if seen != self._view:
+                self._view, self._failed = seen, False
             if not self._failed:
                 self._go_on(context, depsgraph)
-            self._picture.draw(self._engine(), depsgraph.scene)
+        with self._boundary("draw"):
+            if self._view:
+                self._picture.draw(self._engine(), depsgraph.scene)
+            if self._failed:
+                screen.sentence(context, self._text)
 
     def end(self) -> None:
         """End the engine, without waiting."""
@@ -95,13 +112,14 @@ class Viewport:
             session.set_temporary(temporary_folder())
             self._session = session.Session(session.engine_python(), polite=True)
             self._say("Starting the engine")
+        if (self._exporting or self._differs) and not self._session.alive:
+            raise self._session.gone()  # while nothing was asked of it; a new one is asked
         if self._session.folder and not self._scenes:
             with handing_over():
                 self._scenes = Scenes(self._session.new_folder())
             self._scenes.note(depsgraph)
             self._exporting = True
-        self._view = view.current(context, depsgraph.scene, depsgraph)
-        if self._scenes and self._exporting:
+        if self._may_export:
             self._export(context, depsgraph)
         self._ask()
         if self._waits and not bpy.app.timers.is_registered(self._timer):
@@ -118,24 +136,25 @@ class Viewport:
             return found | {"crop": None}
 
         with handing_over():
-            path = self._scenes.advance(depsgraph, SLICE_SECONDS, eye, lambda ob: ob.visible_in_viewport_get(space))
+            path = self._scenes.advance(depsgraph, self._slice, eye, lambda ob: ob.visible_in_viewport_get(space))
         if path:
-            self._scene, self._exporting = path, False
+            self._scene, self._exporting, self._slice = path, False, SLICE_SECONDS
             self._samples = settings(scene, depsgraph.view_layer_eval)["samples"]
             self._threads = threads(scene)
+            if not self._waits and self.statistics:  # what has changed is not seen
+                self._say(summary(self.statistics))
         else:
             self._say("Exporting the scene")
-            self._engine().tag_redraw()
+            self._redraw()
 
     def _ask(self) -> None:
         """Ask for the picture that is wanted, unless it has been asked for, or the time has not come."""
         last = self._asked
-        if self._exporting or not (self._scene and self._view and self._scenes.written()) or not self._differs:
+        if not (self._scene and self._differs and self._scenes.written()) or self._unseen:
             return
+        if self._exporting and not self._exported:
+            return  # the view has turned, and the scene has changed: a picture of both
         if last and last.running:
-            # Who turns the view without a pause is to see something too: the first picture may come.
-            if not last.seen and (last.scene == self._scene or time.monotonic() - last.sent < PATIENCE_SECONDS):
-                return
             self._session.ask_to_cancel(last.number)
         steps = STEPS + ([[1, self._samples]] if self._samples > 1 else [])
         number = self._session.send(
@@ -148,22 +167,38 @@ class Viewport:
     def _differs(self) -> bool:
         """Whether what is wanted has not been asked for."""
         last = self._asked
-        return not last or last.scene != self._scene or last.view != self._view
+        return bool(self._view) and (not last or last.scene != self._scene or last.view != self._view)
+
+    @property
+    def _unseen(self) -> bool:
+        """Whether a picture has been asked for of which nothing has come yet."""
+        return bool(self._asked) and self._asked.running and not self._asked.seen
+
+    @property
+    def _exported(self) -> bool:
+        """Whether a scene has been taken in that has not been asked for."""
+        return bool(self._scene) and not (self._asked and self._asked.scene == self._scene)
+
+    @property
+    def _may_export(self) -> bool:
+        """Whether there is something to take in, and it is its turn."""
+        return bool(self._scenes) and self._exporting and not self._unseen and not self._exported
 
     @property
     def _waits(self) -> bool:
         """Whether the engine or the writer is to be heard of."""
         if self._failed or not self._session:
             return False
-        return not self._scenes or self._asked is None or self._asked.running or self._differs
+        return not self._scenes or self._exporting or self._differs or (bool(self._asked) and self._asked.running)
 
     def _tick(self) -> float | None:
         with self._boundary("tick"):
-            self._hear()
-            if self._session.folder and not self._scenes:
-                self._engine().tag_redraw()  # `draw` has what an export needs
-            elif self._scenes:
+            if self._session:
+                self._hear()
+            if self._scenes:
                 self._ask()
+            if self._session and self._session.folder and (not self._scenes or self._may_export):
+                self._redraw()  # `draw` has what an export needs
         return TICK_SECONDS if self._waits else None
 
     def _hear(self) -> None:
@@ -175,19 +210,29 @@ class Viewport:
                 self._say(event["stage"])
             if event.get("id", 0) not in {last and last.number, None}:
                 continue  # of a command that was cancelled
-            if kind == "error":
-                raise session.EngineError(session.lacks_package(self._session.python, event["message"])
-                                          or f"Light Meshes: {event['message']}")
+            if kind == "error" and event["id"] is None:
+                raise session.EngineError(f"Light Meshes: {event['message']}")
             if kind == "picture":
                 picture = event
             elif kind in session.LAST_EVENTS:
                 last.running = False
                 self._scenes.only(last.scene)
                 if kind == "done":
+                    self._lost = 0
                     self.statistics = event["statistics"]
                     self._say(summary(self.statistics))
+                elif kind == "error":
+                    picture = None
+                    self._refused(event["message"])
         if picture:
             self._show(picture)
+
+    def _refused(self, message: str) -> None:
+        """The engine cannot make what was asked for, and lives on."""
+        self._picture.clear()
+        if not (self._exporting or self._differs):
+            self._failed = True
+        self._tell(session.lacks_package(self._session.python, message) or f"Light Meshes: {message}")
 
     def _show(self, event: dict) -> None:
         last = self._asked
@@ -198,14 +243,19 @@ class Viewport:
         pixels = np.load(last.scene.with_name("view") / str(event["step"]) / "Combined.npy")
         self._picture.put(pixels, last.view.corners)
         self.pictures += 1
-        self._engine().tag_redraw()
+        self._redraw()
 
     def _say(self, text: str) -> None:
-        """Show `text` in the view."""
+        """Show `text` in the view; the line at its top is for the short ones."""
         engine = self._engine()
         if text != self._text and engine:
             self._text = text
-            engine.update_stats("", text)
+            engine.update_stats("", "Failed" if self._failed else text)
+            engine.tag_redraw()
+
+    def _redraw(self) -> None:
+        engine = self._engine()
+        if engine:
             engine.tag_redraw()
 
     @contextmanager
@@ -216,19 +266,42 @@ class Viewport:
             yield
         except ReferenceError:  # Blender has removed the engine
             self.end()
-        except (ExportError, session.EngineError) as e:
-            self._fail(str(e), getattr(e, "log", ""))
         except Exception as e:
-            self._fail(f"The Light Meshes add-on failed: {type(e).__name__}: {e}", traceback.format_exc())
+            self._weigh(e)
+            e.__traceback__ = None  # its frames would keep the engine, and with it the process
         finally:
             took = time.perf_counter() - start, time.thread_time() - busy
             self.longest[what] = tuple(map(max, took, self.longest.get(what, took)))
 
+    def _weigh(self, error: Exception) -> None:
+        if isinstance(error, session.EngineGone):
+            self._begin_anew(error)
+        elif self._session and self._session.ends_within(ENDING_SECONDS):
+            self._begin_anew(self._session.gone())  # and has taken files along
+        elif isinstance(error, ExportError | session.EngineError):
+            self._fail(str(error), getattr(error, "log", ""))
+        else:
+            self._fail(f"The Light Meshes add-on failed: {type(error).__name__}: {error}", traceback.format_exc())
+
+    def _begin_anew(self, why: session.EngineError) -> None:
+        """With another engine, as this one is gone; unless that happens again and again."""
+        if self._lost == RESTARTS or not isinstance(why, session.EngineGone):
+            self._fail(str(why), why.log)
+            return
+        self._lost += 1
+        self._leave(session.Session.kill)
+        self._tell(f"{why}. Another one is started", why.log)
+        self._redraw()  # `draw` starts it
+
+    def _tell(self, message: str, log: str = "") -> None:
+        """Say what went wrong, in the view and, with more of it, in the console."""
+        console.say(f"Light Meshes: {console.shown(message)}" + (f"\nThe end of the log:\n{log}" if log else ""))
+        self._say(console.shown(message))
+
     def _fail(self, message: str, log: str) -> None:
         """Say it, and do nothing more until something changes."""
         self._failed = True
-        console.say(f"Light Meshes: {console.shown(message)}" + (f"\nThe end of the log:\n{log}" if log else ""))
-        self._say(console.shown(message))
+        self._tell(message, log)
         self._leave(session.Session.kill)
 
     def _leave(self, how: Callable[[session.Session], None]) -> None:
@@ -241,6 +314,20 @@ class Viewport:
         if engine:
             session.in_background(leave)
         self._session = self._scenes = self._scene = self._asked = None
+        self._exporting, self._slice = True, SLICE_SECONDS
+        self._picture.clear()  # it would lie under the overlays of whatever comes
+
+
+def summary(statistics: dict) -> str:
+    """What an artist wants to know of a picture, as short as a view among four needs it."""
+    line = f"{statistics['seconds']:.2f} s"
+    if "h" not in statistics:
+        return line
+    radii = list(statistics.get("light_radii", {}).values())
+    if len(radii) < statistics["lights"]:
+        radii.append(statistics["r"])
+    parts = dict.fromkeys(f"{r:.3g}" for r in (min(radii), max(radii))) if radii else {}
+    return f"{line}, h {statistics['h']:.3g}" + (f", r {'–'.join(parts)}" if parts else "")
 
 
 def end_all() -> None:

@@ -117,7 +117,7 @@ def templates():
     return said, told
 
 
-TELLERS = {"SceneError", "ExportError", "EngineError", "warn", "not_translated", "_warn", "_fail"}
+TELLERS = {"SceneError", "ExportError", "EngineError", "EngineGone", "warn", "not_translated", "_warn", "_fail"}
 # A folder that somebody changed, a caller who misspells: their sentences say all, and no artist meets them.
 CHECKED_ELSEWHERE = {"snapshot.py", "snapshot_arrays.py", "service.py", "cli.py", "passes.py", "film.py"}
 

@@ -32,9 +32,13 @@ def register() -> None:
         bpy.utils.register_class(cls)
     for panel in _blenders_panels():
         panel.COMPAT_ENGINES.add(ENGINE)
+    if not bpy.app.background:
+        bpy.app.timers.register(last_render.follow, persistent=True)
 
 
 def unregister() -> None:
+    if bpy.app.timers.is_registered(last_render.follow):
+        bpy.app.timers.unregister(last_render.follow)
     for panel in bpy.types.Panel.__subclasses__():
         if not issubclass(panel, LightMeshesPanel):
             getattr(panel, "COMPAT_ENGINES", set()).discard(ENGINE)

@@ -7,6 +7,8 @@ import bpy
 from .. import penumbra, session
 from .panel import LightMeshesPanel, paragraph, table
 
+FOLLOW_SECONDS = 0.2
+
 
 class LIGHT_MESHES_PT_last_render(LightMeshesPanel, bpy.types.Panel):
     bl_label = "Last Render"
@@ -30,8 +32,23 @@ class LIGHT_MESHES_PT_plan(LightMeshesPanel, bpy.types.Panel):
         return super().poll(context) and bool(session.statistics)
 
     def fill(self, layout, context):
-        table(layout, context, [(what[:1].upper() + what[1:], why)
+        table(layout, context, [(what.title(), why)
                                 for what, why in session.statistics["plan"].items()])
+
+
+_followed: dict = {}  # statistics of the render that the panels show
+
+
+def follow() -> float:
+    """Have the panels drawn with the figures of a render that has ended. A timer, as a render has another thread."""
+    global _followed
+    if session.statistics is not _followed:
+        _followed = session.statistics
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == 'PROPERTIES':
+                    area.tag_redraw()
+    return FOLLOW_SECONDS
 
 
 def rows(s: dict, scene) -> list[tuple[str, str]]:

@@ -3,7 +3,7 @@
 import bpy
 
 from .. import penumbra
-from .panel import LightMeshesPanel, table
+from .panel import LightMeshesPanel, in_shader_editor, table
 
 
 class _LightPanel(LightMeshesPanel):
@@ -103,4 +103,5 @@ class LIGHT_MESHES_PT_light_nodes(_LightPanel, bpy.types.Panel):
             layout.label(text="No output node")
 
 
-CLASSES = (LIGHT_MESHES_PT_light, LIGHT_MESHES_PT_light_shadow, LIGHT_MESHES_PT_light_nodes)
+_PANELS = (LIGHT_MESHES_PT_light, LIGHT_MESHES_PT_light_shadow)
+CLASSES = (*_PANELS, LIGHT_MESHES_PT_light_nodes, *map(in_shader_editor, _PANELS))

@@ -4,8 +4,8 @@ import bpy
 
 from ..export.materials import translate
 from ..export.report import Report
-from ..properties import PARAMETERS
-from .panel import LightMeshesPanel, paragraph
+from ..properties import PARAMETERS, translated
+from .panel import LightMeshesPanel, in_shader_editor, paragraph
 
 
 class _MaterialPanel(LightMeshesPanel):
@@ -24,7 +24,7 @@ class LIGHT_MESHES_PT_material(_MaterialPanel, bpy.types.Panel):
         settings = material.light_meshes
         report = Report()
         surface = translate(material, report)
-        translated = surface.whitted()
+        translated[material.session_uid] = values = surface.whitted()
         for name in PARAMETERS:
             overridden = getattr(settings, f"override_{name}")
             label = settings.bl_rna.properties[name].name
@@ -34,9 +34,12 @@ class LIGHT_MESHES_PT_material(_MaterialPanel, bpy.types.Panel):
                 row.prop(settings, name, text="")
             elif name == "Od" and surface.image:
                 row.label(text=surface.image.image.name, icon='IMAGE_DATA')
+            elif isinstance(values[name], list):
+                row.prop(material.light_meshes_translated, name, text="")
+            elif isinstance(values[name], bool):
+                row.label(text="On" if values[name] else "Off")
             else:
-                value = translated[name]
-                row.label(text="  ".join(f"{v:.3g}" for v in (value if isinstance(value, list) else [value])))
+                row.label(text=f"{values[name]:.3g}")
         layout.prop(settings, "priority")
         for sentence in report.sentences:
             paragraph(layout, context, sentence, 'ERROR')
@@ -53,4 +56,5 @@ class LIGHT_MESHES_PT_material_shadows(_MaterialPanel, bpy.types.Panel):
         column.prop(material.light_meshes, "receive_soft_shadows", text="Receive")
 
 
-CLASSES = (LIGHT_MESHES_PT_material, LIGHT_MESHES_PT_material_shadows)
+_PANELS = (LIGHT_MESHES_PT_material, LIGHT_MESHES_PT_material_shadows)
+CLASSES = (*_PANELS, *map(in_shader_editor, _PANELS))

@@ -10,7 +10,7 @@ _SHADED = {'MESH', 'CURVE', 'SURFACE', 'META', 'FONT'}
 
 
 class LIGHT_MESHES_PT_object(LightMeshesPanel, bpy.types.Panel):
-    bl_label = "Soft Shadows"
+    bl_label = "Shadows"
     bl_context = "object"
 
     @classmethod
@@ -19,7 +19,7 @@ class LIGHT_MESHES_PT_object(LightMeshesPanel, bpy.types.Panel):
         return super().poll(context) and ob and (ob.type in _SHADED or ob.instance_type != 'NONE')
 
     def fill(self, layout, context):
-        column = layout.column()
+        column = layout.column(heading="Soft Shadows")
         column.prop(context.object.light_meshes, "cast_soft_shadows", text="Cast")
         column.prop(context.object.light_meshes, "receive_soft_shadows", text="Receive")
 

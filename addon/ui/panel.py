@@ -27,6 +27,13 @@ class LightMeshesPanel:
         self.fill(layout, context)
 
 
+def in_shader_editor(panel):
+    """The same panel among the options in the sidebar of the shader editor, as Blender has its own there."""
+    own = {name: value for name, value in vars(panel).items() if name not in {"__dict__", "__weakref__", "bl_rna"}}
+    place = {"bl_space_type": 'NODE_EDITOR', "bl_region_type": 'UI', "bl_category": "Options", "bl_context": ""}
+    return type(f"NODE_{panel.__name__}", panel.__bases__, own | place)
+
+
 def table(layout, context, rows: list[tuple[str, str]]) -> None:
     """Names and what is said of them, as Blender aligns properties; long texts go on in the next line."""
     column = layout.column(align=True)

@@ -10,7 +10,7 @@ from .panel import LightMeshesPanel, table
 
 
 class LIGHT_MESHES_PT_method(LightMeshesPanel, bpy.types.Panel):
-    bl_label = "Method"
+    bl_label = "Ray Tracing"
 
     def fill(self, layout, context):
         settings = context.scene.light_meshes
@@ -35,6 +35,7 @@ class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
         settings = context.scene.light_meshes
         layout.prop(settings, "shadows")
         if settings.shadows == 'LIGHT_MESHES':
+            layout.operator("light_meshes.suggest", icon='LIGHT')
             layout.prop(settings, "auto_h")
             if not settings.auto_h:
                 layout.prop(settings, "h")
@@ -44,7 +45,6 @@ class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
             layout.prop(settings, "weights")
             layout.prop(settings, "shadow_rate")
             table(layout, context, _meaning(context.scene))
-            layout.operator("light_meshes.suggest", icon='LIGHT')
         elif settings.shadows == 'AREA_SAMPLING':
             layout.prop(settings, "light_samples")
 
@@ -75,7 +75,7 @@ class LIGHT_MESHES_PT_glass(LightMeshesPanel, bpy.types.Panel):
         layout.prop(settings, "refraction")
         soft = settings.mode != 'LOCAL' and settings.shadows == 'LIGHT_MESHES'
         if soft:
-            layout.prop(settings, "glass")
+            layout.prop(settings, "glass", text="Soft Shadows")
         if settings.refraction == 'FULL':
             layout.prop(settings, "caustics")
             if soft:

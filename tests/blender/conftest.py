@@ -1,9 +1,11 @@
 """Fixtures: the add-on in bpy, an empty scene, and ways to look at what it renders and exports."""
 
+import json
 import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import light_meshes.snapshot
@@ -268,3 +270,35 @@ def open_blender(blender_path, blender_environment, display, tmp_path):
                            env=environment, stdout=f, stderr=f, timeout=timeout)
         return log.read_text(errors="replace")
     return run
+
+
+@pytest.fixture(scope="module")
+def play_story(blender_path, blender_environment, display, tmp_path_factory):
+    """(script, environment) → what it told in a real Blender with a window, by its titles; no engine outlives it."""
+    def play(script, **more):
+        folder = tmp_path_factory.mktemp("story")
+        environment = blender_environment | {
+            "DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)} | more
+        environment.pop("WAYLAND_DISPLAY", None)
+        log = folder / "log.txt"
+        with log.open("w") as f:
+            process = subprocess.Popen([blender_path, "--window-geometry", "0", "0", "800", "560",
+                                        "-P", str(Path(__file__).with_name(script))],
+                                       env=environment, stdout=f, stderr=f)
+            try:
+                process.wait(1500)
+            finally:
+                process.kill()
+                process.wait()
+        text = log.read_text(errors="replace")
+        lines = [json.loads(line[7:]) for line in text.splitlines() if line.startswith("@story ")]
+        for line in lines:
+            print(line)
+        found = {line["what"]: line for line in lines}
+        assert "end" in found, text[-4000:]
+        end = time.monotonic() + 10
+        while time.monotonic() < end and list(folder.glob("light-meshes-*")):
+            time.sleep(0.1)
+        assert not list(folder.glob("light-meshes-*")), "the engine outlived Blender"
+        return found
+    return play

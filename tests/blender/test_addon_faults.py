@@ -49,6 +49,41 @@ def test_child_that_hangs(run):
     assert lines[1:] == ["TOOK True", "RESULT {'FINISHED'} True"]
 
 
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGTERM", "SIGSTOP"])
+def test_child_that_died_or_hung_between_renders(run, how):
+    """The next render has another one, at once: silence counts from the engine's last word."""
+    lines = run(f"""
+        fast()
+        render()
+        old = session._sessions["render"]._process
+        os.kill(old.pid, signal.{how})
+        time.sleep(2.5)
+        start = time.monotonic()
+        render()
+        print("TOOK", time.monotonic() - start < 20, child() != old.pid, old.wait(5) < 0)
+        leave()
+    """, LIGHT_MESHES_TIMEOUT="2")
+    ended = how != "SIGTERM"  # which it obeys
+    assert lines == ["RESULT {'FINISHED'} True"] * 2 + [f"TOOK True True {ended}"]
+
+
+def test_a_child_is_not_silent_while_blender_does_not_listen(run):
+    """As when Blender computes for long, or the machine sleeps: what was said meanwhile is read first."""
+    lines = run("""
+        fast()
+        render()
+        one = session._sessions["render"]
+        one._heard -= 100
+        one._looked -= 100
+        assert not one.usable
+        for _ in range(30):
+            assert one.poll(0.04) is None
+        print("HEARD", one.usable)
+        leave()
+    """, LIGHT_MESHES_TIMEOUT="2")
+    assert lines[1] == "HEARD True"
+
+
 def test_missing_python(run):
     lines = run("""
         fast()

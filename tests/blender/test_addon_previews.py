@@ -105,3 +105,13 @@ def test_without_an_engine_previews_are_empty_and_say_why(scene, preview, monkey
     assert "/no/such/python cannot be run" in capfd.readouterr().out
     monkeypatch.undo()
     assert preview(principled("Red again")).any()
+
+
+def test_an_engine_that_died_is_replaced_for_the_next_preview(preview):
+    from light_meshes_addon import session
+
+    assert preview(principled("Red")).any()
+    process = session.current(session.PREVIEW)._process
+    process.kill()
+    process.wait()
+    assert preview(principled("Red again")).any() and session.current(session.PREVIEW)._process is not process

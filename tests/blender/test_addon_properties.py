@@ -1,5 +1,7 @@
 """What the artist sets reaches the render, and says what it does."""
 
+import re
+
 import bpy
 import pytest
 
@@ -25,6 +27,34 @@ def test_every_property_has_a_tooltip_and_enums_are_numbered(addon):
         assert len(prop.description) > 15, prop.identifier
         if prop.type == 'ENUM':
             assert [i.value for i in prop.enum_items] == list(range(len(prop.enum_items)))
+
+
+def test_labels_are_written_as_blenders(addon):
+    """In title case, in American English, and no panel has the name of a field."""
+    from light_meshes_addon import operators, ui
+
+    panels = {panel.bl_label for panel in ui._CLASSES}
+    fields = {prop.name for prop in own_properties(addon)}
+    assert not panels & fields
+    items = {item.name for prop in own_properties(addon) if prop.type == 'ENUM' for item in prop.enum_items}
+    small = {"of", "at", "from", "the", "and"}
+    for label in panels | fields | items | {operator.bl_label for operator in operators._CLASSES}:
+        words = [word for word in re.sub(r"\(.*\)", "", label).split() if word not in small]
+        assert all(word[:1].isupper() for word in words), label
+    assert not [p.identifier for p in own_properties(addon) if "olour" in p.name + p.description]
+
+
+def test_the_material_panel_shows_translated_colors(scene, node_material):
+    from light_meshes_addon.export.materials import translated_value
+    from light_meshes_addon.properties import translated
+
+    material = node_material("Red", 'ShaderNodeBsdfDiffuse', Color=(0.8, 0.1, 0.2, 1))
+    translated[material.session_uid] = {name: translated_value(material, name) for name in ("Od", "mirror")}
+    assert list(material.light_meshes_translated.Od) == pytest.approx([0.8, 0.1, 0.2])
+    assert list(material.light_meshes_translated.mirror) == [0, 0, 0]
+    material.light_meshes_translated.Od = 0, 1, 0
+    assert list(material.light_meshes.Od) == [0, 1, 0] and material.light_meshes.override_Od
+    assert not material.light_meshes.override_mirror
 
 
 def test_scene_properties_reach_the_engine(scene, add_plane, snapshot):
@@ -150,7 +180,7 @@ def test_panels(addon, scene, add_light, node_material):
     addon.unregister()
     try:
         left = [p.__name__ for p in bpy.types.Panel.__subclasses__()
-                if ui.ENGINE in getattr(p, "COMPAT_ENGINES", ()) and not p.__name__.startswith("LIGHT_MESHES")]
+                if ui.ENGINE in getattr(p, "COMPAT_ENGINES", ()) and "LIGHT_MESHES" not in p.__name__]
         assert left == []
     finally:
         addon.register()

@@ -1,10 +1,6 @@
 """The rendered 3D view in a real Blender's window, on a virtual screen."""
 
-import json
 import shutil
-import subprocess
-import time
-from pathlib import Path
 
 import pytest
 
@@ -12,32 +8,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(not shutil.which("Xvfb"), rea
 
 
 @pytest.fixture(scope="module")
-def told(blender_path, blender_environment, display, tmp_path_factory):
+def told(play_story):
     """What the story told, by its titles."""
-    folder = tmp_path_factory.mktemp("story")
-    environment = blender_environment | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}
-    environment.pop("WAYLAND_DISPLAY", None)
-    log = folder / "log.txt"
-    with log.open("w") as f:
-        process = subprocess.Popen(
-            [blender_path, "--window-geometry", "0", "0", "800", "560",
-             "-P", str(Path(__file__).with_name("viewport_story.py"))], env=environment, stdout=f, stderr=f)
-        try:
-            process.wait(1500)
-        finally:
-            process.kill()
-            process.wait()
-    text = log.read_text(errors="replace")
-    lines = [json.loads(line[7:]) for line in text.splitlines() if line.startswith("@story ")]
-    for line in lines:
-        print(line)
-    found = {line["what"]: line for line in lines}
-    assert "end" in found, text[-4000:]
-    end = time.monotonic() + 10
-    while time.monotonic() < end and list(folder.glob("light-meshes-*")):
-        time.sleep(0.1)
-    assert not list(folder.glob("light-meshes-*")), "the engine outlived Blender"
-    return found
+    return play_story("viewport_story.py")
 
 
 def test_first_picture(told):
@@ -104,9 +77,3 @@ def test_engine_ends_with_its_view(told):
     assert told["closed"]["viewports"] == told["another file"]["viewports"] == 0
     assert not told["closed"]["files"] and not told["another file"]["files"]
     assert "switched off" in told
-
-
-def test_an_engine_that_died_is_started_anew_with_the_next_change(told):
-    killed = told["engine killed"]
-    assert killed["text"].startswith("The Light Meshes engine has ended unexpectedly")
-    assert killed["meanwhile"] == 0 and killed["after"] == 1

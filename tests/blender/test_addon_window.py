@@ -20,6 +20,7 @@ def test_panels_and_buttons(open_blender, addon, tmp_path):
     assert re.search(r"^SAW suggestion \['render'\]|^SAW suggestion \[\]", said, re.M)
     assert re.search(r"shadow edges .* wide, as wide as the size of the lights makes them", said)
     assert re.search(r"^SAW render 96$", said, re.M)
+    assert re.search(r"^SAW figures True True$", said, re.M)  # of F12, without moving the mouse
     names, shown, slots = re.search(r"^SAW snapshot (\[.*?\]) (\d+) (\[.*?\])$", said, re.M).groups()
     assert ast.literal_eval(names) == ["snapshot-untitled-Scene-1"] and (folder / ast.literal_eval(names)[0]).is_dir()
     assert int(shown) == 0 and ast.literal_eval(slots) == ["Snapshot"]

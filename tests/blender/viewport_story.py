@@ -5,8 +5,6 @@ It prints lines "@story " + JSON, one for each thing that was tried, and what ca
 
 import os
 import sys
-import time
-import traceback
 from pathlib import Path
 
 import bpy
@@ -14,7 +12,6 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 from viewport_tools import (
-    PATIENCE,
     TEMPORARY,
     addon,
     alignment,
@@ -28,6 +25,7 @@ from viewport_tools import (
     measured,
     mesh_object,
     pixels,
+    play,
     resident,
     rotate,
     same_as_fresh,
@@ -234,16 +232,6 @@ def story():
     tell("updates", sizes=sizes, longest=viewport().longest)
     yield from same_as_fresh("after many updates")
 
-    os.kill(children()[0], 9)
-    yield lambda: viewport()._failed or rotate(time.monotonic())
-    text = viewport()._text
-    rotate(0.0)
-    yield 0.5
-    held = len(children())
-    count = viewport().pictures
-    ball.location.y += 1
-    yield lambda: viewport().pictures > count
-    tell("engine killed", text=text, meanwhile=held, after=len(children()))
     scene.light_meshes.auto_h = False
     yield idle
 
@@ -271,31 +259,4 @@ def story():
     yield lambda: children()
 
 
-def run():
-    """Blender's timers call this; the story yields seconds to wait, or what must become true."""
-    steps = story()
-    waits_for, since = None, 0.0
-
-    def tick():
-        nonlocal waits_for, since
-        try:
-            now = time.monotonic()
-            if isinstance(waits_for, float):
-                if now - since < waits_for:
-                    return 0.01
-            elif waits_for and not waits_for():
-                if now - since > PATIENCE:
-                    raise TimeoutError([(v._text, v.longest) for v in viewport_module.viewports])
-                return 0.01
-            waits_for, since = next(steps), now
-            return 0.0
-        except StopIteration:
-            tell("end")
-        except BaseException:
-            tell("failed", why=traceback.format_exc(), at=steps.gi_frame and str(steps.gi_yieldfrom or steps.gi_frame))
-        bpy.ops.wm.quit_blender()
-        return None
-    bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
-
-
-run()
+play(story)

@@ -1,10 +1,11 @@
-"""Ways to use and to look at the rendered 3D view of a Blender with a window, for viewport_story.py."""
+"""Ways to use and to look at the rendered 3D view of a Blender with a window, for the stories."""
 
 import json
 import os
 import subprocess
 import sys
 import time
+import traceback
 from pathlib import Path
 
 import bpy
@@ -15,17 +16,30 @@ from mathutils import Euler, Vector
 addon = next(name[:-len(".viewport")] for name in sys.modules if name.endswith("light_meshes.viewport"))
 viewport_module, screen, view_module = (sys.modules[f"{addon}.{name}"] for name in ("viewport", "screen", "view"))
 TEMPORARY = Path(os.environ["TMPDIR"])
-PATIENCE = 120  # seconds for one step
+PATIENCE = 300  # seconds for one step
 _last = {}  # the pixels that were shown last
-_put = screen.Picture.put
+log = []  # "put" and "drawn", in order
+_put, _draw = screen.Picture.put, screen.Picture.draw
 
 
 def put(self, pixels, corners):
     _last[id(self)] = pixels
+    log.append("put")
     _put(self, pixels, corners)
 
 
-screen.Picture.put = put
+def draw(self, *rest):
+    if not bare(self):
+        log.append("drawn")
+    _draw(self, *rest)
+
+
+def bare(picture):
+    """Whether there is nothing to draw."""
+    return picture._pixels is None and picture._texture is None
+
+
+screen.Picture.put, screen.Picture.draw = put, draw
 
 
 def tell(what, **found):
@@ -179,3 +193,30 @@ def context_region():
 
 def files_of_sessions():
     return [p.name for p in TEMPORARY.glob("light-meshes-*")]
+
+
+def play(story):
+    """Blender's timers play a story, which yields seconds to wait, or what must become true."""
+    steps = story()
+    waits_for, since = None, 0.0
+
+    def tick():
+        nonlocal waits_for, since
+        try:
+            now = time.monotonic()
+            if isinstance(waits_for, float):
+                if now - since < waits_for:
+                    return 0.01
+            elif waits_for and not waits_for():
+                if now - since > PATIENCE:
+                    raise TimeoutError([(v._text, v.longest) for v in viewport_module.viewports])
+                return 0.01
+            waits_for, since = next(steps), now
+            return 0.0
+        except StopIteration:
+            tell("end")
+        except BaseException:
+            tell("failed", why=traceback.format_exc(), at=steps.gi_frame and str(steps.gi_yieldfrom or steps.gi_frame))
+        bpy.ops.wm.quit_blender()
+        return None
+    bpy.app.timers.register(tick, first_interval=1.0, persistent=True)

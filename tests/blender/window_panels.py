@@ -3,6 +3,7 @@
 Says "DREW panel" of each of our panels, "SAW …" of what the buttons did; errors in a panel are Blender's tracebacks.
 """
 
+import contextlib
 import sys
 import traceback
 from pathlib import Path
@@ -13,6 +14,7 @@ OWN = next(name for name in sys.modules if name.endswith("light_meshes"))
 ui, session = sys.modules[f"{OWN}.ui"], sys.modules[f"{OWN}.session"]
 FOLDER = Path(sys.argv[-1])
 drawn = set()
+shown = {}  # the statistics that the panels were last drawn with
 
 
 def scene():
@@ -43,6 +45,8 @@ def unfold():
 def noted(name, fill):
     def run(self, layout, context):
         fill(self, layout, context)
+        if name == "LIGHT_MESHES_PT_last_render":
+            shown["last"] = session.statistics
         if name not in drawn:
             drawn.add(name)
             print("DREW", name, flush=True)
@@ -57,6 +61,32 @@ def tab(name, active=None):
             if area.ui_type == 'PROPERTIES':
                 area.spaces.active.context = name
                 area.tag_redraw()
+    return run
+
+
+def shader_editor(active):
+    """Its sidebar, where Blender has the panels of materials and lamps, too."""
+    def run():
+        bpy.context.view_layer.objects.active = bpy.data.objects[active]
+        area = max(bpy.context.window_manager.windows[0].screen.areas, key=lambda a: a.width * a.height)
+        area.ui_type = 'ShaderNodeTree'
+        area.spaces.active.show_region_ui = True
+        area.tag_redraw()
+    return run
+
+
+def options(panel):
+    """Show that tab of the sidebar, which has tabs once it has been drawn, until `panel` is drawn."""
+    tries = iter(range(60))
+
+    def run():
+        if panel in drawn or next(tries, None) is None:
+            return None
+        area = max(bpy.context.window_manager.windows[0].screen.areas, key=lambda a: a.width * a.height)
+        with contextlib.suppress(AttributeError):
+            next(r for r in area.regions if r.type == 'UI').active_panel_category = "Options"
+        area.tag_redraw()
+        return "again"
     return run
 
 
@@ -80,6 +110,20 @@ def rendered():
     print("SAW render", session.statistics["width"], flush=True)
 
 
+def in_the_background():
+    """F12, with no mouse and no window that has anything drawn."""
+    bpy.context.preferences.view.render_display_type = 'NONE'
+    shown["before"], shown["patience"] = session.statistics, 60
+    press("render.render", 'INVOKE_DEFAULT')()
+
+
+def figures():
+    shown["patience"] -= 1
+    if shown["patience"] and (session.statistics is shown["before"] or session.statistics is not shown["last"]):
+        return "again"
+    print("SAW figures", session.statistics is not shown["before"], session.statistics is shown["last"], flush=True)
+
+
 def kept():
     slots = bpy.data.images["Render Result"].render_slots
     print("SAW snapshot", [p.name for p in FOLDER.iterdir()], slots.active_index, [s.name for s in slots][8:],
@@ -89,10 +133,13 @@ def kept():
 STEPS = [
     scene, tab('RENDER'), press("light_meshes.preset", level='DRAFT'), tab('RENDER'),
     press("light_meshes.suggest", 'INVOKE_DEFAULT'), suggested, press("render.render"), rendered, tab('RENDER'),
+    lambda: None, in_the_background, figures,
     press("light_meshes.keep_snapshot", directory=str(FOLDER)), kept,
     *(tab(name) for name in ('OUTPUT', 'VIEW_LAYER', 'SCENE', 'WORLD')),
     *(tab('DATA', light) for light in ('Light', 'SUN', 'SPOT', 'AREA')), tab('OBJECT', 'AREA'),
     tab('DATA', 'Camera'), tab('OBJECT', 'Camera'), tab('OBJECT', 'Cube'), tab('MATERIAL', 'Cube'),
+    shader_editor('Cube'), options("NODE_LIGHT_MESHES_PT_material_shadows"),
+    shader_editor('Light'), options("NODE_LIGHT_MESHES_PT_light_shadow"),
     lambda: print("END", flush=True), lambda: bpy.ops.wm.quit_blender(),
 ]
 
