@@ -274,11 +274,10 @@ def open_blender(blender_path, blender_environment, display, tmp_path):
 
 @pytest.fixture(scope="module")
 def play_story(blender_path, blender_environment, display, tmp_path_factory):
-    """(script, environment) → what it told in a real Blender with a window, by its titles; no engine outlives it."""
-    def play(script, **more):
+    """(script) → what it told in a real Blender with a window, by its titles; no engine outlives it."""
+    def play(script):
         folder = tmp_path_factory.mktemp("story")
-        environment = blender_environment | {
-            "DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)} | more
+        environment = blender_environment | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}
         environment.pop("WAYLAND_DISPLAY", None)
         log = folder / "log.txt"
         with log.open("w") as f:

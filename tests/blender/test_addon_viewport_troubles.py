@@ -10,7 +10,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(not shutil.which("Xvfb"), rea
 
 @pytest.fixture(scope="module")
 def told(play_story):
-    return play_story("viewport_troubles.py", LIGHT_MESHES_TIMEOUT="5")
+    return play_story("viewport_troubles.py")
 
 
 def test_quick_pictures_are_seen_at_once(told):
