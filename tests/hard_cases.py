@@ -1,4 +1,4 @@
-"""H1 to H13 of the design's list of hard scenes, anywhere in the world and at any size, each against its answer.
+"""H1 to H14 of the design's list of hard scenes, anywhere in the world and at any size, each against its answer.
 
 A family is a function of a place and a kind of shadow that returns findings: what was asked, by how much the answer
 was missed at worst, and how much is allowed. `python tests/hard_cases.py` prints the table of docs/stability.md.
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from light_meshes.render import Prepared, render_image
 from light_meshes.scene import Light, Material, Scene, SceneError
-from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, sphere
+from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, sphere, turn_x
 from profiles import QUANTISATION, smoothstep, strip_minimum
 from scenes import (
     GREY,
@@ -231,6 +231,26 @@ def straight(place: Place, kind: str) -> list[Finding]:
     return [Finding("mean error to smoothstep", float(np.abs(S - smoothstep(u))[:, inside].mean()), QUANTISATION / 9),
             Finding("ends", off(S[:, ~inside], (u[~inside] > 0).astype(float)), 0.0),
             Finding("strip's minimum", off(narrow.mean(), strip_minimum(0.4, 0.6)), QUANTISATION / 36)]
+
+
+@family("H14 mixed scales")
+def mixed_scales(place: Place, kind: str) -> list[Finding]:
+    """A plate .02 mm above a table of 10 mm; a wall 10 km away, a ground of 1,000 km and a box at 10⁹ m."""
+    near = placed(of_kind(low_plate(), kind, (-3, 3, -1.5)), 1e-3, (0, 0, 0))
+    wall = Part(box((-3e3, 1e4, -1e3), (3e3, 1.001e4, 2e3)), GREY, "wall")
+    ground = Part(rectangle((-1e6, -1e6), (1e6, 1e6), 0.0), GREY, "ground", [move(0, 0, -3e-3) @ turn_x(0.3)])
+    stray = Part(box((-1, -1, -1), (1, 1, 1)), GREY, "stray", [move(7e8, -5e8, 4e8)])
+    random = np.random.default_rng(1)
+    under = 1e-3 * np.c_[random.uniform(-0.65, 0.65, (300, 2)), np.zeros(300)]
+    top = 1e-3 * np.c_[random.uniform(-0.99, 0.99, (300, 2)), np.full(300, np.float32(0.04))]
+    alone = picture(place, near)
+    findings = []
+    for what, parts in (("wall", [wall]), ("ground", [ground]), ("stray", [stray]), ("all", [wall, ground, stray])):
+        scene = joined(near, assemble(parts, near.camera, []))
+        findings += [Finding(f"{what}: under the plate 0", off(seen(place, scene, under, UP), 0.0), 0.0),
+                     Finding(f"{what}: on it 1", off(seen(place, scene, top, UP), 1.0), 0.0)]
+    error = np.abs(picture(place, scene) - alone).max(-1)[alone[..., :3].max(-1) > 0]
+    return [*findings, Finding("share of pixels that change", float((error > 1e-3 * alone.max()).mean()), 1e-3)]
 
 
 def _broken_ball(value: float) -> Mesh:

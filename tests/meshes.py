@@ -90,6 +90,12 @@ def scale(x: float, y: float, z: float) -> np.ndarray:
     return np.diag([x, y, z, 1.0])
 
 
+def turn_x(angle: float) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return matrix
+
+
 def turn_z(angle: float) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]

@@ -1,4 +1,4 @@
-"""H1 to H13 at three sizes and three offsets (see hard_cases.py, which also prints their table)."""
+"""H1 to H14 at three sizes and three offsets (see hard_cases.py, which also prints their table)."""
 
 import hard_cases_of_glass  # noqa: F401  (enters its families)
 import pytest

@@ -43,7 +43,7 @@ class AreaSampling:
         soft = active & self._soft
         if triangle is not None and self._receives is not None:
             soft[~self._receives[triangle]] = 0
-        hard = self._sharp(P, N, active & ~soft, check, None, lift)
+        hard = self._sharp(P, N, active & ~soft, check, triangle, lift)
         S = np.zeros_like(hard)
         with self._stats.stage("area sampling"):
             for group in self._groups:

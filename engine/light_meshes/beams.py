@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .beam_tree import beam_tree
 from .compiled import kernel, part
 from .media import BODY, E1, E2, FLAT_SHADED, NG, PATCH, A, Glass, U, V
-from .optics import BENDS, DEPTH, RAYS, Scratch, chain, next_bend
+from .optics import BENDS, DEPTH, FAR, RAYS, Scratch, chain, next_bend
 
 CUTOFF = 1e-4  # beams of light fainter than this are not followed
 SHRINK = 1e-3  # corners are sampled so far inside: which triangle the ray meets is then beyond doubt
@@ -273,7 +273,8 @@ def _bundle(g, s, t, k, h, differ, body):
         if not _flatten(t.P, t.D, group, z0, i, t.p, t.d):
             return False, differ, group
     p, d, split = t.p, t.d, False
-    length = min(max(min(sign * t.P[a] + t.end[3, k] * sign * t.D[a], 1.0 + 4.0 * h) - z0, 0.0), 4.0)
+    reach = s.far / FAR
+    length = min(max(min(sign * t.P[a] + t.end[3, k] * sign * t.D[a], reach + 4.0 * h) - z0, 0.0), 4.0 * reach)
     for far in range(2):
         at = far * length
         x = p[3, 0] + at * d[3, 0]

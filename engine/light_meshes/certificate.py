@@ -5,7 +5,8 @@ that has no part above the planes of its own triangles (a convex one), or triang
 large as r holds which body is in a cell; P asks its cell and the 26 around it.
 
 Exact: the answer is Embree's. A ray leaves P by ULPS, and bodies and planes are right within a few ulps; nodes less
-than MARGIN above P's plane are left to Embree. (An ulp is one of 1, in the tracer's frame.)
+than MARGIN above P's plane are left to Embree. (An ulp is one of 1, in the tracer's frame: what is outside of [−1, 1]³
+is left to Embree, too.)
 """
 
 from __future__ import annotations
@@ -69,10 +70,14 @@ def certificate(surfaces: Surfaces, casts: NDArray[np.bool_], r: float) -> Certi
     if not (body >= 0).any():
         return None
     cell = max(1.001 * reach + 4 * ULPS, 2.0**-19)
-    wanted = np.flatnonzero(casts)
+    wanted, limit = np.flatnonzero(casts), np.inf
+    if surfaces.reach > 1:  # what may be within r of a point of the frame's box
+        limit = 1 + 2 * cell
+        corners = surfaces.vertices[surfaces.triangles[wanted]]
+        wanted = wanted[(corners.min(1) <= limit).all(1) & (corners.max(1) >= -limit).all(1)]
     while _about(surfaces, wanted, cell) > CELLS:
         cell *= 1.5
-    keys, only = _filled(surfaces, wanted, body, cell)
+    keys, only = _filled(surfaces, wanted, body, cell, limit)
     around = np.full(len(keys), UNKNOWN, np.int32)
     return Certificate(surfaces, casts, r, cell, body, clear, Convex(*convex), keys, only, around)
 
@@ -247,8 +252,8 @@ def _about(s, wanted, cell):
 
 
 @kernel
-def _filled(s, wanted, body, cell):
-    """The grid of triangles `wanted`. Large ones are halved until the box of each part is a few cells."""
+def _filled(s, wanted, body, cell, limit):
+    """The grid of triangles `wanted` within ±limit. Large ones are halved until the box of each part is a few cells."""
     keys, only = np.full(4096, -1, np.int64), np.empty(4096, np.int32)
     count = 0
     stack = np.empty((256, 3, 3))
@@ -264,17 +269,19 @@ def _filled(s, wanted, body, cell):
             piece = stack[left]
             cells = 1.0
             again = count > 0 and whose == body[t]
+            beyond = False
             for j in range(3):
                 low, high = min(piece[0, j], piece[1, j], piece[2, j]), max(piece[0, j], piece[1, j], piece[2, j])
+                beyond = beyond or low > limit / cell or high < -limit / cell
                 low, high = np.floor(low - 1e-6), np.floor(high + 1e-6)
                 box[0, j], box[1, j] = np.int64(low), np.int64(high)
                 cells *= high - low + 1.0
                 again = again and box[0, j] == last[0, j] and box[1, j] == last[1, j]
+            if beyond or (again and cells <= 8.0):  # as neighbours often are
+                continue
             if cells > 8.0:
                 _halve(piece, stack[left + 1])
                 left += 2
-                continue
-            if again:  # as neighbours often are
                 continue
             whose = body[t]
             for j in range(3):
@@ -337,6 +344,9 @@ def _holds(grid, P, N, triangle, out):
         i = np.int64(np.floor((P[p, 0] - s.centre[0]) / s.scale / grid.cell))
         j = np.int64(np.floor((P[p, 1] - s.centre[1]) / s.scale / grid.cell))
         k = np.int64(np.floor((P[p, 2] - s.centre[2]) / s.scale / grid.cell))
+        if s.reach > 1.0 and np.abs(P[p] - s.centre).max() > s.scale:
+            out[p] = False
+            continue
         if p > 0 and t == triangle[last] and i == i0 and j == j0 and k == k0 and (
                 N[p, 0] == N[last, 0] and N[p, 1] == N[last, 1] and N[p, 2] == N[last, 2]):
             out[p] = out[last]  # as neighbours often are

@@ -2,43 +2,44 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
-from .scene import Scene, SceneError
+from .frame import FAR, Frame, cut, frame, too_large
+from .scene import Camera, Scene, SceneError
 from .slivers import sliver_warnings
-
-
-@dataclass(frozen=True)
-class Frame:
-    """The tracer's frame: recentred and scaled in float64 so that all triangles lie in [−1, 1]."""
-
-    centre: NDArray[np.float64]  # (3,) world
-    scale: float  # world lengths of one unit of the frame; a power of two, so that scaling is exact
-
-    def to_frame(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """World points (n,3) in the frame, float64."""
-        return (world - self.centre) / self.scale
 
 
 class Surfaces(NamedTuple):
     """What the kernels need of the geometry; every array is indexed by triangle unless said otherwise."""
 
-    centre: NDArray[np.float64]  # (3,)
+    centre: NDArray[np.float64]  # (3,), scale and reach: see `frame`
     scale: float
-    vertices: NDArray[np.float32]  # (V,3) in the frame
+    reach: float
+    vertices: NDArray[np.float32]  # (V,3) in the frame, instance by instance
     triangles: NDArray[np.int32]  # (T,3)
-    instance: NDArray[np.int32]  # (T,)
+    instance: NDArray[np.int32]  # (T,) ascending
     source: NDArray[np.int32]  # (T,) row in the scene's per-triangle arrays
     normal_matrix: NDArray[np.float64]  # (I,3,3) local normals to world
     mirrored: NDArray[np.bool_]  # (I,) negative scale: windings are turned round
     corner_normals: NDArray[np.float32]  # (scene triangles,3,3) local
     uvs: NDArray[np.float32]  # (scene triangles,3,2), or (0,3,2)
     materials: NDArray[np.int32]  # (scene triangles,)
+    piece: NDArray[np.int32]  # (T,) row of `cut`, −1: whole; (0,): all are
+    cut: NDArray[np.float64]  # (pieces,3,2) u, v of a piece's corners on the scene's triangle
+
+    def at_corners(self, values: NDArray, triangle: NDArray) -> NDArray[np.float64]:
+        """Values (n,3,k) at the corners of triangles (n,); `values` (scene triangles,3,k) are those of the scene's."""
+        out = values[self.source[triangle]].astype(np.float64)
+        if len(self.piece):
+            rows = np.flatnonzero(self.piece[triangle] >= 0)
+            b = self.cut[self.piece[triangle[rows]]]
+            weight = np.concatenate([1 - b.sum(2, keepdims=True), b], axis=2)
+            out[rows] = np.einsum("nij,njk->nik", weight, out[rows])
+        return out
 
 
 class Hits(NamedTuple):
@@ -81,11 +82,16 @@ def _usable(vertices, triangles, out):
         out[t] = s > 0.0 and s < np.inf
 
 
-def flatten(scene: Scene) -> tuple[Surfaces, list[str]]:
-    """World-space triangles of all instances in the tracer's frame, and a warning an object with bad triangles.
+class Placed(NamedTuple):
+    """All instances' triangles in the world."""
 
-    Triangles without an area or with a vertex that is not finite are left out.
-    """
+    world: NDArray[np.float64]  # (V,3)
+    triangles: NDArray[np.int32]  # (T,3)
+    instance: NDArray[np.int32]  # (T,)
+    source: NDArray[np.int32]  # (T,)
+
+
+def _placed(scene: Scene) -> Placed:
     g = scene.geometry
     meshes = g.meshes[g.instance_mesh] if len(g.instance_mesh) else np.zeros((0, 4), np.int64)
     first_vertex = np.concatenate([[0], np.cumsum(meshes[:, 1])])
@@ -103,34 +109,80 @@ def flatten(scene: Scene) -> tuple[Surfaces, list[str]]:
         np.add(g.triangles[t0:t0 + nt], np.int32(v), out=triangles[t:t + nt])
         instance[t:t + nt] = i
         source[t:t + nt] = np.arange(t0, t0 + nt, dtype=np.int32)
-    frame = _frame(world)
+    traced = np.array([o.visible_camera or o.visible_reflection or o.visible_shadow for o in scene.objects], np.bool_)
+    if not traced.all():
+        kept = traced[g.instance_object[instance]]
+        triangles, instance, source = triangles[kept], instance[kept], source[kept]
+    return Placed(world, triangles, instance, source)
+
+
+def _frame(scene: Scene, placed: Placed, camera: Camera) -> Frame:
+    seen = np.array([o.visible_camera for o in scene.objects], np.bool_)
+    return frame(placed.world, placed.triangles, seen[scene.geometry.instance_object[placed.instance]], camera)
+
+
+def same_frame(surfaces: Surfaces, scene: Scene, camera: Camera) -> bool:
+    """Whether surfaces made of this scene have the frame that suits the camera."""
+    new = _frame(scene, _placed(scene), camera)
+    return (new.scale, new.reach) == (surfaces.scale, surfaces.reach) and bool((new.centre == surfaces.centre).all())
+
+
+def flatten(scene: Scene, camera: Camera | None = None) -> tuple[Surfaces, list[str]]:
+    """World-space triangles of all instances in the tracer's frame, and a warning an object with bad triangles.
+
+    Left out are triangles without an area, or with a vertex that is not finite, or of objects that no ray may meet.
+    camera: that looks, where it is not the scene's.
+    """
+    g, placed = scene.geometry, _placed(scene)
+    frame = _frame(scene, placed, camera or scene.camera)
+    world, triangles, instance, source = placed
     with np.errstate(invalid="ignore", over="ignore"):
-        vertices = frame.to_frame(world).astype(np.float32)
+        local = frame.to_frame(world)
+        vertices = local.astype(np.float32)
+    warnings = _beyond(scene, local, triangles, instance) if frame.reach == FAR else []
     usable = np.empty(len(triangles), np.bool_)
     _usable(vertices, triangles, usable)
-    warnings = []
     if not usable.all():
-        warnings = _lost(scene, vertices, triangles[~usable], instance[~usable])
+        warnings += _lost(scene, vertices, triangles[~usable], instance[~usable])
         triangles, instance, source = triangles[usable], instance[usable], source[usable]
     warnings += sliver_warnings(scene, vertices, triangles, instance)
+    piece, corners = np.zeros(0, np.int32), np.zeros((0, 3, 2))
+    if frame.reach > 1:
+        large = too_large(local, triangles)
+        if large.any():
+            vertices, triangles, instance, source, piece, corners = _in_pieces(scene, local, triangles, instance,
+                                                                               source, large)
     linear = np.ascontiguousarray(g.instance_matrix[:, :3, :3])
     determinant, normal_matrix = _cofactors(linear)
     return Surfaces(
-        frame.centre, frame.scale, vertices, triangles, instance, source, normal_matrix, determinant < 0,
-        np.asarray(g.corner_normals), np.asarray(g.uvs), np.asarray(g.triangle_materials),
+        frame.centre, frame.scale, frame.reach, vertices, triangles, instance, source, normal_matrix, determinant < 0,
+        np.asarray(g.corner_normals), np.asarray(g.uvs), np.asarray(g.triangle_materials), piece, corners,
     ), warnings
 
 
-def _frame(world: NDArray[np.float64]) -> Frame:
-    finite = world[np.isfinite(world).all(1)]
-    if not len(finite):
-        return Frame(np.zeros(3), 1.0)
-    low, high = finite.min(0), finite.max(0)
-    half = float((high / 2 - low / 2).max())
-    if not np.isfinite(half) or half > 1e150:
-        raise SceneError("the scene is more than 1e150 units across: look for an object far from all others")
-    # 2 % of room, so that rounding leaves nothing outside.
-    return Frame(low / 2 + high / 2, 2.0 ** np.ceil(np.log2(max(half, 1e-150) * 1.02)))
+def _in_pieces(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int32], instance: NDArray[np.int32],
+               source: NDArray[np.int32], large: NDArray[np.bool_]) -> tuple[NDArray, ...]:
+    """Vertices (float32), triangles, instance, source, piece and cut, with large (T,) triangles in pieces."""
+    pieces, uv, of = cut(local[triangles[large]])
+    whole, count = ~large, np.count_nonzero(~large)
+    g = scene.geometry
+    owner = np.repeat(np.arange(len(g.instance_mesh), dtype=np.int32), g.meshes[g.instance_mesh, 1])
+    owner = np.concatenate([owner, np.repeat(instance[large][of], 3)])
+    own = (len(local) + np.arange(3 * len(pieces))).reshape(-1, 3)
+    triangles = np.concatenate([triangles[whole], own])
+    instance = np.concatenate([instance[whole], instance[large][of]])
+    source = np.concatenate([source[whole], source[large][of]])
+    piece = np.concatenate([np.full(count, -1), np.arange(len(pieces))])
+    by_instance, moved = np.argsort(owner, kind="stable"), np.empty(len(owner), np.int32)
+    moved[by_instance] = np.arange(len(owner), dtype=np.int32)
+    with np.errstate(invalid="ignore", over="ignore"):
+        vertices = np.concatenate([local, pieces.reshape(-1, 3)])[by_instance].astype(np.float32)
+    order = np.argsort(instance, kind="stable")
+    triangles = moved[triangles[order]]
+    usable = np.empty(len(triangles), np.bool_)
+    _usable(vertices, triangles, usable)
+    order = order[usable]
+    return vertices, triangles[usable], instance[order], source[order], piece[order].astype(np.int32), uv
 
 
 def _cofactors(m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -151,6 +203,15 @@ def _lost(scene: Scene, vertices: NDArray[np.float32], triangles: NDArray[np.int
         f"object '{scene.objects[o].name}': {n} triangles have a vertex that is not finite and are left out"
         for o, n in zip(objects.tolist(), counts.tolist(), strict=True)
     ]
+
+
+def _beyond(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int32],
+            instance: NDArray[np.int32]) -> list[str]:
+    """One sentence an object that reaches farther than the tracer does."""
+    far = ((np.abs(local) > FAR) & np.isfinite(local)).any(1)[triangles].any(1)
+    objects = np.unique(scene.geometry.instance_object[instance[far]])
+    return [f"object '{scene.objects[o].name}': what of it is more than a hundred thousand million views away is left "
+            "out: look for a mistyped location or scale" for o in objects.tolist()]
 
 
 @kernel
@@ -194,6 +255,10 @@ def surface(s, triangle, u, v, origin, direction, P, Ng, Ns, uv, material, hit, 
             turn = 1.0
         x, y, z = sign * turn * x / length, sign * turn * y / length, sign * turn * z / length
         Ng[n, 0], Ng[n, 1], Ng[n, 2] = x, y, z
+        if len(s.piece) and s.piece[t] >= 0:  # from here on of the scene's triangle
+            b = s.cut[s.piece[t]]
+            ui, vi = wi * b[0, 0] + ui * b[1, 0] + vi * b[2, 0], wi * b[0, 1] + ui * b[1, 1] + vi * b[2, 1]
+            wi = 1.0 - ui - vi
         c0 = s.corner_normals[k]
         l0 = wi * c0[0, 0] + ui * c0[1, 0] + vi * c0[2, 0]
         l1 = wi * c0[0, 1] + ui * c0[1, 1] + vi * c0[2, 1]

@@ -43,6 +43,8 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
         # Straight through all surfaces so far; the media it is in, −1: none; of its bends (depth) those at mirrors.
         rays |= {"clear": np.ones(n, np.bool_), "media": np.full((n, interfaces.MEDIA), -1, np.int32),
                  "mirrored": np.zeros(n, np.int16)}
+    if ready.glass.stacks is not None:  # where it began to go straight on, and the triangle that it met last
+        rays |= {"start": origin, "last": np.full(n, -1, np.int32)}
     if tile.parts:
         rays["part"] = np.zeros(n, np.int8)  # DIRECT
     if tile.layers:
@@ -66,7 +68,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     """Trace and shade rays of one kind; returns the rays that go on, by kind. first: the tile, where it begins."""
     settings, plan = ready.scene.settings, ready.plan
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
-        hit, hits = ready.closest(kind, rays["origin"], rays["direction"], rays.get("normal"), reach)
+        hit, hits = ready.closest(kind, rays["origin"], rays["direction"], rays.get("normal"), reach,
+                                  passed=(rays["start"], rays["last"]) if "last" in rays else None)
     rays = {name: a for name, a in rays.items() if name not in ("origin", "normal")}  # done with
     if not hit.all():
         miss = _rows({name: rays[name] for name in ("pixel", "weight", "clear", "part") if name in rays}, ~hit)
@@ -175,7 +178,7 @@ def _going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, 
     if not on.any():
         return []
     rays = _rows(rays, on)
-    normal = hits.Ng[on]
+    normal, P = hits.Ng[on], hits.P[on]
     if direction is None:
         turned = np.empty((len(normal), 3))
         if "mirrored" in rays:
@@ -183,7 +186,10 @@ def _going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, 
         shading.mirrored(rays["direction"], normal, hits.Ns[on], turned)
     else:
         turned, normal = direction[on], -normal
-    return [(kind, rays | {"weight": weight[on], "origin": hits.P[on], "normal": normal, "direction": turned,
+    if "last" in rays:
+        straight = (turned == rays["direction"]).all(1, keepdims=True)
+        rays |= {"start": np.where(straight, rays["start"], P), "last": hits.triangle[on]}
+    return [(kind, rays | {"weight": weight[on], "origin": P, "normal": normal, "direction": turned,
                            "depth": rays["depth"] + np.int16(step)})]
 
 

@@ -11,6 +11,7 @@ from .compiled import kernel
 from .geometry import Hits, Surfaces
 from .media import Media, closed
 from .scene import Scene
+from .stacks import stacks
 from .textures import Texture
 
 MEDIA = 8  # media that a ray can be in at once; of more the lowest priorities are forgotten
@@ -51,6 +52,7 @@ class Interfaces:
         owner = scene.geometry.instance_object[surfaces.instance]
         self._in_shadow_paths = self.lets_through & (casts[owner] if len(owner) else False)
         self.bends_shadows = bool((self._in_shadow_paths & self.bending).any())
+        self.stacks = stacks(surfaces, passes[material], self.bending)
         self.transparent = bool(passes[material].any())
         self.cutouts = bool(cut[material].any())
         self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())
@@ -82,9 +84,9 @@ class Interfaces:
         """What one straight crossing lets through, (n,3): 1 − α + α·kt."""
         s = self._surfaces
         material = s.materials[s.source[triangle]]
-        uv = np.zeros((len(triangle), 2), np.float32)
+        uv: NDArray = np.zeros((len(triangle), 2), np.float32)
         if len(s.uvs):
-            corners = s.uvs[s.source[triangle]]
+            corners = s.at_corners(s.uvs, triangle).astype(np.float32)
             uv = corners[:, 0] * (1 - u - v)[:, None] + corners[:, 1] * u[:, None] + corners[:, 2] * v[:, None]
         alpha = self._alpha_of(material, uv)[:, None]
         return (1 - alpha + alpha * self._kt[material]).astype(np.float32)

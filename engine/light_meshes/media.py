@@ -176,7 +176,7 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     normal = np.cross(ab, ac) * np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
     Ng = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     Ns = np.einsum("nij,nkj->nki", surfaces.normal_matrix[owner],
-                   surfaces.corner_normals[surfaces.source[index]].astype(np.float64))
+                   surfaces.at_corners(surfaces.corner_normals, index))
     # Lengths are kept, as `geometry.surface` does, but for one common factor.
     length = np.linalg.norm(Ns, axis=2)
     usable = ((length > 0) & np.isfinite(length)).all(1)

@@ -22,7 +22,7 @@ BODIES = 64  # bodies around one point
 REFLECTED = -1.0
 REFLECTIONS = 8  # of one path: of so many, one at a curved surface counting as CURVED, which scatters them
 CURVED = 4
-FAR = 8.0  # a sun's rays start so far away: the frame's scene lies in [−1, 1]³
+FAR = 8.0  # times the reach of the glass, and at least of the frame's box: so far away a sun's rays start
 # Work of a call, counted by the kernels.
 SEEDS, UNCONVERGED, NEWTON, RAYS, REJECTED = range(5)
 
@@ -33,6 +33,7 @@ class Scratch(NamedTuple):
     light: NDArray[np.float64]  # (3,) frame; of a sun the unit vector towards it
     sun: bool
     total: bool  # whether paths go on where light is reflected totally
+    far: float  # what all glass is nearer than, a sun's rays' start
     medium0: NDArray[np.int64]  # (BODIES+1,2) bodies around the light, see `_cross`
     medium: NDArray[np.int64]  # and around the ray
     ray: NDArray[np.float64]  # (6,3)
@@ -54,7 +55,8 @@ class Scratch(NamedTuple):
 def scratch(g: Glass, light: NDArray[np.float64], sun: bool, total: bool) -> Scratch:
     """Room for the paths of one light; `light` in the frame. total: see `Scratch`."""
     s = Scratch(
-        np.ascontiguousarray(light, np.float64), bool(sun), bool(total), np.zeros((BODIES + 1, 2), np.int64),
+        np.ascontiguousarray(light, np.float64), bool(sun), bool(total),
+        FAR * max(1.0, float(np.abs(g.box).max(initial=0))), np.zeros((BODIES + 1, 2), np.int64),
         np.zeros((BODIES + 1, 2), np.int64), np.zeros((6, 3)), np.ones(3), np.zeros(10, np.int64),
         np.zeros((DEPTH + 1, 2), np.int64),
         np.zeros((DEPTH + 1, 5)), np.zeros((DEPTH, 6, 3)), np.zeros(DEPTH, np.int64), np.zeros(DEPTH),
@@ -78,11 +80,11 @@ def _basis(ray, row):
 
 
 @part
-def start_ray(light, sun, y, ray):
+def start_ray(light, sun, far, y, ray):
     """The light's ray through y; parameters: two angles at the light, or lengths across a sun's rays."""
     ray[:] = 0.0
     if sun:
-        away = FAR + abs(y[0]) + abs(y[1]) + abs(y[2])
+        away = far + abs(y[0]) + abs(y[1]) + abs(y[2])
         for j in range(3):
             ray[1, j] = -light[j]
             ray[0, j] = y[j] + away * light[j]
@@ -257,7 +259,7 @@ def next_bend(g, s, end):
         facing = 1 if slope_of(g, slot, s.ray) > 0.0 else -1
         body, owner = g.link[slot, BODY], g.link[slot, OWNER]
         edge = abs(t - last) < TOUCHING and body == touched[1] and owner == touched[2] and (
-            facing == touched[3] or body < 0)
+            facing == touched[3] if body >= 0 else min(out[1], out[2], 1.0 - out[1] - out[2]) < TOUCHING)
         if t - last > 2.0 * TOUCHING:
             touched[0] = 0
         if touched[0] < len(touched) - 4:
@@ -313,7 +315,7 @@ def _medium_at(g, s):
 @part
 def set_out(s, y):
     """A new path: the light's ray through y."""
-    start_ray(s.light, s.sun, y, s.ray)
+    start_ray(s.light, s.sun, s.far, y, s.ray)
     s.touched[0] = 0
     for i in range(len(s.medium)):
         s.medium[i, 0], s.medium[i, 1] = s.medium0[i, 0], s.medium0[i, 1]

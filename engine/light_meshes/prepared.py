@@ -50,7 +50,8 @@ class Prepared:
         memory.check(parts)
         with self.stats.stage("geometry"):
             scene = reuse.shared_geometry(scene, previous)
-            self.surfaces, self.lost = reuse.surfaces(scene, previous) or flatten(scene)
+            view = camera or scene.camera
+            self.surfaces, self.lost = reuse.surfaces(scene, view, previous) or flatten(scene, view)
         check()
         self.textures: list[textures.Texture | None]  # of all images
         with self.stats.stage("textures"):
@@ -65,7 +66,7 @@ class Prepared:
             bent = self.glass.bending & full
             self.casters = casters(scene, self.surfaces, bent)
             self.tracer = Tracer(scene, self.surfaces, self.glass.lets_through, bent, self.casters.sets,
-                                 reuse.tracer(self, previous))
+                                 reuse.tracer(self, previous), self.glass.stacks)
         check()
         self.described = scene
         if scene.settings.auto_h:
@@ -199,9 +200,10 @@ class Prepared:
         return self.scene.geometry.instance_object[self.surfaces.instance[triangle]]
 
     def closest(self, kind: str, origin: NDArray, direction: NDArray, normal: NDArray | None = None,
-                reach: NDArray | None = None, casters: int = 0) -> tuple[NDArray[np.bool_], Hits]:
+                reach: NDArray | None = None, casters: int = 0,
+                passed: tuple[NDArray, NDArray] | None = None) -> tuple[NDArray[np.bool_], Hits]:
         """Which rays hit (n,), and the surface at those that do."""
-        triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters)
+        triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters, passed)
         hit = triangle >= 0
         n = int(np.count_nonzero(hit))
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32),
@@ -315,7 +317,8 @@ class Prepared:
 def measured_h(ready: Prepared) -> float:
     """A step h that suits what the camera sees: 1/200 of the picture's width at the median visible depth.
 
-    The median over the picture is not moved by a far horizon or a large ground. Two digits, so that it reads well.
+    The median over the picture is not moved by a far horizon or a large ground; a backdrop or a sky behind a gap of
+    30 times the distance does not count. Two digits, so that it reads well.
     """
     camera = ready.described.camera
     _, hits = ready.coarse_view()
@@ -324,5 +327,8 @@ def measured_h(ready: Prepared) -> float:
     if len(hits.P) == 0:  # nothing in view
         width = ready.surfaces.scale
     elif camera.perspective:
-        width *= float(np.median(depth(camera, hits.P)))
+        near = np.sort(depth(camera, hits.P))
+        gaps = np.flatnonzero(near[1:] > 30 * near[:-1])
+        gaps = gaps[gaps >= len(near) // 20]  # what is before it is no blade of grass
+        width *= float(np.median(near[:gaps[0] + 1] if len(gaps) else near))
     return float(f"{max(width / 200, 1e-30):.1e}")

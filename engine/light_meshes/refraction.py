@@ -40,12 +40,11 @@ from .optics import (
     set_out,
 )
 from .paths import newton
-from .tracing import Targets, Tracer, points
+from .tracing import Targets, Tracer, leave, points
 
 MOST = 64  # paths from a light to a point that are told apart
 SAME = 1e-6  # of the first patch's radius: paths whose first points are nearer are one
 MISS = 1e-8  # of the same: how far from the point a path may end
-ULPS = 16 * 2.0**-23  # how far a receiver's paths end before its surface, as shadow rays do
 
 
 class Paths(NamedTuple):
@@ -124,7 +123,7 @@ class RefractedPaths:
         beams, s = self.beams(light), self._scratch(light)
         local = np.ascontiguousarray((x - self._centre) / self._scale)
         if normal is not None:
-            local += ULPS * normal
+            leave(local, np.ascontiguousarray(normal))
         count = np.zeros(len(x), np.int64)
         parts = [_room(0, beams.most)]
         p = 0
@@ -177,7 +176,7 @@ class RefractedPaths:
         s = self._scratch(light)
         local = np.ascontiguousarray((x - self._centre) / self._scale)
         if normal is not None:
-            local += ULPS * normal
+            leave(local, np.ascontiguousarray(normal))
         out = np.zeros((len(x), 3))
         _straight(self.glass, s, local, beyond or 1 << 30, out)
         return out

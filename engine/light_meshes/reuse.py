@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from .certificate import Certificate
 from .compiled import kernel
-from .geometry import Surfaces
+from .geometry import Surfaces, same_frame
 from .interfaces import Interfaces
 from .refraction import RefractedPaths
-from .scene import Scene
+from .scene import Camera, Scene
 from .tracing import ULPS, Targets, Tracer
 from .visibility import LightMeshes
 
@@ -49,12 +49,22 @@ def shared_geometry(scene: Scene, old: Prepared | None) -> Scene:
     return scene
 
 
-def surfaces(scene: Scene, old: Prepared | None) -> tuple[Surfaces, list[str]] | None:
-    """Triangles in the tracer's frame, and the warnings about them, which name objects."""
-    if old and scene.geometry is old.scene.geometry and (
-            [o.name for o in scene.objects] == [o.name for o in old.scene.objects]):
+def surfaces(scene: Scene, camera: Camera, old: Prepared | None) -> tuple[Surfaces, list[str]] | None:
+    """Triangles in the frame that suits the camera, and the warnings about them, which name objects."""
+    if old and scene.geometry is old.scene.geometry and _traced(scene) == _traced(old.scene) and (
+            _frame_key(camera) == _frame_key(old.scene.camera) or same_frame(old.surfaces, scene, camera)):
         return old.surfaces, old.lost
     return None
+
+
+def _traced(scene: Scene) -> list[tuple[str, bool, bool]]:
+    """Names, and which objects the camera and any ray may meet."""
+    return [(o.name, o.visible_camera, o.visible_camera or o.visible_reflection or o.visible_shadow)
+            for o in scene.objects]
+
+
+def _frame_key(camera: Camera) -> tuple:
+    return camera.matrix.tolist(), camera.window, camera.perspective, camera.clip_start
 
 
 def interfaces(new: Prepared, old: Prepared | None) -> Interfaces | None:
@@ -133,7 +143,8 @@ def nodes(new: Prepared, old: Prepared | None) -> int:
 def _store_key(ready: Prepared) -> tuple:
     """What all values of a store depend on: the lattice (not r), the tracer's frame, and the kind of number."""
     s, p = ready.scene.settings, ready.plan
-    key = (s.h, s.lattice_rotation, s.lattice_origin, ready.surfaces.centre.tolist(), ready.surfaces.scale, p.channels)
+    key = (s.h, s.lattice_rotation, s.lattice_origin, ready.surfaces.centre.tolist(), ready.surfaces.scale, p.channels,
+           ready.surfaces.reach > 1)
     return (*key, s.caustics, s.leak_free, *map(id, ready.refraction.solvers.values())) if ready.refraction else key
 
 
@@ -229,7 +240,10 @@ def _changed(new: Prepared, old: Prepared) -> NDArray[np.float64]:
     out = np.array(boxes)
     if len(out) > BOXES:
         out = np.stack([out[:, 0].min(0), out[:, 1].max(0)])[None]
-    return out + np.array([[-PAD], [PAD]])
+    pad = PAD * np.maximum(1.0, np.abs(out).max((1, 2)))[:, None]
+    out[:, 0] -= pad
+    out[:, 1] += pad
+    return out
 
 
 def _forget_near(old: Prepared, boxes: NDArray[np.float64], nodes: NDArray[np.int32], known: NDArray) -> None:

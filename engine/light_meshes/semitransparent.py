@@ -50,7 +50,7 @@ class Straight:
     def __call__(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
                  triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S (n,L,C) at receivers P with normals N, or at free points (N None)."""
-        S = self.straight(P, N, active, check, lift)
+        S = self.straight(P, N, active, check, triangle, lift)
         focus = self._refraction is not None and self._refraction.footprint is not None
         for wanted, light, start, alpha, ends in self.paths(P, N, active, check, lift):
             _add_paths(wanted, start, alpha, ends, light, focus and N is not None, P,
@@ -58,7 +58,7 @@ class Straight:
         return S
 
     def straight(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
-                 lift: Lift | None = None) -> NDArray[np.float32]:
+                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """V (n,L,C): Π t of the straight segments, in FULL only where nothing bends them."""
         S = np.zeros((len(P), self.count, self.channels), np.float32)
         _set_one(active & ~self._casting, self.count, S)
@@ -66,7 +66,8 @@ class Straight:
             for row, light in blocks(active & group.lights, self.count):
                 check()
                 origin, normal, of = starts(lift, P, N, self._targets, row, light)
-                S[row, light] = self.segments(origin, of, self._targets, light, normal, group.casters)
+                on = triangle if triangle is None or of is row else triangle[row]
+                S[row, light] = self.segments(origin, of, self._targets, light, normal, group.casters, on)
                 self._stats.add(**{"shadow_rays" if N is not None else "long_rays": len(row)})
         for i in range(self.count if self._refraction else 0):
             solver = self._solver(i)
@@ -107,10 +108,11 @@ class Straight:
                 yield wanted, i, found.start, alpha, found.P
 
     def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray | None,
-                 casters: int) -> NDArray[np.float32]:
-        """Π t (n,C) of straight segments from P[row] to targets[target]."""
+                 casters: int, triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
+        """Π t (n,C) of straight segments from P[row], on triangle[row], to targets[target]."""
         return self._tracer.transmittance(P, row, targets, target, N, False, self._factor,
-                                          unbent=self._refraction is not None, casters=casters)[:, :self.channels]
+                                          unbent=self._refraction is not None, casters=casters,
+                                          triangle=triangle)[:, :self.channels]
 
 
 class SharpThrough(Straight):
@@ -120,7 +122,7 @@ class SharpThrough(Straight):
                  triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         with self._stats.stage("sharp shadows"):
-            return super().__call__(P, N, active, check, None, lift)
+            return super().__call__(P, N, active, check, triangle, lift)
 
 
 class SemitransparentMeshes(LightMeshes):

@@ -99,11 +99,16 @@ def _lift(s, smooth, owner, geometry, normal, hits, above, side, cutoff):
         m, turn = s.normal_matrix[i], 1.0 if hits.front[p] else -1.0
         whole = True
         for c in range(3):
-            local = s.corner_normals[k, c]
+            u, v = (1.0 if c == 1 else 0.0), (1.0 if c == 2 else 0.0)
+            if len(s.piece) and s.piece[t] >= 0:
+                u, v = s.cut[s.piece[t], c, 0], s.cut[s.piece[t], c, 1]
+            for j in range(3):
+                q[j] = (1.0 - u - v) * s.corner_normals[k, 0, j] + u * s.corner_normals[k, 1, j] + (
+                    v * s.corner_normals[k, 2, j])
             length = 0.0
             for j in range(3):
                 V[c, j] = s.vertices[s.triangles[t, c], j]
-                N[c, j] = m[j, 0] * local[0] + m[j, 1] * local[1] + m[j, 2] * local[2]
+                N[c, j] = m[j, 0] * q[0] + m[j, 1] * q[1] + m[j, 2] * q[2]
                 length += N[c, j] * N[c, j]
             length = np.sqrt(length)
             whole = whole and length > 0.0 and length < np.inf

@@ -146,7 +146,7 @@ class LightMeshes:
         dim(S, soft, self._edges, P, N, check, lift)
         left = active & ~soft  # what Ψ has no answer for goes to sharp shadows
         if left.any():
-            S += self._sharp(P, N, left, check, None, lift)  # disjoint bits: the sum is a choice
+            S += self._sharp(P, N, left, check, triangle, lift)  # disjoint bits: the sum is a choice
         return S
 
     def _ask(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, soft: NDArray[np.uint64],
