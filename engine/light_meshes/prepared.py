@@ -318,7 +318,7 @@ def measured_h(ready: Prepared) -> float:
     """A step h that suits what the camera sees: 1/200 of the picture's width at the median visible depth.
 
     The median over the picture is not moved by a far horizon or a large ground; a backdrop or a sky behind a gap of
-    30 times the distance does not count. Two digits, so that it reads well.
+    16 times the distance does not count. Two digits, so that it reads well.
     """
     camera = ready.described.camera
     _, hits = ready.coarse_view()
@@ -328,7 +328,7 @@ def measured_h(ready: Prepared) -> float:
         width = ready.surfaces.scale
     elif camera.perspective:
         near = np.sort(depth(camera, hits.P))
-        gaps = np.flatnonzero(near[1:] > 30 * near[:-1])
+        gaps = np.flatnonzero(near[1:] > 16 * near[:-1])
         gaps = gaps[gaps >= len(near) // 20]  # what is before it is no blade of grass
         width *= float(np.median(near[:gaps[0] + 1] if len(gaps) else near))
     return float(f"{max(width / 200, 1e-30):.1e}")
