@@ -162,6 +162,13 @@ def test_resume_leaves_whole_pictures_only(folder, suffix):
     assert done.returncode == 0 and "is there already" not in done.stdout and film.whole(out)
 
 
+def test_more_passes_than_a_file_holds_are_refused_before_they_are_rendered(tmp_path):
+    with pytest.raises(SceneError, match="9000-channel images; render fewer passes"):
+        film.check_channels(tmp_path / "o.exr", ["Normal"] * 3000)
+    film.check_channels(tmp_path / "o.exr", ["Normal"] * 30)
+    assert not list(tmp_path.iterdir())
+
+
 def test_multilayer_and_tiled_pictures_are_whole_to_their_end(tmp_path):
     pixels = np.random.default_rng(0).random((200, 300, 7), np.float32)
     for tile in (0, 64):

@@ -204,6 +204,7 @@ def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple
     processors.tell(arguments.threads)
     scene = _changed(_read(arguments.file), arguments.set)
     names = passes.all_of(scene) if arguments.output.suffix.lower() == ".exr" else ("Combined",)
+    film.check_channels(arguments.output.absolute(), names)
     memory.check(memory.before(scene, names))
     done = render.render(scene, film.Framebuffer.create(scene, names), progress=progress)
     film.write(done.frame, arguments.output, scene.to_rec709)

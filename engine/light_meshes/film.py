@@ -143,6 +143,16 @@ def check_place(path: Path) -> None:
         raise SceneError(f"{path} cannot be written: {e.strerror}") from e
 
 
+def check_channels(path: Path, passes: Sequence[str]) -> None:
+    """Raise SceneError where a file of this kind cannot hold so many channels, before they are rendered."""
+    count = sum(len(letters(name)) for name in passes)
+    with scratch.made(path.parent, hidden=True) as folder:
+        name = utf8(folder / f"picture{path.suffix.lower()}")
+        out = oiio.ImageOutput.create(name)
+        if out is not None and not out.open(name, oiio.ImageSpec(1, 1, count, oiio.FLOAT)):
+            raise SceneError(f"{path} cannot be written: {out.geterror()}; render fewer passes")
+
+
 def whole(path: Path) -> bool:
     """Whether a picture is there with all its pixels: neither empty, nor cut short, nor a folder."""
     if not path.is_file() or not _ends_well(path):
