@@ -320,29 +320,43 @@ def _add_gloss(kind, light, S, block, nShiny, material, first, total):
 
 
 @kernel
-def partly(lights, materials, hits, direction, Od, S, matt, gloss):
-    """The most that one light seen in part would give a white surface if it were seen: matt and gloss (n,).
+def steps(lights, materials, hits, direction, Od, S, group, jump, step, matt, gloss):
+    """By how much the light of a white surface may change nearby: matt and gloss (n,).
 
+    By the share `jump` of lights seen in part, by `step` of all others. group (L,): lights of one number stand together
+    and count as one, in part where one is; groups go their own ways, and so the root of their squares' sum counts.
     Where S > 1, focused light, S times that.
     """
-    block = _empty()
+    block, order = _empty(), np.argsort(group, kind="mergesort")
+    one, all_of = np.empty((2, BLOCK)), np.empty((2, BLOCK))  # a group, the squares' sum; matt and gloss
+    some = np.empty(BLOCK, np.bool_)  # a light of the group is seen in part
     for first in range(0, len(direction), BLOCK):
         _fill(block, first, materials, hits, direction, Od)
-        for i in range(len(lights.type)):
+        one[:], all_of[:], some[:] = 0.0, 0.0, False
+        for n in range(len(order)):
+            i = order[n]
             kind, light = lights.type[i], _source(lights, i)
+            ends = n + 1 == len(order) or group[order[n + 1]] != group[i]
+            alone = ends and (n == 0 or group[order[n - 1]] != group[i])
             for k in range(min(BLOCK, len(direction) - first)):
-                p, some, most = first + k, False, 1.0
+                p, most = first + k, 1.0
                 for c in range(S.shape[2]):
-                    some |= S[p, i, c] != 0.0 and S[p, i, c] != 1.0
+                    some[k] |= S[p, i, c] != 0.0 and S[p, i, c] != 1.0
                     most = max(most, np.float64(S[p, i, c]))
-                if some:
+                if step > 0.0 or some[k] or not alone:
                     _, power, inverse, cosine, lobe = _arriving(kind, light, block, k)
                     power *= most * max(light.red, max(light.green, light.blue))
                     if light.diffuse:
-                        matt[p] = max(matt[p], power * cosine * inverse)
-                    if light.glossy and block.returns[k] > 7 and lobe > 0.0:
-                        shine = min(lobe * inverse, 1.0) ** materials.nShiny[hits.material[p]]
-                        gloss[p] = max(gloss[p], power * shine)
+                        one[0, k] += power * max(cosine, 0.0) * inverse
+                    if light.glossy and block.returns[k] > 7 and lobe > 0.0 and cosine > 0.0:
+                        one[1, k] += power * min(lobe * inverse, 1.0) ** materials.nShiny[hits.material[p]]
+                if ends:
+                    share = jump if some[k] else step
+                    for j in range(2):
+                        all_of[j, k] += (share * one[j, k]) ** 2
+                    one[0, k], one[1, k], some[k] = 0.0, 0.0, False
+        for k in range(min(BLOCK, len(direction) - first)):
+            matt[first + k], gloss[first + k] = np.sqrt(all_of[0, k]), np.sqrt(all_of[1, k])
 
 
 @kernel

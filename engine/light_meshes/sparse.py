@@ -6,13 +6,16 @@ block. A sample of the camera takes the mean of its block's corners by its place
 where
 
 - corners and sample lie on one instance with nearly one normal, the sample between the corners in space as well;
-- the corners agree: what they differ by changes the sample by TOLERANCE at most;
-- no light that is seen in part could alone change it by more: node by node its S goes in steps;
-- the block is not larger than r, so that no shadow falls between its corners.
+- the corners agree: what they differ by changes the sample by TOLERANCE of the picture's light at most;
+- the lights could not change it by more: node by node their S go in steps, those of lights that stand together at once;
+- the block is not larger than r, so that no shadow falls between its corners; of few nodes it is smaller.
 
 Else blocks of half the size are tried, and so on down to a pixel; what is left is computed at the sample. All this
 depends on where a sample is in the picture and in the scene: not on tiles, threads or order. What mirrors and glass
 show is computed at each sample, and so are shadows that are not soft.
+
+The picture's light is what a white matt surface would return if nothing cast a shadow; a tenth of what the camera sees
+is brighter. So lights of a thousand times the power give the same picture, a thousand times as bright.
 """
 
 from __future__ import annotations
@@ -29,15 +32,16 @@ from .camera import camera_rays, coarser
 from .casters import smooth_lights
 from .compiled import kernel
 from .geometry import Hits
-from .visibility import Check
+from .visibility import Check, Unshadowed
 
 if TYPE_CHECKING:
     from .prepared import Prepared
 
-TOLERANCE = 1 / 40  # radiance by which corners may differ
+TOLERANCE = 1 / 40  # of the picture's light, by which corners may differ
 NORMAL = 0.9  # cosine of the angle between normals, at least
 AWAY = 0.1  # how far a sample may be from where its corners have it, of the block's diagonal
 JUMP = {"UNIFORM": 1 / 8, "SMOOTH": 1 / 16}  # of S within a block, of a light that is seen in part, by the weights
+TOGETHER = 0.2  # angle between lights whose shadows have their edges at the same places, about
 LOBE = 0.2  # nShiny·(1 − cosine of the angle between directions that a mirror would look in), at most
 BLUR = 4.0  # pixels that a lens may move a sample by
 
@@ -56,7 +60,7 @@ class Corners(NamedTuple):
     instance: NDArray[np.int32]
     turned: NDArray[np.float64]  # (n,3) where a mirror would look
     light: NDArray[np.float64]  # (n,3 or 6) diffuse RGB, and gloss RGB where the scene has any
-    rough: NDArray[np.float64]  # (n,2) JUMP of the brightest light seen in part: its diffuse light and its gloss
+    rough: NDArray[np.float64]  # (n,2) `shading.steps`, of diffuse light and of gloss
 
 
 class Blocks(NamedTuple):
@@ -79,12 +83,43 @@ class Sparse:
         self._steps = [s.shadow_rate >> k for k in range(s.shadow_rate.bit_length()) if s.shadow_rate >> k >= least]
         self._gloss = bool((m.ks > 0).any())
         self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
-        self._jump = JUMP[s.weights]
+        nodes = 2 * np.pi / 3 * ready.soft.lattice.reach[0]**3  # of a point on a plane, each with a step of 1/nodes
+        self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
+        self._step = 1 / nodes if uniform else 0.0
         self._lights = smooth_lights(ready.casters, lights)
         self._sharp = mask_of(range(lights), lights) & ~self._lights
         self._receives = ready.casters.receives
-        self._largest = float(ready.soft.lattice.h * ready.soft.lattice.reach[0])
+        # A node above a block's middle may be in no corner's ball: with smooth weights, and a small block, it is light.
+        share = 1.0 if uniform else min(1.0, np.sqrt(nodes / 40))
+        self._largest = float(ready.soft.lattice.h * ready.soft.lattice.reach[0]) * share
+        self.light, self._together = self._typical(), self._groups()
         self._reach = float(np.abs(ready.offsets).max()) + 0.01 + BLUR * (self._camera.lens_radius > 0)
+
+    def _typical(self) -> float:
+        """The picture's light; of its brightest channel."""
+        ready, m = self._ready, self._ready.materials
+        direction, hits = ready.coarse_view()
+        matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
+        light, nothing = np.zeros((len(hits.P), 3)), np.zeros((0, 3))
+        for part, lit, _, S in ready.lit(hits, direction, matt, np.ones_like(light), False, lambda: None, None,
+                                         visibility=Unshadowed(ready.scene.lights)):
+            shading.gather(*lit, S, light[part], nothing, nothing)
+        brightest = light.max(1)
+        return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
+
+    def _groups(self) -> NDArray[np.int64]:
+        """The number (L,) of each light's group: those that stand together as seen from the middle of the view."""
+        targets = self._ready.lights.targets()
+        _, hits = self._ready.coarse_view()
+        middle = np.median(hits.P, axis=0) if len(hits.P) else np.zeros(3)
+        way = targets.position - np.where(targets.directional, 0.0, 1.0)[:, None] * middle
+        way /= np.maximum(np.sqrt((way * way).sum(1)), 1e-300)[:, None]
+        group, count = np.full(len(way), -1, np.int64), 0
+        for i in range(len(way)):
+            if group[i] < 0:
+                group[(group < 0) & (way @ way[i] >= np.cos(TOGETHER))] = count
+                count += 1
+        return group
 
     def direct(self, hits: Hits, direction: NDArray, pixel: NDArray, box: tuple[int, int, int, int], check: Check,
                parts: bool, work: NDArray | None) -> tuple[NDArray, dict[str, NDArray], dict[str, NDArray]]:
@@ -102,7 +137,7 @@ class Sparse:
                 with ready.stats.stage("interpolation"):
                     before = len(left)
                     left = _between(corners, self._blocks(corners), film, left, hits, ready.surfaces.instance, m, Od,
-                                    self._gloss, light, done)
+                                    self._gloss, TOLERANCE * self.light, light, done)
                     ready.stats.add(**{"refined" if k else "interpolated": before - len(left)})
         with ready.stats.stage("interpolation"):
             some, rest = np.flatnonzero(done), np.flatnonzero(~done)
@@ -173,11 +208,11 @@ class Sparse:
         for part, lit, _, S in ready.lit(hits, direction, self._white, white, False, check, None, self._lights):
             with ready.stats.stage("shading"):
                 shading.gather(*lit, S, both[part], matt[part], gloss[part])
-                shading.partly(*lit, S, rough[0, part], rough[1, part])
+                shading.steps(*lit, S, self._together, self._jump, self._step, *rough[:, part])
         light[:, :3] = matt
         if self._gloss:
             light[:, 3:] = gloss
-        return light, self._jump * rough.T
+        return light, rough.T
 
     def _blocks(self, corners: Corners) -> Blocks:
         rows, columns = corners.row.shape
@@ -260,7 +295,7 @@ def _agree(corners, gloss, largest, usable, material, turn, size, spread):
 
 
 @kernel
-def _between(corners, blocks, film, left, hits, instance, materials, Od, gloss, light, done):
+def _between(corners, blocks, film, left, hits, instance, materials, Od, gloss, tolerance, light, done):
     """Fills light and done of the rows in `left` that their block serves; returns the others."""
     rest, count = np.empty(len(left), np.int64), 0
     for p in left:
@@ -282,7 +317,7 @@ def _between(corners, blocks, film, left, hits, instance, materials, Od, gloss, 
             for k in range(3):
                 q = wa * corners.P[a, k] + wb * corners.P[b, k] + wc * corners.P[c, k] + wd * corners.P[d, k]
                 off += (q - hits.P[p, k]) ** 2
-            good = (good and error <= TOLERANCE and off <= AWAY * AWAY * blocks.size[j, i]
+            good = (good and error <= tolerance and off <= AWAY * AWAY * blocks.size[j, i]
                     and instance[hits.triangle[p]] == corners.instance[a]
                     and _dot(hits.Ng[p], corners.Ng[a]) > NORMAL and _dot(hits.Ns[p], corners.Ns[a]) > NORMAL)
         if good:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 Rows = list[dict[str, Any]]
-RMSE_ADDED, MAX_ADDED = 1 / 512, 1 / 64  # of an S that is not computed at every sample
+RMSE_ADDED, MAX_ADDED = 1 / 512, 1 / 64  # by `shadow_rate`, of the picture's light
 RATE = 4
 
 
