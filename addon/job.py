@@ -198,7 +198,9 @@ def summary(statistics: dict) -> str:
     parts = ["{width}×{height} pixels, {triangles:,} triangles, " + (
         "{lights} light" if statistics["lights"] == 1 else "{lights} lights")]
     if statistics.get("nodes"):
-        parts.append("h {h:.4g}, r {r:.4g}, {nodes:,} nodes ({node_share:.1%}), {empty_sets} empty sets")
+        low, high = min(statistics["radii"]), max(statistics["radii"])  # of the lights with soft shadows
+        parts.append(f"h {{h:.4g}}, r {low:.4g}{f' to {high:.4g}' if high > low else ''}, "
+                     "{nodes:,} nodes ({node_share:.1%}), {empty_sets} empty sets")
     parts.append("{seconds:.2f} s")
     if statistics.get("peak_memory"):  # not every system tells
         parts.append(f"{statistics['peak_memory'] / 1e6:.0f} MB")

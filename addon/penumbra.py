@@ -17,14 +17,29 @@ def step(scene) -> float | None:
     return session.statistics.get("h") if session.statistics.get("scene") == scene.name_full else None
 
 
+def radius(scene) -> float | None:
+    """r = h·kI, of the lights that have none of their own; None if it is still to be measured.
+
+    The automatic step is finer where a light's own radius needs it, but r stays as the camera alone would have it.
+    """
+    own = scene.light_meshes
+    h = _measured(scene) if own.auto_h else own.h
+    return None if h is None else h * own.kI
+
+
+def _measured(scene) -> float | None:
+    """The automatic step as the camera alone asks for it."""
+    known = session.statistics.get("scene") == scene.name_full
+    return (session.statistics.get("measured_h") or None) if known else None
+
+
 def light_radius(scene, lamp, name: str) -> float | None:
     """r of the light object `name` with data `lamp`; None if it is still to be measured."""
     own = lamp.light_meshes
     if own.softness == 'RADIUS':
         return own.radius
     if own.softness == 'SCENE':
-        h = step(scene)
-        return None if h is None else h * scene.light_meshes.kI
+        return radius(scene)
     if session.statistics.get("scene") != scene.name_full:
         return None
     return session.statistics.get("light_radii", {}).get(name)
@@ -55,7 +70,7 @@ def pixels(scene, r: float | None) -> tuple[float, str] | None:
     if lens.type == 'ORTHO' and r is not None:
         return 2 * r / across * width, "everywhere"
     if scene.light_meshes.auto_h and (not lens.dof.use_dof or r is None):
-        steps = scene.light_meshes.kI if r is None or step(scene) is None else r / step(scene)
+        steps = scene.light_meshes.kI if r is None or _measured(scene) is None else r / _measured(scene)
         return 2 * steps / AUTO_STEPS * max(width, height), "in the middle of what is seen"
     distance = _focus(camera)
     if r is None or distance <= 0:

@@ -48,7 +48,7 @@ def for_frame(job) -> dict[str, dict]:
                 engine.frame_set(frame, subframe)
     found = _measured[key]
     return {
-        "settings": {"auto_h": False, "h": found["h"]} if auto_h else {},
+        "settings": {"measured_h": found["h"]} if auto_h else {},
         # A light whose size has no effect there, as nothing is in its way, has the scene's radius.
         "sized lights": {light: {"softness": 'SCENE'} if r is None else {"softness": 'RADIUS', "soft_radius": r}
                          for light, r in found["radii"].items()},

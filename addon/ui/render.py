@@ -52,7 +52,7 @@ class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
 def _meaning(scene) -> list[tuple[str, str]]:
     """What the step and the quality come to."""
     kI, h = scene.light_meshes.kI, penumbra.step(scene)
-    r = None if h is None else h * kI
+    r = penumbra.radius(scene)
     rows = []
     if scene.light_meshes.auto_h:
         rows.append(("Step (h)", "measured when rendering" if h is None else

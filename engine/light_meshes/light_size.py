@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from . import shading
 from .averaging import VARIANCE
 from .bits import has
-from .scene import Light
+from .scene import Light, SceneError, Settings
 
 if TYPE_CHECKING:
     from .prepared import Prepared
 
 MOST = 16.0  # steps: the largest r/h; the ball has some 8,600 nodes above a plane
+EVEN = 1.5  # steps: the smallest r/h with even edges; below √1.5 some points of a plane have no node at all
+UNSEEN = 1 / 20  # of a step that suits the view: an r of less than a 4,000th of the picture's width
 LARGEST = 1e30  # scene units: of a light that is nearer than what blocks it
 
 
@@ -56,6 +58,13 @@ def own_radii(ready: Prepared) -> dict[int, float]:
     return own
 
 
+def check(settings: Settings) -> None:
+    """Raises SceneError where the numbers of the lattice are none."""
+    for name, value in (("h", settings.h), ("kI", settings.kI)):
+        if not 0 < value < np.inf:
+            raise SceneError(f"settings: {name} is {value:g}; it must be a finite number above 0")
+
+
 def steps(ready: Prepared, own: dict[int, float]) -> tuple[NDArray[np.float64], list[str]]:
     """r/h (L,) of all lights, and a sentence a light that wants more than `MOST`."""
     settings, warnings = ready.scene.settings, []
@@ -68,6 +77,30 @@ def steps(ready: Prepared, own: dict[int, float]) -> tuple[NDArray[np.float64], 
                 f"{MOST * settings.h:.3g}, {MOST:g} steps of the lattice: take a step h of {r / MOST:.2g} or more, a "
                 f"smaller light, or a shorter reference distance")
     return reach, warnings
+
+
+def small(ready: Prepared, reach: NDArray[np.float64], suits: float) -> list[str]:
+    """Sentences for the lights whose r is too small for the step, or to be seen at all. `suits`: what h the view asks.
+    """
+    h, auto = ready.scene.settings.h, ready.scene.settings.auto_h
+    soft = [i for i in range(len(reach)) if any(has(group.lights, i) for group in ready.casters.soft)]
+    unseen = [i for i in soft if h * reach[i] < UNSEEN * suits]
+    ragged = [i for i in soft if i not in unseen and reach[i] < EVEN * (1 - 1e-9)]
+    out = []
+    for lights, sentence in (
+        (unseen, f"too small to be seen: take a larger step h, such as {suits:.2g}, the automatic step, or sharp "
+                 "shadows, which are faster"),
+        (ragged, f"{{steps:.3g}} steps of the lattice; below {EVEN:g} their edges are ragged: take " + (
+            "a larger radius or light" if auto else
+            "a step h of {h:.2g} or less, the automatic step, or a larger radius, light or quality (kI)")),
+    ):
+        if lights:
+            names = [f"'{ready.scene.lights[i].name}'" for i in lights[:3]]
+            more = f" and {len(lights) - 3} more" if len(lights) > 3 else ""
+            steps = float(min(reach[i] for i in lights))
+            out.append(f"light{'s' * (len(lights) > 1)} {', '.join(names)}{more}: the radius of soft shadows is "
+                       f"{h * steps:.3g}, " + sentence.format(steps=steps, h=h * steps / EVEN))
+    return out
 
 
 def _measured(ready: Prepared, numbers: list[int]) -> list[float | None]:

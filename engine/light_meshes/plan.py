@@ -34,8 +34,12 @@ class Plan:
     reasons: dict[str, str] = field(default_factory=dict)
 
 
-def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, ...] = ("Combined",)) -> Plan:
-    """Decide what `scene`, with what is transparent in it and what shadows what, needs for `passes`."""
+def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, ...] = ("Combined",),
+         step: str = "") -> Plan:
+    """Decide what `scene`, with what is transparent in it and what shadows what, needs for `passes`.
+
+    step: why the automatic step is not what the camera alone asks for.
+    """
     s, p = scene.settings, Plan()
     used = scene.geometry.triangle_materials
     count = np.bincount(used, minlength=len(scene.materials)) if len(used) else np.zeros(len(scene.materials))
@@ -60,6 +64,8 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         decide("shadows", s.shadows.lower().replace("_", " "), "as set")
     if p.shadows not in ("NONE", "SHARP"):
         soft = sum(int(word).bit_count() for word in union(casters.soft, len(scene.lights)))
+        if step and p.shadows == "LIGHT_MESHES":
+            decide("step", f"{s.h:.3g}", step)
         if soft < len(lights):
             decide("soft lights", soft, f"the other {len(lights) - soft} need no column in the nodes")
         if len(casters.sets) > 1:

@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from . import light_size, memory, processors, reuse, shading, textures
+from . import automatic_step, light_size, memory, processors, reuse, shading, textures
 from .area_sampling import AreaSampling
 from .bits import has
-from .camera import camera_rays, depth, filter_offsets
+from .camera import camera_rays, filter_offsets
 from .casters import Group, casters, union
 from .certificate import Certificate, certificate
 from .geometry import Hits, flatten, surface
@@ -46,6 +46,7 @@ class Prepared:
         began = time.perf_counter()
         self.stats = Statistics()
         self.passes = tuple(passes)
+        light_size.check(scene.settings)
         parts = memory.before(dataclasses.replace(scene, camera=camera or scene.camera), passes)
         memory.check(parts)
         with self.stats.stage("geometry"):
@@ -69,19 +70,21 @@ class Prepared:
                                  reuse.tracer(self, previous), self.glass.stacks)
         check()
         self.described = scene
-        if scene.settings.auto_h:
-            settings = dataclasses.replace(scene.settings, h=reuse.measured_h(self, previous) or measured_h(self))
-            self.scene = dataclasses.replace(scene, settings=settings)
-        if camera is not None:
-            self.scene = dataclasses.replace(self.scene, camera=camera)
-        self.plan = plan(self.scene, self.glass, self.casters, self.passes)
         self.lights = shading.light_arrays(scene.lights)
         self.linked = shading.linked(scene)
         self.terminator = Terminator(scene, self.surfaces)
+        self.materials = shading.material_arrays(scene.materials)
+        self.measured_h, self.step_reason = 0.0, ""
+        if scene.settings.auto_h:
+            self.measured_h = (scene.settings.measured_h or reuse.measured_h(self, previous)
+                               or automatic_step.measured_h(self))
+            self.warnings += automatic_step.take(self, self.measured_h)
+        if camera is not None:
+            self.scene = dataclasses.replace(self.scene, camera=camera)
+        self.plan = plan(self.scene, self.glass, self.casters, self.passes, self.step_reason)
         groups = np.array([light.shadow_pass for light in scene.lights], np.int64)
         self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
                                for name in self.passes if name.startswith("Shadow")}
-        self.materials = shading.material_arrays(scene.materials)
         self.material_index = np.array([m.index for m in scene.materials], np.float64)
         self.object_index = np.array([o.index for o in scene.objects], np.float64)
         self.cryptomatte = {
@@ -118,11 +121,12 @@ class Prepared:
         if self.plan.shadows == "AREA_SAMPLING":
             edges = sharp(self.casters.sharp) if self.casters.sharp else None
             return AreaSampling(*needed, self.casters, sharp(self.casters.whole), edges, s.light_samples, s.seed)
-        own = light_size.own_radii(self)
+        own = self.own_radii
         steps, sentences = light_size.steps(self, own)
-        self.radii = {i: float(f"{s.h * steps[i]:.9g}") for i in own}
-        self.warnings += sentences
+        suits = self.measured_h or automatic_step.measured_h(self)
+        self.warnings += [*sentences, *light_size.small(self, steps, suits)]
         soft = union(self.casters.soft, len(scene.lights))
+        self.radii = {i: float(f"{s.h * steps[i]:.9g}") for i in own if has(soft, i)}
         reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])  # none where forced
         nodes = lattice(s.h, reach, s.lattice_rotation, s.lattice_origin)
         if self.plan.certificate:
@@ -158,6 +162,11 @@ class Prepared:
         if not solvers:  # what bends blocks no light
             return None
         return Refraction(solvers, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free)
+
+    @cached_property
+    def own_radii(self) -> dict[int, float]:
+        """r of the lights that have one of their own, as asked for."""
+        return light_size.own_radii(self)
 
     @cached_property
     def footprints(self) -> reuse.Footprints:
@@ -279,11 +288,11 @@ class Prepared:
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
     def lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
-            check: Callable[[], None], work: NDArray | None, lights: NDArray[np.uint64] | None = None) -> Iterator[
-                tuple[slice, tuple, NDArray, NDArray]]:
+            check: Callable[[], None], work: NDArray | None, lights: NDArray[np.uint64] | None = None,
+            visibility: Unshadowed | None = None) -> Iterator[tuple[slice, tuple, NDArray, NDArray]]:
         """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of the hits, batch by batch.
 
-        None without lights. lights (W,): those that count; None: all.
+        None without lights. lights (W,): those that count; None: all. visibility: another than the plan's.
         """
         count = len(self.scene.lights)
         step = max(64, SHADED // max(1, count))
@@ -301,34 +310,16 @@ class Prepared:
                     shading.unlink(self.linked, self.owner(some.triangle), active)
                 if lights is not None:
                     active &= lights
-            if lift is not None and self.plan.shadows != "NONE":
+            if lift is not None and self.plan.shadows != "NONE" and visibility is None:
                 with self.stats.stage("shadow terminator"):
                     self.terminator.clear(lift, some, self.lights.targets(), active, self.closest)
             where = some.P, some.Ng, active, check, some.triangle, lift
-            if work is not None and isinstance(self.visibility, LightMeshes):
+            if visibility is not None:
+                S = visibility(*where)
+            elif work is not None and isinstance(self.visibility, LightMeshes):
                 S = self.visibility(*where, work[part])
             else:
                 S = self.visibility(*where)
             S = S.reshape(*S.shape[:2], -1)
             self.terminator.fade(some, self.lights.targets(), S)
             yield part, lit, active, S
-
-
-def measured_h(ready: Prepared) -> float:
-    """A step h that suits what the camera sees: 1/200 of the picture's width at the median visible depth.
-
-    The median over the picture is not moved by a far horizon or a large ground; a backdrop or a sky behind a gap of
-    16 times the distance does not count. Two digits, so that it reads well.
-    """
-    camera = ready.described.camera
-    _, hits = ready.coarse_view()
-    left, right, bottom, top = camera.window
-    width = max(abs(right - left), abs(top - bottom))
-    if len(hits.P) == 0:  # nothing in view
-        width = ready.surfaces.scale
-    elif camera.perspective:
-        near = np.sort(depth(camera, hits.P))
-        gaps = np.flatnonzero(near[1:] > 16 * near[:-1])
-        gaps = gaps[gaps >= len(near) // 20]  # what is before it is no blade of grass
-        width *= float(np.median(near[:gaps[0] + 1] if len(gaps) else near))
-    return float(f"{max(width / 200, 1e-30):.1e}")

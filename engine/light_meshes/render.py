@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import processors
+from .automatic_step import measured_h
 from .film import Framebuffer, crop_of
 from .integrator import radiance
-from .light_size import own_radii
 from .memory import LARGER
 from .node_store import SharedNodesError
-from .prepared import Prepared, measured_h
+from .prepared import Prepared
 from .scene import Camera, Scene
 from .statistics import peak_memory
 
@@ -142,12 +142,11 @@ def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: i
 
 
 def measure(scene: Scene) -> dict[str, Any]:
-    """h that `auto_h` takes for the scene, and r of its lights whose softness is LIGHT_SIZE; None: the scene's."""
+    """h that `auto_h` takes by the camera, and r of the lights whose softness is LIGHT_SIZE; None: the scene's."""
     # No more pixels are looked at: what speeds up a large picture need not be made.
     ready = Prepared(replace(scene, camera=replace(scene.camera, width=64, height=64, crop=None)))
-    s, own = ready.scene.settings, own_radii(ready)
-    radii = [own.get(i) if light.softness == "LIGHT_SIZE" else None for i, light in enumerate(scene.lights)]
-    return {"h": s.h if s.auto_h else measured_h(ready), "radii": radii}
+    radii = [ready.own_radii.get(i) if light.softness == "LIGHT_SIZE" else None for i, light in enumerate(scene.lights)]
+    return {"h": ready.measured_h or measured_h(ready), "radii": radii}
 
 
 def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seconds: float) -> dict[str, Any]:
@@ -174,8 +173,9 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         radii = (s.h * lit.lattice.reach).tolist()
         lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all that any receiver can reach
         report |= {
-            "h": s.h, "kI": s.kI, "r": s.h * s.kI, "radii": radii, "receivers": counts["receivers"],
-            "candidates": counts["candidates"], "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
+            "h": s.h, "kI": s.kI, "r": s.h * s.kI, "measured_h": ready.measured_h, "radii": radii,
+            "receivers": counts["receivers"], "candidates": counts["candidates"],
+            "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
             "nodes_kept": ready.nodes_kept, "node_bytes": lit.store.bytes,
             "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],

@@ -97,11 +97,11 @@ def certificate(new: Prepared, old: Prepared | None, casts: NDArray[np.bool_], r
 
 
 def measured_h(new: Prepared, old: Prepared | None) -> float | None:
-    """h, where it was measured before in the same view of the same surfaces."""
-    if (old and old.described.settings.auto_h and new.surfaces is old.surfaces
+    """h that suits the camera, where it was measured before in the same view of the same surfaces."""
+    if (old and old.described.settings.auto_h and not old.described.settings.measured_h and new.surfaces is old.surfaces
             and same(new.scene.camera, old.described.camera)
             and [o.visible_camera for o in new.scene.objects] == [o.visible_camera for o in old.scene.objects]):
-        return old.scene.settings.h
+        return old.measured_h
     return None
 
 

@@ -59,7 +59,8 @@ class Settings:
     shadows: str = "LIGHT_MESHES"
     h: float = 0.05  # step of the lattice, scene units
     kI: float = 3.0  # r = h·kI is the radius of the interpolation ball
-    auto_h: bool = False  # h from what the camera sees; `h` is then ignored
+    auto_h: bool = False  # h from what the camera sees, finer where a light's r needs it; `h` is then ignored
+    measured_h: float = 0.0  # auto_h: what the camera sees asks for, as measured before; 0: measured now
     weights: str = "UNIFORM"  # of the nodes in the ball: all the same (paper), or SMOOTH: falling to 0 at r
     samples: int = 4  # camera rays a pixel
     max_depth: int = 4  # mirror reflections after the first hit

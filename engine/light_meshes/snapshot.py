@@ -66,6 +66,7 @@ _LARGEST = 1e30  # what single precision takes with some room
 _RANGES = {
     (Settings, "h"): (1e-30, 1e30),
     (Settings, "kI"): (0.5, 8.0),
+    (Settings, "measured_h"): (0.0, 1e30),
     (Settings, "samples"): (1, 4096),
     (Settings, "max_depth"): (0, 64),
     (Settings, "cutoff"): (0.0, 1.0),

@@ -37,7 +37,7 @@ def test_radii_are_those_of_the_first_frame(rising, snapshot):
 def test_with_the_automatic_step(rising, snapshot):
     rising.light_meshes.auto_h = True
     found = snapshot(rising)
-    assert not found.settings.auto_h and found.settings.h == pytest.approx(7.2 / 200, rel=0.05)
+    assert found.settings.auto_h and found.settings.measured_h == pytest.approx(7.2 / 200, rel=0.05)
     assert found.lights[0].softness == "RADIUS"
 
 
@@ -147,8 +147,8 @@ def test_the_step_does_not_depend_on_the_range(scene, add_plane, add_light, snap
     finally:
         bpy.app.handlers.frame_change_pre.clear()
     at_first = found.pop((1, 250, 1, 1))
-    h = measure(at_first)["h"] if at_first.settings.auto_h else at_first.settings.h
-    assert [(s.settings.auto_h, s.settings.h) for s in found.values()] == [(False, h)] * 4
+    h = measure(at_first)["h"]
+    assert [(s.settings.auto_h, s.settings.measured_h) for s in found.values()] == [(True, h)] * 4
     cameras = [tuple(s.camera.matrix[:3, 3]) for s in found.values()]
     assert cameras[0] == cameras[1] == cameras[2] != tuple(at_first.camera.matrix[:3, 3])
     assert 4 < cameras[0][2] / at_first.camera.matrix[2, 3] < 5
