@@ -216,11 +216,9 @@ class Session:
                 continue
             self._heard = time.monotonic()
             kind = event["event"]
-            if kind == "alive":
+            if kind == "alive" or (kind == "ready" and self.folder):
                 continue
             if kind == "ready":
-                if self.folder:
-                    continue
                 self.folder = Path(event["folder"])
             if kind in LAST_EVENTS:
                 with self._changed:

@@ -44,7 +44,8 @@ def test_a_holdout_is_a_hole_and_nothing_else_changes(clear, glass):
     hole = full["Object Index"][..., 0] == 5
     assert 0.05 < hole.mean() < 0.3 and done.statistics["plan"]["holdouts"].startswith("1")
     for name, pixels in done.passes.items():
-        np.testing.assert_array_equal(pixels[hole], NO_DEPTH if name == "Depth" else 0, err_msg=name)
+        nothing = {"Depth": NO_DEPTH, "Mist": 1}.get(name, 0)  # as far away as can be
+        np.testing.assert_array_equal(pixels[hole], nothing, err_msg=name)
         np.testing.assert_array_equal(pixels[~hole], full[name][~hole], err_msg=name)
     assert (full["Glossy"][~hole] != np.float32(WORLD)).any(-1).sum() > 100  # the mirror image is there
 

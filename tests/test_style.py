@@ -8,7 +8,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-LONG = {}  # file → why it has more than 400 lines
+LONG = {  # file → why it has more than 400 lines
+    "engine/light_meshes/beams.py": "kernels that call one another; as C sources they will stand apart",
+    "engine/light_meshes/optics.py": "the same",
+    "engine/light_meshes/shading.py": "the same",
+}
 
 
 @pytest.mark.skipif(not (shutil.which("ruff") or (Path(sys.executable).parent / "ruff").exists()), reason="no ruff")
