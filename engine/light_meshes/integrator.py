@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from . import interfaces, shading
+from . import shading
 from .camera import camera_rays, depth
 from .geometry import Hits
 from .passes import REFLECTED, TRANSMITTED, Tile
@@ -40,8 +40,8 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
     rays: Rays = {"pixel": np.arange(n), "weight": np.ones((n, 3)), "origin": origin, "direction": direction,
                   "depth": np.zeros(n, np.int16)}
     if ready.plan.transparent:
-        # Straight through all surfaces so far; the media it is in, −1: none; of its bends (depth) those at mirrors.
-        rays |= {"clear": np.ones(n, np.bool_), "media": np.full((n, interfaces.MEDIA), -1, np.int32),
+        # Straight through all surfaces so far; the bodies it is in, −1: none; of its bends (depth) those at mirrors.
+        rays |= {"clear": np.ones(n, np.bool_), "media": ready.glass.around(origin),
                  "mirrored": np.zeros(n, np.int16)}
     if ready.glass.stacks is not None:  # where it began to go straight on, and the triangle that it met last
         rays |= {"start": origin, "last": np.full(n, -1, np.int32)}

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .bodies import around, bodies
 from .compiled import kernel
 from .geometry import Hits, Surfaces
 from .media import Media, closed
@@ -14,7 +15,7 @@ from .scene import Scene
 from .stacks import stacks
 from .textures import Texture
 
-MEDIA = 8  # media that a ray can be in at once; of more the lowest priorities are forgotten
+MEDIA = 32  # bodies that a ray can be in at once, at most; what it enters beyond that is forgotten
 
 
 class Face(NamedTuple):
@@ -25,7 +26,7 @@ class Face(NamedTuple):
     kt: NDArray[np.float64]  # (n,3) share that passes
     mirror: NDArray[np.float64]  # (n,3) share that is reflected
     refracted: NDArray[np.float64]  # (n,3) unit direction behind the surface
-    media: NDArray[np.int32]  # (n, MEDIA) what the ray is in behind it
+    media: NDArray[np.int32]  # (n,m) bodies that the ray is in behind it, −1: none
 
 
 class Interfaces:
@@ -46,8 +47,15 @@ class Interfaces:
         passes = cut | (self._kt > 0).any(1)
         shadow = np.array([x.transparent_shadow for x in m], np.bool_)
         self.lets_through = (passes & shadow)[material]  # (T,) shadow rays
-        bends = ((self._ior != 1) & (self._kt > 0).any(1))[material] & (scene.settings.refraction != "NONE")
-        self.bending = bends & closed(surfaces, bends)  # (T,)
+        # A body of index 1 is air inside glass of lower priority. Elsewhere it is none: Transparent BSDFs are such.
+        least = self._priority[self._ior != 1].min(initial=np.iinfo(np.int32).max)
+        medium = ((self._ior != 1) | (self._priority > least)) & (self._kt > 0).any(1)
+        bends = medium[material] & (scene.settings.refraction != "NONE")
+        solid = bends & closed(surfaces, bends)
+        b = bodies(surfaces, solid, self._ior[material], self._priority[material])
+        self._bodies = b._replace(of=np.where(solid & np.append(b.overlaps(), False)[b.of], b.of, np.int32(-1)))
+        self.bending = self._bodies.of >= 0  # (T,)
+        self._room = min(2 * len(b.rank), MEDIA)  # a body that overlaps itself is entered twice
         casts = np.array([o.visible_shadow for o in scene.objects], np.bool_)
         owner = scene.geometry.instance_object[surfaces.instance]
         self._in_shadow_paths = self.lets_through & (casts[owner] if len(owner) else False)
@@ -101,18 +109,22 @@ class Interfaces:
         n = len(hits.P)
         face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
                     np.empty((n, 3)), rays["media"].copy())
-        _interface(hits, rays["direction"], self.bending, self._ior, self._priority, self._fresnel, self._kt,
-                   self._mirror, face)
+        _interface(hits, rays["direction"], self._bodies.of, self._bodies.ior, self._bodies.rank, self._ior,
+                   self._fresnel, self._kt, self._mirror, face)
         return face
+
+    def around(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+        """What rays that begin at points (n,3) are in, as `Face.media`."""
+        return around(self._surfaces, self._bodies, points, self._room)
 
 
 @kernel
-def _top(media, priority):
-    """The medium of highest priority; of equals the one entered first. −1: none."""
+def _top(media, rank):
+    """The body of highest rank, −1: none."""
     best = -1
-    for m in media:
-        if m >= 0 and (best < 0 or priority[m] > priority[best]):
-            best = m
+    for b in media:
+        if b >= 0 and (best < 0 or rank[b] > rank[best]):
+            best = b
     return best
 
 
@@ -128,35 +140,36 @@ def fresnel(eta, cosine):
 
 
 @kernel
-def _interface(hits, direction, bending, ior, priority, by_fresnel, kt, mirror, face):
+def _interface(hits, direction, bodies, index, rank, ior, by_fresnel, kt, mirror, face):
     for n in range(len(hits.P)):
         m = hits.material[n]
         media = face.media[n]
         n1, n2 = 1.0, 1.0
         face.real[n] = True
         face.bends[n] = False
-        if bending[hits.triangle[n]]:
-            before = _top(media, priority)
+        body = bodies[hits.triangle[n]]
+        if body >= 0:
+            before = _top(media, rank)
             if hits.front[n]:
                 slot = -1
-                for j in range(MEDIA):
+                for j in range(len(media)):
                     if media[j] < 0:
                         slot = j
                         break
                 if slot >= 0:
-                    media[slot] = m
+                    media[slot] = body
             else:
                 if before < 0:
-                    before = m  # the ray began inside
-                for j in range(MEDIA):
-                    if media[j] == m:
-                        for k in range(j, MEDIA - 1):
+                    before = body  # the ray began inside
+                for j in range(len(media)):
+                    if media[j] == body:
+                        for k in range(j, len(media) - 1):
                             media[k] = media[k + 1]
-                        media[MEDIA - 1] = -1
+                        media[-1] = -1
                         break
-            after = _top(media, priority)
-            n1 = ior[before] if before >= 0 else 1.0
-            n2 = ior[after] if after >= 0 else 1.0
+            after = _top(media, rank)
+            n1 = index[before] if before >= 0 else 1.0
+            n2 = index[after] if after >= 0 else 1.0
             face.real[n] = before != after
             face.bends[n] = n1 != n2
         d, N = direction[n], hits.Ns[n]
@@ -170,7 +183,7 @@ def _interface(hits, direction, bending, ior, priority, by_fresnel, kt, mirror, 
         if by_fresnel[m]:
             if face.bends[n]:
                 reflected = fresnel(n2 / n1, cosine)
-            elif ior[m] != 1.0 and (kt[m, 0] > 0.0 or kt[m, 1] > 0.0 or kt[m, 2] > 0.0):
+            elif body < 0 and ior[m] != 1.0 and (kt[m, 0] > 0.0 or kt[m, 1] > 0.0 or kt[m, 2] > 0.0):
                 reflected = fresnel(ior[m], cosine)
         for c in range(3):
             face.refracted[n, c] = d[c]

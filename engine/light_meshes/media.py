@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .bodies import bodies
 from .boxes import box_tree
 from .compiled import kernel, part
 from .geometry import Surfaces
@@ -29,7 +30,7 @@ class Media(NamedTuple):
     solid: NDArray[np.bool_]  # bounds a body of index `ior`: part of a closed mesh; False for a sheet
     ior: NDArray[np.float64]
     t: NDArray[np.float64]  # (T,3) k_t, RGB
-    priority: NDArray[np.int32]  # where bodies overlap the highest is the medium; of equals the smaller body
+    priority: NDArray[np.int32]  # where bodies overlap the highest is the medium, see `bodies`
 
 
 # Columns of Glass.place: the hot kernels read single numbers of few arrays. A view of a shared array would cost an
@@ -169,7 +170,7 @@ def _smooth_edges(corner, neighbour, Ns, joined):
 def glass(surfaces: Surfaces, media: Media) -> Glass:
     """The semitransparent triangles, ready for `closest`."""
     index = np.flatnonzero(media.transparent)
-    solid = media.solid[index] & (media.ior[index] != 1.0)
+    solid = media.solid[index]
     corners = surfaces.vertices[surfaces.triangles[index]].astype(np.float64)
     ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     owner = surfaces.instance[index]
@@ -188,29 +189,17 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     flat = ~((sine > FLAT) | (cosine < 0)).any(1)
     Ns[flat] = Ng[flat][:, None]
 
-    # Bodies: one for each instance and medium, its inside counted by crossings, so that bubbles are holes.
-    key = np.stack([owner, media.ior[index].view(np.int64), media.priority[index]], 1)[solid]
-    bodies, number = np.unique(key, axis=0, return_inverse=True)
-    body = np.full(len(index), -1, np.int32)
-    body[solid] = number.reshape(-1)
-    size = len(bodies)
-    middle = np.zeros((size, 3))
+    found = bodies(surfaces, media.solid & media.transparent, media.ior, media.priority)
+    body, size = found.of[index], len(found.rank)
+    middle, radius = np.zeros((size, 3)), np.zeros(size)
     for j in range(3):
         middle[:, j] = np.bincount(body[solid], corners[solid, 0, j], size)
     middle /= np.maximum(np.bincount(body[solid], None, size), 1)[:, None]
-    volume: NDArray = np.zeros(size)
-    radius = np.zeros(size)
     if size:
-        local = corners[solid] - middle[body[solid]][:, None]
-        outward = np.where(surfaces.mirrored[owner[solid]], -1.0, 1.0)
-        volume = np.bincount(body[solid], outward * np.linalg.det(local) / 6, size)
-        np.maximum.at(radius, body[solid], np.linalg.norm(local, axis=2).max(1))
-        inside_out = np.zeros(len(index), np.bool_)
-        inside_out[solid] = volume[body[solid]] < 0
+        np.maximum.at(radius, body[solid], np.linalg.norm(corners[solid] - middle[body[solid]][:, None], axis=2).max(1))
+        inside_out = solid & found.inside_out[body]
         Ng[inside_out] *= -1
         Ns[inside_out] *= -1
-    rank = np.empty(size, np.int64)
-    rank[np.lexsort((np.arange(size), -np.abs(volume), bodies[:, 2]))] = np.arange(size)
 
     corner = _merged(surfaces, index) if len(index) else np.zeros((0, 3), np.int64)
     neighbour = np.empty((len(index), 3), np.int32)
@@ -244,7 +233,7 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     place = np.concatenate([corners[:, 0], ab, ac, u, v, Ng, Ns.reshape(-1, 9), media.t[index]], 1)
     return Glass(
         index[order].astype(np.int32), np.ascontiguousarray(place[order], np.float64),
-        np.ascontiguousarray(link[order], np.int64), planar, patch_size, bodies[:, 1].copy().view(np.float64), rank,
+        np.ascontiguousarray(link[order], np.int64), planar, patch_size, found.ior, found.rank,
         np.concatenate([middle, radius[:, None]], 1), box, child,
     )
 
