@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from .compiled import kernel
 from .geometry import Surfaces
 
+FLAT = 1e-4  # radians: a triangle whose corner normals all lie so near its own is flat-shaded
+ROUND = np.radians(15)  # normals that differ more from a facet's own are no round surface's
+
 
 class Bodies(NamedTuple):
     """Closed surfaces of one instance and one medium; the inside is counted by crossings, so that bubbles are holes."""
@@ -97,6 +100,24 @@ def around(surfaces: Surfaces, b: Bodies, points: NDArray[np.float64], most: int
             rows = np.flatnonzero((times > k) & (out[:, -1] < 0))
             out[rows, (out[rows] >= 0).sum(1)] = body
     return out
+
+
+def facets(surfaces: Surfaces, index: NDArray[np.intp]) -> NDArray[np.float64]:
+    """What a facet of a round surface may add to the square of a ray's sine, (n,) factors; 1: flat-shaded.
+
+    It lies too deep by up to the cosine of the angle between the normals at its corners and its own. Normals that
+    Blender averages from facets err about as much again.
+    """
+    corners = surfaces.vertices[surfaces.triangles[index]].astype(np.float64)
+    owner = surfaces.instance[index]
+    Ng = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    Ng *= np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
+    Ns = np.einsum("nij,nkj->nki", surfaces.normal_matrix[owner],
+                   surfaces.corner_normals[surfaces.source[index]].astype(np.float64))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosine = np.einsum("nkj,nj->nk", Ns, Ng) / np.linalg.norm(Ns, axis=2) / np.linalg.norm(Ng, axis=1)[:, None]
+    least = np.where(np.isfinite(cosine), cosine, 1).min(1)
+    return np.where(least > np.cos(FLAT), 1.0, 2 / np.maximum(least, np.cos(ROUND)) ** 2 - 1)
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .bodies import around, bodies
+from .bodies import around, bodies, facets
 from .compiled import kernel
 from .geometry import Hits, Surfaces
 from .media import Media, closed
@@ -55,6 +55,8 @@ class Interfaces:
         b = bodies(surfaces, solid, self._ior[material], self._priority[material])
         self._bodies = b._replace(of=np.where(solid & np.append(b.overlaps(), False)[b.of], b.of, np.int32(-1)))
         self.bending = self._bodies.of >= 0  # (T,)
+        self._grazing = np.ones(len(solid))  # (T,) squared sine up to which a ray still leaves, see `_interface`
+        self._grazing[self.bending] = facets(surfaces, np.flatnonzero(self.bending))
         self._room = min(2 * len(b.rank), MEDIA)  # a body that overlaps itself is entered twice
         casts = np.array([o.visible_shadow for o in scene.objects], np.bool_)
         owner = scene.geometry.instance_object[surfaces.instance]
@@ -109,8 +111,8 @@ class Interfaces:
         n = len(hits.P)
         face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
                     np.empty((n, 3)), rays["media"].copy())
-        _interface(hits, rays["direction"], self._bodies.of, self._bodies.ior, self._bodies.rank, self._ior,
-                   self._fresnel, self._kt, self._mirror, face)
+        _interface(hits, rays["direction"], self._bodies.of, self._bodies.ior, self._bodies.rank, self._grazing,
+                   self._ior, self._fresnel, self._kt, self._mirror, face)
         return face
 
     def around(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -140,7 +142,9 @@ def fresnel(eta, cosine):
 
 
 @kernel
-def _interface(hits, direction, bodies, index, rank, ior, by_fresnel, kt, mirror, face):
+def _interface(hits, direction, bodies, index, rank, grazing, ior, by_fresnel, kt, mirror, face):
+    # A ray that entered a round body can always leave it. Its facets err: a grazing ray may meet one whose normal looks
+    # away, and reflect totally at another. Both are taken for grazing, or single pixels would show what is elsewhere.
     for n in range(len(hits.P)):
         m = hits.material[n]
         media = face.media[n]
@@ -173,12 +177,16 @@ def _interface(hits, direction, bodies, index, rank, ior, by_fresnel, kt, mirror
             face.real[n] = before != after
             face.bends[n] = n1 != n2
         d, N = direction[n], hits.Ns[n]
-        cosine = -(d[0] * N[0] + d[1] * N[1] + d[2] * N[2])
-        if cosine <= 0.0:  # the shading normal looks away: the geometric one does not
-            N = hits.Ng[n]
-            cosine = -(d[0] * N[0] + d[1] * N[1] + d[2] * N[2])
+        d0, d1, d2 = d[0], d[1], d[2]
+        cosine = -(d0 * N[0] + d1 * N[1] + d2 * N[2])
+        if cosine <= 0.0:
+            length = np.sqrt(1.0 - cosine * cosine)
+            d0, d1, d2 = (d0 + cosine * N[0]) / length, (d1 + cosine * N[1]) / length, (d2 + cosine * N[2]) / length
+            cosine = 0.0
         eta = n1 / n2
         square = 1.0 - eta * eta * (1.0 - cosine * cosine)
+        if square <= 0.0 and 1.0 - square <= grazing[hits.triangle[n]] and not by_fresnel[m]:
+            square = 1e-12
         reflected = 0.0
         if by_fresnel[m]:
             if face.bends[n]:
@@ -203,10 +211,9 @@ def _interface(hits, direction, bodies, index, rank, ior, by_fresnel, kt, mirror
                     face.kt[n, c] = 0.0
             else:
                 f = eta * cosine - np.sqrt(square)
-                for c in range(3):
-                    face.refracted[n, c] = eta * d[c] + f * N[c]
-                G = hits.Ng[n]
                 r = face.refracted[n]
+                r[0], r[1], r[2] = eta * d0 + f * N[0], eta * d1 + f * N[1], eta * d2 + f * N[2]
+                G = hits.Ng[n]
                 into = r[0] * G[0] + r[1] * G[1] + r[2] * G[2]
                 if into >= 0.0:  # bent shading normals must not send it back out
                     for c in range(3):

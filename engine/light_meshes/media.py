@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .bodies import bodies
+from .bodies import FLAT, bodies
 from .boxes import box_tree
 from .compiled import kernel, part
 from .geometry import Surfaces
 
-FLAT = 1e-4  # radians: a triangle whose corner normals all lie so near its own is flat-shaded
 CREASE = 5e-4  # radians: normals that differ by more across an edge end a patch
 TOUCHING = 1e-9  # surfaces nearer than this along a ray are in the same place
 INSIDE = 1e-10  # how far beyond [0, 1] barycentric coordinates still hit: no ray slips through an edge
