@@ -51,7 +51,7 @@ class Lab:
         glassy = np.array([s is not None for _, s in parts])[owner]
         # The engine's own float32 vertices: its answers are for this mesh.
         corners = surfaces.centre + surfaces.scale * surfaces.vertices[surfaces.triangles[glassy]].astype(float)
-        normals = scene.geometry.corner_normals[surfaces.source[glassy]].astype(float)
+        normals = surfaces.at_corners(scene.geometry.corner_normals, np.flatnonzero(glassy))
         self.owner = owner[glassy]
         self.A, self.B, self.C = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         normal = np.cross(self.B, self.C)
@@ -180,7 +180,8 @@ def solver(scene: Scene, stuff: Sequence[Stuff | None], lights: Targets, h: floa
                   column(lambda s: np.broadcast_to(s.t, 3).astype(float), np.zeros(3)),
                   column(lambda s: s.priority, 0).astype(np.int32))
     rest = surfaces._replace(triangles=surfaces.triangles[~transparent], instance=surfaces.instance[~transparent],
-                             source=surfaces.source[~transparent])
+                             source=surfaces.source[~transparent],
+                             piece=surfaces.piece[~transparent] if len(surfaces.piece) else surfaces.piece)
     return RefractedPaths(surfaces, media, lights, Tracer(scene, rest), h)
 
 

@@ -120,7 +120,7 @@ def test_a_bad_line_is_answered_and_the_child_lives_on(child, line):
     ({"command": "render", "snapshot": "nowhere", "framebuffer": "f"}, "no snapshot"),
     ({"command": "render", "snapshot": 3, "framebuffer": "f"}, "snapshot"),
     ({"command": "render", "snapshot": "scene"}, "framebuffer"),
-    ({"command": "render", "snapshot": "scene", "framebuffer": "f", "passes": ["Mist"]}, "Mist"),
+    ({"command": "render", "snapshot": "scene", "framebuffer": "f", "passes": ["Fog"]}, "Fog"),
     ({"command": "render", "snapshot": "scene", "framebuffer": "f", "passes": 3}, "passes"),
     ({"command": "measure", "snapshot": "nowhere"}, "no snapshot"),
     ({"command": "measure", "snapshot": "no\nwhere\x15"}, "no\\nwhere\\x15 is no snapshot"),

@@ -116,7 +116,7 @@ def test_what_failed_or_was_cancelled_leaves_a_child_that_goes_on(child):
 @pytest.mark.parametrize(("change", "sentence"), [
     ({"steps": []}, "steps"), ({"steps": [[0, 1]]}, "steps"), ({"steps": [[1]]}, "steps"), ({"steps": 3}, "steps"),
     ({"steps": [[1, True]]}, "steps"), ({"steps": [["1", 1]]}, "steps"), ({"camera": {}}, "camera"),
-    ({"camera": 7}, "camera"), ({"passes": ["Mist"]}, "Mist"), ({"snapshot": "scene/vertices.npy"}, "no snapshot"),
+    ({"camera": 7}, "camera"), ({"passes": ["Fog"]}, "Fog"), ({"snapshot": "scene/vertices.npy"}, "no snapshot"),
     ({"command": "render", "keep": 1}, "keep"), ({"framebuffer": None}, "framebuffer"),
 ])
 def test_a_bad_view_is_answered_in_a_sentence(child, change, sentence):

@@ -107,7 +107,8 @@ while (engine.poll(0.1) or {}).get("event") != "compiling":
 say("KERNELS", [p.name for p in Path(bpy.utils.extension_path_user(NAME)).glob("kernels/light-meshes/*")])
 # Anything that still calls into a module holds all of it.
 ours = {f"{name}.{key}": weakref.ref(value) for name, module in sys.modules.items() if name.startswith(NAME)
-        for key, value in vars(module).items() if getattr(value, "__module__", "") == name}
+        for key, value in vars(module).items()
+        if getattr(value, "__module__", "") == name and not isinstance(value, tuple)}
 bpy.ops.extensions.package_uninstall(repo_index=repos.index("user_default"), pkg_id="light_meshes")
 say("UNINSTALLED", difference(bare, state()))
 say("MODULES", [name for name in sys.modules if name.startswith(NAME)])

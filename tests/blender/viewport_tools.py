@@ -78,7 +78,8 @@ def pixels():
 
 
 def children():
-    table = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
+    command = ["ps", "-A", "-ww", "-o", "pid=,ppid=,args="]  # whole lines, whatever COLUMNS says
+    table = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     rows = [line.split(None, 2) for line in table.splitlines()]
     return [int(p) for p, parent, command in rows if int(parent) == os.getpid() and "light_meshes.service" in command]
 

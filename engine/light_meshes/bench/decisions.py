@@ -24,6 +24,8 @@ from .scenes import changed
 
 DARK = 1e-300  # an intensity that is some, and adds nothing in float32
 PREPARED = ("accelerators", "casters")  # decisions that show in the preparing
+# Seen by rays from mirrors, of which the scene has none: what no ray meets is no part of the surfaces.
+SHARP_TWIN = ({"receive_soft_shadows": False, "visible_reflection": True},)
 SEEN_BY_ONE = ({"visible_camera": True}, {"visible_shadow": True})
 
 
@@ -72,8 +74,8 @@ def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
                  instead=and_dark(lit(soft_shadows=False))),
         Decision("casters", "one set for all lights", opaque, and_dark(opaque, blockers=things[:1]),
                  instead=and_dark(opaque, blockers=things[:1])),
-        Decision("receivers", "none are told apart", opaque, _with_twins(opaque, ({"receive_soft_shadows": False},)),
-                 instead=_with_twins(opaque, ({"receive_soft_shadows": False},))),
+        Decision("receivers", "none are told apart", opaque, _with_twins(opaque, SHARP_TWIN),
+                 instead=_with_twins(opaque, SHARP_TWIN)),
         Decision("light linking", "no light lights some objects only", opaque, lit(receivers=things),
                  instead=lit(receivers=things)),
         Decision("uniform skip", "on", opaque, changed(glass, caustics="FOCUS"), {"uniform_skip": False}),
