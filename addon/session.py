@@ -23,7 +23,7 @@ from pathlib import Path
 
 from . import console, events
 
-MODULE = "light_meshes.service"
+MODULE = "light_meshes.frontends.service"
 # Nothing of the current folder is run, which Python's -m would put in front; every Python knows this, unlike -P.
 _START = f"import sys; sys.path[:] = [p for p in sys.path if p]; import runpy; runpy.run_module({MODULE!r}, " \
     "run_name='__main__')"

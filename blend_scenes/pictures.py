@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
-from light_meshes import blend, snapshot
-from light_meshes.film import to_srgb
-from light_meshes.render import render_image
-from light_meshes.scene import Light
+from light_meshes.film.images import to_srgb
+from light_meshes.frontends import blend
+from light_meshes.picture.render import render_image
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import Light
 
 HERE = Path(__file__).parent
 PICTURES_FOLDER = HERE.parent / "docs" / "pictures"

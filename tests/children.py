@@ -9,7 +9,7 @@ import threading
 import time
 from pathlib import Path
 
-from light_meshes import snapshot
+from light_meshes.scene import snapshot
 
 ENDS = {"done", "measured", "cancelled", "error"}
 SECONDS = 120.0  # for what should take less than one; a compiler may be at work
@@ -19,7 +19,7 @@ class Child:
     """The service, its events in a queue."""
 
     def __init__(self):
-        self.process = subprocess.Popen([sys.executable, "-m", "light_meshes.service"], stdin=subprocess.PIPE,
+        self.process = subprocess.Popen([sys.executable, "-m", "light_meshes.frontends.service"], stdin=subprocess.PIPE,
                                         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                         env=os.environ | {"PYTHONIOENCODING": "utf-8:strict"})  # as on a desktop
         self.events = queue.Queue()

@@ -8,8 +8,8 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-from light_meshes.film import Framebuffer
-from light_meshes.render import draw, prepare
+from light_meshes.film.images import Framebuffer
+from light_meshes.picture.render import draw, prepare
 from meshes import look_at
 from scenes import hall
 

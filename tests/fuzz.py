@@ -25,8 +25,10 @@ from pathlib import Path
 
 import atheris
 import numpy as np
-from light_meshes import service, snapshot, snapshot_arrays
-from light_meshes.scene import Image, Material, SceneError
+from light_meshes.frontends import service
+from light_meshes.scene import arrays as snapshot_arrays
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import Image, Material, SceneError
 from scenes import tabletop, with_lights
 
 EVENTS = Path(__file__).parent.parent / "addon" / "events.py"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from hard_cases import UP, Finding, Place, family, glass, off, picture, seen
-from light_meshes.scene import Material, Scene
+from light_meshes.scene.description import Material, Scene
 from meshes import GREY, Mesh, Part, assemble, box, look_down, move, rectangle, sphere
 from scenes import WHITE, four_lights, point, settings, sun, with_settings
 

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from light_meshes.film import Framebuffer
-from light_meshes.render import draw, prepare, render_image
-from light_meshes.scene import Scene
+from light_meshes.film.images import Framebuffer
+from light_meshes.picture.render import draw, prepare, render_image
+from light_meshes.scene.description import Scene
 from meshes import GREY, Part, assemble, box, look_at, move, rectangle
 from scenes import point, settings, sun, with_lights
 

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from light_meshes import blend
+from light_meshes.frontends import blend
 
 MAKE = """
 import sys

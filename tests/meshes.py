@@ -1,4 +1,4 @@
-"""Plain triangle meshes and a way to put them together into a `light_meshes.scene.Scene`."""
+"""Plain triangle meshes and a way to put them together into a `light_meshes.scene.description.Scene`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from light_meshes.scene import Camera, Geometry, Light, Material, Object, Scene, Settings
+from light_meshes.scene.description import Camera, Geometry, Light, Material, Object, Scene, Settings
 
 IDENTITY = np.eye(4)
 GREY = Material("grey")

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from light_meshes.scene import Light, Material, Scene
+from light_meshes.scene.description import Light, Material, Scene
 
 TAU = 1e-3  # a node nearer than τ·h to P's plane is dropped in step 2
 MARGIN = 2e-5  # of the extent of scene and lights: 1e-5 of a shadow ray's length is left open at the light

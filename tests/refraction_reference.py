@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from light_meshes.geometry import flatten
-from light_meshes.media import Media, closed
-from light_meshes.refraction import Paths, RefractedPaths
-from light_meshes.scene import Scene
-from light_meshes.tracing import Targets, Tracer
+from light_meshes.glass.media import Media, closed
+from light_meshes.glass.refraction import Paths, RefractedPaths
+from light_meshes.rays.geometry import flatten
+from light_meshes.rays.tracer import Targets, Tracer
+from light_meshes.scene.description import Scene
 from meshes import Mesh, Part, assemble, look_down, rectangle
 
 

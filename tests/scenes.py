@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from light_meshes.render import render_image
-from light_meshes.scene import LIGHT_TYPES, Light, Material, Scene, Settings
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import LIGHT_TYPES, Light, Material, Scene, Settings
 from meshes import (
     GREY,
     Part,

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.film import Framebuffer
-from light_meshes.prepared import Prepared
-from light_meshes.render import draw, measure, render_image
-from light_meshes.scene import Light, SceneError
+from light_meshes.film.images import Framebuffer
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import draw, measure, render_image
+from light_meshes.scene.description import Light, SceneError
 from meshes import GREY, Part, assemble, box, look_at, rectangle
 from scenes import WHITE, point, settings, sun, with_lights, with_settings
 

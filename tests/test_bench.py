@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from light_meshes.bench import command, decisions, errors, plots, rates, runs, scenes, targets
 from light_meshes.bench.embree import ShadowRays
-from light_meshes.plan import forced
-from light_meshes.render import render_image
-from light_meshes.scene import Light, Material
+from light_meshes.picture.plan import forced
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import Light, Material
 from meshes import Part, assemble, box, cylinder, look_at, rectangle
 from profiles import QUANTISATION, half_ball
 from scenes import edge, four_lights, hall, settings, with_lights, with_settings

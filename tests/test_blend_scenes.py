@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from light_meshes import blend, snapshot
-from light_meshes.render import render_image
+from light_meshes.frontends import blend
+from light_meshes.picture.render import render_image
+from light_meshes.scene import snapshot
 from oracle import Oracle
 from scenes import S3_LIGHT, project, tabletop
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from light_meshes.render import render_image
-from light_meshes.scene import SHADOWS, Camera, Light, SceneError
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import SHADOWS, Camera, Light, SceneError
 from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, scale, sphere
 from scenes import GREY, WHITE, four_lights, point, settings, sun, tabletop, with_lights, with_settings
 
@@ -193,8 +193,8 @@ def test_a_world_of_a_hundred_thousand_steps_needs_no_more_memory():
     def peak(size):
         code = f"""
 import numpy as np
-from light_meshes.render import render_image
-from light_meshes.statistics import peak_memory
+from light_meshes.picture.render import render_image
+from light_meshes.support.statistics import peak_memory
 from meshes import Part, assemble, box, look_at, rectangle
 from scenes import GREY, point, settings
 parts = [Part(rectangle((-{size}, -{size}), ({size}, {size}), 0.0), GREY, "floor"),

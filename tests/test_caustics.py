@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.render import Prepared, render_image
-from light_meshes.scene import Material
+from light_meshes.picture.render import Prepared, render_image
+from light_meshes.scene.description import Material
 from meshes import Part, assemble, box, look_at, look_down, move, rectangle, sphere
 from refraction_reference import sphere_roots
 from scenes import GREY, point, settings, with_settings

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from kept import after, moved, with_light, with_object
-from light_meshes.certificate import MARGIN
-from light_meshes.lattice import candidates
-from light_meshes.plan import forced
-from light_meshes.render import prepare, render_image
-from light_meshes.tracing import points
+from light_meshes.picture.plan import forced
+from light_meshes.picture.render import prepare, render_image
+from light_meshes.rays.tracer import points
+from light_meshes.shadows.meshes.certificate import MARGIN
+from light_meshes.shadows.meshes.lattice import candidates
 from meshes import GREY, Mesh, Part, assemble, box, cylinder, look_at, rectangle, sphere
 from scenes import four_lights, point, random_scene, settings, sun, tabletop
 from test_metamorphic import turned

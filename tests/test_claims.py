@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scenes
-from light_meshes.render import render_image
+from light_meshes.picture.render import render_image
 from meshes import box, cylinder
 from oracle import camera_ray
 from profiles import QUANTISATION

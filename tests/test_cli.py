@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from light_meshes import film, snapshot
 from light_meshes.cli import UsageError, frame_numbers
-from light_meshes.passes import PASSES
-from light_meshes.render import render_image
-from light_meshes.scene import SceneError
+from light_meshes.film import images as film
+from light_meshes.film.passes import PASSES
+from light_meshes.picture.render import render_image
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import SceneError
 from scenes import tabletop, with_lights, with_settings
 
 

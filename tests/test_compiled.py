@@ -6,10 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from light_meshes.kernel_files import KernelFiles
+from light_meshes.support.kernel_files import KernelFiles
 
 SCRIPT = """
-from light_meshes import averaging, compiled
+from light_meshes.shadows.meshes import averaging
+from light_meshes.support import compiled
 compiled.watch(lambda fraction, sentence: print(f"{fraction:.2f} {sentence}"))
 print(averaging.falloff(0.5))
 print(compiled._folder)

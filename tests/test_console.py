@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from light_meshes import snapshot
-from light_meshes.scene import SceneError, shown
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import SceneError, shown
 from scenes import tabletop
 
 COMMAND = [str(Path(sys.executable).parent / "light-meshes")]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.render import Prepared, render_image
+from light_meshes.picture.render import Prepared, render_image
 from meshes import GREY, Mesh, Part, assemble, look_down, rectangle
 from scenes import WHITE, all_lights, settings, sun, with_lights, with_objects, with_settings
 from test_semitransparent import glass, still_life

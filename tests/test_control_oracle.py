@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from light_meshes.lattice import lattice
-from light_meshes.render import Prepared
-from light_meshes.scene import WEIGHTS, Light, Object
+from light_meshes.picture.render import Prepared
+from light_meshes.scene.description import WEIGHTS, Light, Object
+from light_meshes.shadows.meshes.lattice import lattice
 from oracle import Lattice, Oracle
 from scenes import combined, random_scene
 from test_semitransparent import glass

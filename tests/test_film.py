@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from light_meshes import film
-from light_meshes.render import render_image
-from light_meshes.scene import Camera, Material
+from light_meshes.film import images as film
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import Camera, Material
 from meshes import Mesh, Part, assemble, camera_matrix, look_at, look_down, move, rectangle, sphere
 from oracle import Oracle, camera_ray
 from scenes import GREY, four_lights, point, random_scene, settings, with_settings

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.prepared import Prepared
-from light_meshes.render import render_image
-from light_meshes.scene import Material
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import Material
 from meshes import Mesh, Part, assemble, box, look_at, look_down, move, rectangle, sphere, turn_x
 from scenes import GREY, point, settings
 

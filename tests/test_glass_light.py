@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from light_meshes import beams
-from light_meshes.prepared import Prepared
-from light_meshes.render import render_image
-from light_meshes.scene import Material
+from light_meshes.glass import beams
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import Material
 from meshes import Mesh, Part, assemble, box, look_down, move, rectangle, sphere
 from refraction_reference import rotation
 from scenes import GREY, point, settings, sun

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.passes import NO_DEPTH, PASSES
-from light_meshes.render import render_image
-from light_meshes.scene import Material
+from light_meshes.film.passes import NO_DEPTH, PASSES
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import Material
 from meshes import GREY, Part, assemble, box, look_at, look_down, rectangle, sphere
 from scenes import edge, point, settings, sun, tabletop, with_lights, with_settings
 

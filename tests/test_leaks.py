@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scenes
-from light_meshes.render import Prepared, render_image
+from light_meshes.picture.render import Prepared, render_image
 from meshes import Part, assemble, box, look_down, rectangle
 from oracle import Lattice, Oracle
 from scenes import GREY, WHITE, light_leak, low_plate, point, settings, wall, with_lights, with_settings

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes import light_size
-from light_meshes.render import Prepared, measure, render_image
-from light_meshes.scene import Light
+from light_meshes.picture.render import Prepared, measure, render_image
+from light_meshes.scene.description import Light
+from light_meshes.shadows import radius as light_size
 from meshes import GREY, Part, assemble, box, look_at, look_down, rectangle
 from scenes import WHITE, edge, four_lights, point, settings, sun, tabletop, with_lights, with_settings
 from test_penumbra import profile

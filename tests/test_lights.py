@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.render import Prepared, render_image
-from light_meshes.scene import Light, Material
+from light_meshes.picture.render import Prepared, render_image
+from light_meshes.scene.description import Light, Material
 from meshes import Part, assemble, look_down, rectangle
 from scenes import WHITE, four_lights, hall, point, settings, with_lights, with_settings
 

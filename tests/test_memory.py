@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from light_meshes import film, memory, snapshot
-from light_meshes.prepared import Prepared
-from light_meshes.render import draw
-from light_meshes.scene import Image, SceneError
-from light_meshes.statistics import peak_memory
+from light_meshes.film import images as film
+from light_meshes.picture import memory
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import draw
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import Image, SceneError
+from light_meshes.support.statistics import peak_memory
 from scenes import hall, point, tabletop, with_lights, with_settings
 
 GIB = 1 << 30
@@ -98,11 +100,11 @@ def test_where_it_will_be_close_a_warning_says_so(monkeypatch):
 MEASURE = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from light_meshes import compiled
-from light_meshes.film import Framebuffer
-from light_meshes.prepared import Prepared
-from light_meshes.render import draw
-from light_meshes.statistics import peak_memory
+from light_meshes.support import compiled
+from light_meshes.film.images import Framebuffer
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import draw
+from light_meshes.support.statistics import peak_memory
 from scenes import hall
 kernels = []
 compiled.watch(lambda *_: kernels.append(1))
@@ -141,7 +143,7 @@ def test_the_nodes_that_are_expected_come_to_be():
 
 def test_peak_memory_is_that_of_the_process_and_not_of_what_started_it():
     here = np.ones(60_000_000)  # 480 MB
-    code = "from light_meshes.statistics import peak_memory; print(peak_memory())"
+    code = "from light_meshes.support.statistics import peak_memory; print(peak_memory())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 5e6 < int(done.stdout) < here.nbytes < peak_memory()
 

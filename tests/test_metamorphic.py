@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hard_cases import glass
-from light_meshes.render import Prepared, render_image
-from light_meshes.scene import Light, Scene
+from light_meshes.picture.render import Prepared, render_image
+from light_meshes.scene.description import Light, Scene
 from meshes import GREY, Part, assemble, box, joined, move, scale
 from oracle import Lattice, Oracle
 from scenes import moved, random_scene, with_lights

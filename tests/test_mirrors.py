@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from light_meshes.render import Prepared, render_image
-from light_meshes.scene import Camera, Material
+from light_meshes.picture.render import Prepared, render_image
+from light_meshes.scene.description import Camera, Material
 from meshes import Mesh, Part, assemble, box, look_at, move, rectangle, scale, sphere
 from oracle import Lattice, Oracle
 from scenes import GREY, point, random_scene, settings

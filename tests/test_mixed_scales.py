@@ -7,12 +7,12 @@ import pytest
 from hard_cases import glass
 from hypothesis import given
 from hypothesis import strategies as st
-from light_meshes.camera import camera_rays
-from light_meshes.frame import FAR, cut
-from light_meshes.geometry import flatten
-from light_meshes.media import closed
-from light_meshes.render import Prepared, measure, render_image
-from light_meshes.scene import Material
+from light_meshes.glass.media import closed
+from light_meshes.picture.render import Prepared, measure, render_image
+from light_meshes.rays.camera import camera_rays
+from light_meshes.rays.frame import FAR, cut
+from light_meshes.rays.geometry import flatten
+from light_meshes.scene.description import Material
 from meshes import GREY, Part, assemble, box, look_at, move, rectangle, scale, sphere
 from scenes import WHITE, hall, point, settings
 

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 from kept import drawn
-from light_meshes.node_store import NodeStore, SharedNodesError
+from light_meshes.shadows.meshes.node_store import NodeStore, SharedNodesError
 from scenes import hall
 
 RANDOM = 7

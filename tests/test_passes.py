@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.passes import DEBUG, LIGHT, NO_DEPTH, PASSES
-from light_meshes.render import render_image
-from light_meshes.scene import SHADOWS, Material, SceneError
+from light_meshes.film.passes import DEBUG, LIGHT, NO_DEPTH, PASSES
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import SHADOWS, Material, SceneError
 from meshes import GREY, Part, assemble, box, look_at, look_down, move, rectangle, sphere
 from scenes import four_lights, hall, point, settings, sun, tabletop, with_lights, with_settings
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.render import render_image
+from light_meshes.picture.render import render_image
 from profiles import QUANTISATION, disc_share, half_ball, smoothstep, strip_minimum
 from scenes import edge, strip
 

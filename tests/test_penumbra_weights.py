@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from light_meshes.render import render_image
-from light_meshes.scene import Settings
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import Settings
 from profiles import QUANTISATION, half_ball, smootherstep, smoothstep, strip_minimum
 from scenes import edge, strip, tabletop
 

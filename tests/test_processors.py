@@ -5,9 +5,11 @@ import subprocess
 import sys
 
 import pytest
-from light_meshes import memory, processors, snapshot
-from light_meshes.render import render_image
-from light_meshes.scene import SceneError
+from light_meshes.picture import memory
+from light_meshes.picture.render import render_image
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import SceneError
+from light_meshes.support import processors
 from scenes import tabletop
 
 
@@ -64,7 +66,7 @@ def test_the_command_and_the_child_take_a_number(tmp_path):
     for wrong in ("0", "-1", "1025", "many", ""):
         failed = run(wrong)
         assert failed.returncode == 2 and "from 1 to 1024" in failed.stderr, failed.stderr
-    from light_meshes.service import _threads
+    from light_meshes.frontends.service import _threads
 
     assert _threads({"threads": 2}) == 2 and _threads({}) is None
     for wrong in (0, True, 1.0, "2", 1025):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from light_meshes.render import Prepared, render_image
+from light_meshes.picture.render import Prepared, render_image
 from oracle import Lattice, Oracle
 from scenes import random_scene, with_settings
 

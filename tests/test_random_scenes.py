@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hard_cases import glass
-from light_meshes.render import render_image
-from light_meshes.scene import LIGHT_TYPES, Light, Material, Scene
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import LIGHT_TYPES, Light, Material, Scene
 from meshes import Mesh, Part, assemble, box, look_at, move, scale, turn_z
 from scenes import settings, with_settings
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.geometry import flatten
-from light_meshes.media import closed
+from light_meshes.glass.media import closed
+from light_meshes.rays.geometry import flatten
 from meshes import Mesh, Part, assemble, box, look_down, move, rectangle, scale, sphere
 from refraction_reference import FLOOR, GLASS, Lab, Stuff, only, paths, torus
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from light_meshes.refraction import Paths, RefractedPaths
+from light_meshes.glass.refraction import Paths, RefractedPaths
 from meshes import Part, box, cylinder, move, rectangle, scale, sphere
 from refraction_reference import FLOOR, GLASS, Lab, Stuff, only, paths, rotation, sphere_exits, sphere_roots, torus
 
@@ -282,7 +282,7 @@ def test_light_scattered_by_many_bodies_has_an_end(monkeypatch):
     """Beams have a budget; beyond it light is followed through fewer bends, and what is found is still true."""
     rng = np.random.default_rng(13)
     parts = [(Part(sphere(0.2, 16, 8), matrices=[move(*p)]), GLASS) for p in rng.uniform(-1, 1, (12, 3))]
-    monkeypatch.setattr("light_meshes.beams.BUDGET", (20000, 0))
+    monkeypatch.setattr("light_meshes.glass.beams.BUDGET", (20000, 0))
     lab = Lab(parts, (0, 0, 4))
     assert lab.solver.beams(0).most < 8
     x = rng.uniform(-2, 2, (200, 3))

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from kept import PASSES, WIDTH, after, drawn, moved, room, with_camera, with_light, with_material, with_object
-from light_meshes import reuse
-from light_meshes.film import Framebuffer
-from light_meshes.render import Cancelled, draw, prepare, render_image
-from light_meshes.scene import Camera, Material, Object, Scene
+from light_meshes.film.images import Framebuffer
+from light_meshes.picture import reuse
+from light_meshes.picture.render import Cancelled, draw, prepare, render_image
+from light_meshes.scene.description import Camera, Material, Object, Scene
 from meshes import GREY, Part, box, look_at, move, sphere
 from scenes import four_lights, hall, point, with_lights, with_settings
 

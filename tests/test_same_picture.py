@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes.render import render_image
-from light_meshes.scene import SHADOWS
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import SHADOWS
 from meshes import move
 from scenes import four_lights, hall, tabletop, with_lights, with_settings
 

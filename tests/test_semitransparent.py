@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from light_meshes import tracing
-from light_meshes.render import Prepared, render_image
-from light_meshes.scene import Material
+from light_meshes.picture.render import Prepared, render_image
+from light_meshes.rays import tracer as tracing
+from light_meshes.scene.description import Material
 from meshes import Mesh, Part, assemble, box, look_at, look_down, move, rectangle, sphere
 from scenes import GREY, WHITE, point, settings, sun, tabletop, with_settings
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from children import SECONDS
-from light_meshes.render import render_image
+from light_meshes.picture.render import render_image
 from scenes import four_lights, hall, tabletop
 
 
@@ -215,7 +215,7 @@ def test_in_mid_render_it_ends_at_once_and_leaves_nothing(child, end):
 
 
 def test_it_ends_when_nobody_listens():
-    process = subprocess.Popen([sys.executable, "-m", "light_meshes.service"], stdin=subprocess.PIPE,
+    process = subprocess.Popen([sys.executable, "-m", "light_meshes.frontends.service"], stdin=subprocess.PIPE,
                                stdout=subprocess.PIPE)
     folder = Path(json.loads(process.stdout.readline())["folder"])
     process.stdout.close()  # the next sign of life finds no reader
@@ -234,7 +234,7 @@ def test_it_does_not_outlive_a_parent_that_is_killed():
     """SIGKILL leaves the parent no chance to clean up: the pipes close, and the child notices."""
     code = """
 import subprocess, sys, time
-child = subprocess.Popen([sys.executable, "-m", "light_meshes.service"], stdin=subprocess.PIPE,
+child = subprocess.Popen([sys.executable, "-m", "light_meshes.frontends.service"], stdin=subprocess.PIPE,
                          stdout=subprocess.PIPE, text=True)
 print(child.pid, child.stdout.readline(), flush=True)
 time.sleep(600)

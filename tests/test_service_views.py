@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes import snapshot
-from light_meshes.render import render_image
+from light_meshes.picture.render import render_image
+from light_meshes.scene import snapshot
 from scenes import four_lights, tabletop
 
 

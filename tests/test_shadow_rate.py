@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from light_meshes.bench.targets import MAX_ADDED, RMSE_ADDED
-from light_meshes.film import Framebuffer
-from light_meshes.passes import LIGHT
-from light_meshes.prepared import Prepared
-from light_meshes.render import draw, render_image
-from light_meshes.scene import Material, SceneError
-from light_meshes.snapshot import with_setting
+from light_meshes.film.images import Framebuffer
+from light_meshes.film.passes import LIGHT
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import draw, render_image
+from light_meshes.scene.description import Material, SceneError
+from light_meshes.scene.snapshot import with_setting
 from meshes import GREY, Part, assemble, box, look_at, move, rectangle, sphere
 from scenes import all_lights, four_lights, hall, point, settings, tabletop, with_lights, with_objects, with_settings
 

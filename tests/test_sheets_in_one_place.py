@@ -5,10 +5,10 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from light_meshes.geometry import flatten
-from light_meshes.render import Prepared, render_image
-from light_meshes.scene import Material
-from light_meshes.stacks import stacks
+from light_meshes.picture.render import Prepared, render_image
+from light_meshes.rays.geometry import flatten
+from light_meshes.rays.stacks import stacks
+from light_meshes.scene.description import Material
 from meshes import GREY, IDENTITY, Mesh, Part, assemble, box, look_down, move, rectangle, sphere, turn_x
 from scenes import WHITE, point, settings
 

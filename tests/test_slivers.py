@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from light_meshes.geometry import flatten
-from light_meshes.render import render_image
+from light_meshes.picture.render import render_image
+from light_meshes.rays.geometry import flatten
 from meshes import Mesh, Part, assemble, cylinder, look_at, rectangle, sphere, turn_z
 from scenes import GREY, hall, point, settings, tabletop
 

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from light_meshes import snapshot
-from light_meshes.render import render_image
-from light_meshes.scene import (
+from light_meshes.picture.render import render_image
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import (
     CAUSTICS,
     GLASS,
     IMAGE_ALPHAS,

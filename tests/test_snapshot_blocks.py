@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from light_meshes import snapshot
-from light_meshes.scene import Scene, SceneError
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import Scene, SceneError
 from scenes import tabletop
 from test_snapshot import as_data, put, resave, rewrite
 

@@ -9,9 +9,9 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 LONG = {  # file → why it has more than 400 lines
-    "engine/light_meshes/beams.py": "kernels that call one another; as C sources they will stand apart",
-    "engine/light_meshes/optics.py": "the same",
-    "engine/light_meshes/shading.py": "the same",
+    "engine/light_meshes/glass/beams.py": "kernels that call one another; as C sources they will stand apart",
+    "engine/light_meshes/glass/optics.py": "the same",
+    "engine/light_meshes/surface/shading.py": "the same",
 }
 
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from light_meshes import snapshot
-from light_meshes.render import Prepared, render_image
-from light_meshes.scene import Material
-from light_meshes.terminator import starts
+from light_meshes.picture.render import Prepared, render_image
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import Material
+from light_meshes.shadows.terminator import starts
 from meshes import IDENTITY, Mesh, Part, assemble, look_at, look_down, move, rectangle, scale, sphere, turn_z
 from scenes import GREY, WHITE, all_objects, point, settings, sun, tabletop, with_settings
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from light_meshes.render import render_image
-from light_meshes.scene import Image, Material
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import Image, Material
 from meshes import Part, assemble, look_down, rectangle
 from scenes import settings
 

@@ -16,8 +16,9 @@ import traceback
 from pathlib import Path
 from typing import Any, NoReturn
 
-from . import __version__, console, processors, scratch
-from .scene import Scene, SceneError, shown
+from . import __version__
+from .scene.description import Scene, SceneError, shown
+from .support import console, processors, scratch
 
 FRAMES = 1048574  # Blender has none beyond
 
@@ -158,7 +159,7 @@ def _is_blend(path: Path) -> bool:
 
 
 def _render(arguments: argparse.Namespace) -> None:
-    from . import film
+    from .film import images as film
 
     output: Path = arguments.output
     if output.suffix.lower() not in (".png", ".exr"):
@@ -171,7 +172,7 @@ def _render(arguments: argparse.Namespace) -> None:
             raise UsageError("a snapshot is one frame: leave out -f")
         film.check_place(output.absolute())
         if blend_file:
-            from . import blend
+            from .frontends import blend
 
             warnings, pictures, statistics = blend.render(
                 arguments.file, output, arguments.frames, arguments.resume, arguments.threads, arguments.set, progress,
@@ -187,7 +188,7 @@ def _render(arguments: argparse.Namespace) -> None:
     for warning in warnings:
         console.say(f"light-meshes: warning: {shown(warning)}", sys.stderr)
     if statistics:
-        from . import report
+        from .frontends import report
 
         console.say(report.summary(statistics))
     for picture in (path for path, rendered in pictures.items() if not rendered):
@@ -198,7 +199,10 @@ def _render(arguments: argparse.Namespace) -> None:
 
 
 def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple[list[str], dict[str, Any]]:
-    from . import compiled, film, memory, passes, render
+    from .film import images as film
+    from .film import passes
+    from .picture import memory, render
+    from .support import compiled
 
     compiled.watch(progress)
     processors.tell(arguments.threads)
@@ -212,7 +216,7 @@ def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple
 
 
 def _read(folder: Path) -> Scene:
-    from . import snapshot
+    from .scene import snapshot
 
     return snapshot.read(folder)
 
@@ -220,7 +224,7 @@ def _read(folder: Path) -> Scene:
 def _changed(scene: Scene, changes: list[tuple[str, str]]) -> Scene:
     import dataclasses
 
-    from . import snapshot
+    from .scene import snapshot
 
     settings = scene.settings
     try:
@@ -248,12 +252,12 @@ def frame_numbers(text: str) -> list[range]:
 
 
 def _inspect(arguments: argparse.Namespace) -> None:
-    from . import report
+    from .frontends import report
 
     if not _is_blend(arguments.file):
         _answer(report.describe(_changed(_read(arguments.file), arguments.set)))
         return
-    from . import blend
+    from .frontends import blend
 
     with scratch.made(Path(tempfile.gettempdir())) as folder:
         blend.export(arguments.file, folder / "scene", arguments.set, arguments.debug)

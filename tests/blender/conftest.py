@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-import light_meshes.snapshot
+import light_meshes.scene.snapshot
 import numpy as np
 import pytest
 
@@ -167,7 +167,7 @@ def snapshot(tmp_path, addon):
             bpy.ops.render.render()
         finally:
             LightMeshesEngine.export_to = None
-        return light_meshes.snapshot.read(folder)
+        return light_meshes.scene.snapshot.read(folder)
     return run
 
 

@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import light_meshes.snapshot
+import light_meshes.scene.snapshot
 import pytest
 from blender_scene import SCENE
 
@@ -58,7 +58,7 @@ LEAVE = "from light_meshes_addon.headless import leave\nleave(0)\n"
 
 
 def check(folder):
-    scene = light_meshes.snapshot.read(folder / "snapshot")
+    scene = light_meshes.scene.snapshot.read(folder / "snapshot")
     assert scene.camera.crop == (0, 0, 32, 48)
     assert len(scene.geometry.triangles) == 2  # of the layer that is seen, not of the last one
 

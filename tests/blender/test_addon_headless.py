@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import light_meshes.snapshot
+import light_meshes.scene.snapshot
 import numpy as np
 import pytest
 from blender_scene import SCENE, read
@@ -103,7 +103,7 @@ def test_numbers_in_the_folders_name_stay(blend, drive, tmp_path):
 def test_snapshot(blend, drive, tmp_path):
     code, events, said = drive("snapshot", blend, "-o", "folder", "-f", "1", "--set", "kI=2.5")
     assert code == 0 and kinds(events) == {"warning", "wrote"}, said
-    scene = light_meshes.snapshot.read(tmp_path / "folder")
+    scene = light_meshes.scene.snapshot.read(tmp_path / "folder")
     assert scene.settings.kI == 2.5 and len(scene.geometry.triangles) == 4
     assert np.allclose(scene.geometry.instance_matrix[0][:3, 3], 0)
 

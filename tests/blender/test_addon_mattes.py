@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from light_meshes import mattes
+from light_meshes.film import mattes
 from light_meshes_addon import cryptomatte
 from test_addon_passes import render_layers
 

@@ -3,10 +3,10 @@
 import math
 
 import bpy
-import light_meshes.snapshot
+import light_meshes.scene.snapshot
 import numpy as np
 import pytest
-from light_meshes.render import render_image
+from light_meshes.picture.render import render_image
 
 
 @pytest.fixture
@@ -89,7 +89,7 @@ def test_a_kept_snapshot_is_what_is_rendered(lit, add_plane, render, tmp_path):
     picture = render(lit)["Combined"]
     for expected in ("snapshot-untitled-Scene-1", "snapshot-untitled-Scene-1-2"):
         assert bpy.ops.light_meshes.keep_snapshot(directory=str(tmp_path)) == {'FINISHED'}
-        again = render_image(light_meshes.snapshot.read(tmp_path / expected)).passes["Combined"]
+        again = render_image(light_meshes.scene.snapshot.read(tmp_path / expected)).passes["Combined"]
         assert np.array_equal(again[::-1], picture)
     assert LightMeshesEngine.export_to is None and lit.render.use_compositing and lit.render.use_sequencer
 

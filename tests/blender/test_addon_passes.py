@@ -1,7 +1,7 @@
 """Passes in Blender: their names, what registers them, and what arrives in the file that Blender writes."""
 
 import bpy
-import light_meshes.passes
+import light_meshes.film.passes
 import numpy as np
 import pytest
 
@@ -29,7 +29,7 @@ def blenders(name, passes):
 
 
 def test_the_lists_of_add_on_and_engine_agree(passes):
-    assert {p.engine_name: p.channel_ids for p in passes.ALL.values()} == light_meshes.passes.PASSES
+    assert {p.engine_name: p.channel_ids for p in passes.ALL.values()} == light_meshes.film.passes.PASSES
     assert sorted(passes.DATA + passes.LIGHT + passes.DEBUG) == sorted(passes.ALL)
     assert len({p.name for p in passes.ALL.values()}) == len(passes.ALL)
 

@@ -5,7 +5,7 @@ import random
 
 import bmesh
 import bpy
-import light_meshes.snapshot
+import light_meshes.scene.snapshot
 import numpy as np
 import pytest
 from light_meshes_addon.export import mesh as mesh_module
@@ -72,7 +72,7 @@ def watched(scene, tmp_path, monkeypatch):
 
 def content(path):
     """All that a picture depends on, whatever the order of meshes, materials and objects."""
-    scene = light_meshes.snapshot.read(path)
+    scene = light_meshes.scene.snapshot.read(path)
     g = scene.geometry
     instances = []
     for mesh, ob, matrix in zip(g.instance_mesh, g.instance_object, g.instance_matrix, strict=True):
@@ -308,7 +308,7 @@ def test_painted_images(scene, add_plane, watched, check):
     material.update_tag()
     check()
     path = watched.export()
-    scene = light_meshes.snapshot.read(path)
+    scene = light_meshes.scene.snapshot.read(path)
     assert len(scene.images) == 1 and len(list(watched.folder.glob("image-*.tif"))) == 1
     plane.data.materials.clear()
     check()

@@ -5,7 +5,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from light_meshes.render import measure, render_image
+from light_meshes.picture.render import measure, render_image
 
 TANGENT = 0.1  # of the sun's half-angle
 

@@ -7,11 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import light_meshes.snapshot
+import light_meshes.scene.snapshot
 import pytest
 from blender_scene import SCENE, read
-from light_meshes import blend
-from light_meshes.render import render_image
+from light_meshes.frontends import blend
+from light_meshes.picture.render import render_image
 from scenes import tabletop
 
 BIN = Path(sys.executable).parent
@@ -72,7 +72,7 @@ def test_the_command(hostile, tmp_path, blend_file, command):
         for name in ("runpy", "light_meshes"):
             (hostile / f"{name}.py").unlink()
             shutil.rmtree(hostile / name)
-    light_meshes.snapshot.write(tabletop(8, samples=1), tmp_path / "scene")
+    light_meshes.scene.snapshot.write(tabletop(8, samples=1), tmp_path / "scene")
     run(hostile, *command, "render", tmp_path / "scene", "-o", "snapshot.exr")
     expected = render_image(tabletop(8, samples=1)).passes["Combined"][::-1]
     assert (read(hostile / "snapshot.exr")[..., :4] == expected).all()
@@ -82,9 +82,9 @@ def test_the_command(hostile, tmp_path, blend_file, command):
 
 
 def test_numba_is_not_steered(hostile):
-    code = "import yaml, numba.core.config as c\nfrom light_meshes import compiled\n" \
+    code = "import yaml, numba.core.config as c\nfrom light_meshes.support import compiled\n" \
         "assert not c.DISABLE_JIT\nc.reload_config()\nassert not c.DISABLE_JIT"
-    assert "DISABLE_JIT" not in run(hostile, sys.executable, "-P", "-c", "import light_meshes.compiled\n" + code).stderr
+    assert "DISABLE_JIT" not in run(hostile, sys.executable, "-P", "-c", "import light_meshes.support.compiled\n" + code).stderr
 
 
 @pytest.mark.parametrize(("python", "path"), [("", None), ("", ":"), ("python3", ".:"), ("wrapper", ":")])

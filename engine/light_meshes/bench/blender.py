@@ -14,8 +14,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ..blend import MARK, blender, environment
-from ..scene import SceneError
+from ..frontends.blend import MARK, blender, environment
+from ..scene.description import SceneError
 from .scenes import Case, blend_folder, sized
 
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .. import console
-from ..scene import SceneError
+from ..scene.description import SceneError
+from ..support import console
 from . import plots, tables
 from .runs import FORMAT, QUICK, Effort, bench
 from .targets import targets

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ..plan import forced
-from ..render import render_image
-from ..scene import Scene
+from ..picture.plan import forced
+from ..picture.render import render_image
+from ..scene.description import Scene
 from .measure import PREPARING, Say
 from .scenes import changed
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..film import crop_of
-from ..integrator import radiance
-from ..prepared import Prepared
-from ..scene import Scene
-from ..tracing import CHUNK
+from ..film.images import crop_of
+from ..picture.integrator import radiance
+from ..picture.prepared import Prepared
+from ..rays.tracer import CHUNK
+from ..scene.description import Scene
 
 Chunk = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # origins, directions, ends
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import camera_rays
-from ..prepared import SHADED, Prepared
-from ..render import render_image
-from ..scene import Scene
+from ..picture.prepared import SHADED, Prepared
+from ..picture.render import render_image
+from ..rays.camera import camera_rays
+from ..scene.description import Scene
 from .scenes import changed, radius
 
 LOW, HIGH = 0.02, 0.98  # of S, in a penumbra

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
-from ..render import render_image
-from ..scene import Scene
+from ..picture.render import render_image
+from ..scene.description import Scene
 from .blender import Cycles
 from .scenes import Case, sized
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..render import render_image
+from ..picture.render import render_image
 from .measure import Say, seconds
 from .scenes import Case, changed, sized
 

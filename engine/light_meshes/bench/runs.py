@@ -18,9 +18,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from .. import snapshot
-from ..render import render_image
-from ..scene import Scene
+from ..picture.render import render_image
+from ..scene import snapshot
+from ..scene.description import Scene
 from . import decisions, errors, rates, scenes
 from .blender import Cycles
 from .embree import ShadowRays
@@ -235,8 +235,8 @@ _FIRST = """
 import json, sys, time
 from pathlib import Path
 t = [time.perf_counter()]
-from light_meshes import snapshot
-from light_meshes.render import render_image
+from light_meshes.scene import snapshot
+from light_meshes.picture.render import render_image
 t.append(time.perf_counter())
 scene = snapshot.read(Path(sys.argv[1]))
 t.append(time.perf_counter())

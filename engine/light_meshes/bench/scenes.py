@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import blend, snapshot
-from ..light_size import own_radii
-from ..prepared import Prepared
-from ..render import measure
-from ..scene import Geometry, Light, Material, Object, Scene, SceneError
+from ..frontends import blend
+from ..picture.prepared import Prepared
+from ..picture.render import measure
+from ..scene import snapshot
+from ..scene.description import Geometry, Light, Material, Object, Scene, SceneError
+from ..shadows.radius import own_radii
 
 FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}
 MATCHED = ("S3", "S7")  # their lights get the size that the penumbra's width stands for

@@ -1,0 +1,1 @@
+"""Pixels and files: the passes that a picture may have, their tiles, and where they go."""

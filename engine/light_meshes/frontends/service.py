@@ -1,0 +1,342 @@
+"""The engine as a child process: one JSON object a line on stdin and stdout, log on stderr.
+
+The child says first
+    {"event": "ready", "version": "0.1.0", "folder": PATH}
+where PATH is a new private folder (mode 0700) that parent and child share; the child owns it and removes it when
+it ends: on "quit", on a closed stdin (so nothing outlives the parent, however it died), on SIGTERM and SIGHUP. What
+children that were killed left behind is removed when another one starts.
+
+Parent → child (paths are relative to the folder, or absolute; a snapshot is a folder with a scene.json, or any one
+of the scene files in a folder; passes.py lists the passes):
+    {"command": "render", "id": 1, "snapshot": "scene", "framebuffer": "frame", "passes": ["Combined", "Depth"]}
+        "keep": true: what was prepared (accelerator, nodes) stays, and the next command with keep takes over what is
+        still right, by its contents; the picture is the same. Without it (the default) nothing stays
+        "threads": 4: use so many, in a view and a measurement as well; null: as many as there are processors
+    {"command": "view", "id": 7, "snapshot": "scene-12.json", "framebuffer": "view", "passes": ["Combined"],
+        "camera": {…}, "steps": [[8, 1], [4, 1], [2, 1], [1, 1], [1, 4]]}
+        a picture that gets better in steps of (divisor of the resolution, samples a pixel). Keeps, as with "keep".
+        A snapshot that is the one of the last command with keep is not read again. camera: as in scene.json, of the
+        rays, while the snapshot's own is what h is measured by; null: its own
+    {"command": "measure", "id": 2, "snapshot": "scene"}     h that `auto_h` would take for this scene,
+        and r of each light whose softness is LIGHT_SIZE; null for others, and where nothing tells of it
+    {"command": "cancel", "id": 1}                           ends that command at its next batch, or before it starts
+    {"command": "quit"}
+Child → parent:
+    {"event": "started", "id": 1, "width": w, "height": h, "passes": {"Combined": 4, "Depth": 1}}
+        the framebuffer files PASS.npy exist now: float32 (h, w, channels), rows bottom-up, zero where not done
+    {"event": "progress", "id": 1, "fraction": 0.25, "stage": "Rendering"}
+    {"event": "tile", "id": 1, "box": [x0, y0, x1, y1]}      these pixels are final
+    {"event": "picture", "id": 7, "step": 0, "width": w, "height": h, "passes": {"Combined": 4}}
+        a step of a view is done: its passes are FRAMEBUFFER/STEP/PASS.npy. A coarser picture shows exactly what the
+        whole one does; its sides are rounded up
+    {"event": "done", "id": 1, "statistics": {…}, "warnings": [sentence, …]}      of a view: those of its last step,
+        and under "steps" a few figures of each
+    {"event": "measured", "id": 2, "h": 0.05, "radii": [0.12, null]}
+    {"event": "cancelled", "id": 1}
+    {"event": "error", "id": 1, "message": sentence}         the child lives on, unless the id is null
+    {"event": "alive"}                                       every second, so that a stopped child is noticed
+    {"event": "compiling", "fraction": 0.25, "stage": sentence}    a kernel is being compiled, before a command or in it
+Each command ends with exactly one of done, measured, cancelled, error. A command while one runs waits its turn.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import queue
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import __version__
+from ..support import processors, scratch
+
+if TYPE_CHECKING:
+    from ..picture.prepared import Prepared
+    from ..scene.description import Scene
+
+ALIVE_SECONDS = 1.0
+_FIGURES = ("width", "height", "samples", "seconds", "nodes", "nodes_kept", "long_rays", "short_rays", "shadow_rays")
+
+
+class Service:
+    """Reads commands in one thread, carries them out in the main one."""
+
+    def __init__(self, commands: Any, events: Any, folder: Path) -> None:
+        self._commands, self._events, self._folder = commands, events, folder
+        self._lock = threading.Lock()
+        self._queue: queue.Queue[dict[str, Any]] = queue.Queue()
+        self._cancelled: set[Any] = set()
+        self._kept: Prepared | None = None  # of the last command with keep
+        self._snapshot: tuple[tuple, Scene] | None = None  # file, and what it says
+
+    def run(self) -> None:
+        """Carry out commands until "quit"."""
+        self._send(event="ready", version=__version__, folder=str(self._folder))
+        threading.Thread(target=self._read, daemon=True).start()
+        threading.Thread(target=self._alive, daemon=True).start()
+        threading.Thread(target=_warm_up, args=(self._compiling,), daemon=True).start()
+        while True:
+            message = self._queue.get()
+            if message["command"] == "quit":
+                return
+            self._carry_out(message)
+
+    def _carry_out(self, message: dict[str, Any]) -> None:
+        from ..picture.render import Cancelled  # late: "ready" must not wait for numba
+        from ..scene.description import SceneError, quoted
+
+        number = message.get("id")
+        try:
+            if number in self._cancelled:
+                raise Cancelled
+            processors.tell(_threads(message))
+            if message["command"] == "render":
+                self._render(number, message)
+            elif message["command"] == "view":
+                self._view(number, message)
+            elif message["command"] == "measure":
+                self._measure(number, message)
+            else:
+                raise SceneError(f"unknown command {quoted(message['command'])}")
+        except Cancelled:
+            self._send(event="cancelled", id=number)
+        except SceneError as e:
+            self._send(event="error", id=number, message=str(e))
+        except MemoryError:
+            self._kept = None
+            self._send(event="error", id=number, message="the engine ran out of memory: render fewer pixels, "
+                       "a larger h or fewer triangles")
+        except OSError as e:
+            self._send(event="error", id=number, message=_trouble(e, self._folder))
+        except Exception as e:  # the boundary: whatever it is, the parent hears of it
+            traceback.print_exc()
+            self._send(event="error", id=number, message=f"the engine failed: {type(e).__name__}: "
+                       f"{str(e).strip().partition(chr(10))[0][:200]}")
+
+    def _render(self, number: Any, message: dict[str, Any]) -> None:
+        from ..film import images as film
+        from ..picture import memory, render
+        from ..scene import snapshot
+
+        keep = _checked(message, "keep", bool, False)
+        if not keep:
+            self._kept = self._snapshot = None
+        scene = self._scene(message) if keep else snapshot.read(self._path(message, "snapshot"))
+        passes = _passes(message)
+        memory.check(memory.before(scene, passes))
+        frame = film.Framebuffer.create(scene, passes, self._path(message, "framebuffer"))
+        self._send(event="started", id=number, width=frame.width, height=frame.height, passes=frame.channels)
+
+        def progress(fraction: float, stage: str) -> None:
+            self._send(event="progress", id=number, fraction=fraction, stage=stage)
+
+        progress(0.0, "Preparing")
+        ready = render.prepare(scene, passes, lambda: number in self._cancelled, self._kept)
+        if keep:
+            self._kept = ready
+        done = render.draw(ready, frame, cancelled=lambda: number in self._cancelled, progress=progress,
+                           tile=lambda box: self._send(event="tile", id=number, box=box))
+        frame.flush()
+        self._send(event="done", id=number, statistics=done.statistics, warnings=done.warnings)
+
+    def _view(self, number: Any, message: dict[str, Any]) -> None:
+        from ..film.images import Framebuffer
+        from ..picture import render
+        from ..rays.camera import coarser
+        from ..scene import snapshot
+
+        def cancelled() -> bool:
+            return number in self._cancelled
+
+        passes, steps, folder = _passes(message), _steps(message), self._path(message, "framebuffer")
+        camera = None if message.get("camera") is None else snapshot.camera(message["camera"])
+        scene = self._scene(message)
+        figures = []
+        for step, (divisor, samples) in enumerate(steps):
+            self._kept = ready = render.prepare(
+                replace(scene, settings=replace(scene.settings, samples=samples)), passes, cancelled, self._kept,
+                coarser(camera or scene.camera, divisor))
+            frame = Framebuffer.create(ready.scene, passes)
+            done = render.draw(ready, frame, cancelled=cancelled)
+            frame.save(folder / str(step))
+            self._send(event="picture", id=number, step=step, width=frame.width, height=frame.height,
+                       passes=frame.channels)
+            figures.append({name: done.statistics[name] for name in _FIGURES if name in done.statistics})
+        self._send(event="done", id=number, statistics=done.statistics | {"steps": figures}, warnings=done.warnings)
+
+    def _scene(self, message: dict[str, Any]) -> Scene:
+        """The snapshot of a command with keep, in memory: its files may change once this command has ended."""
+        from ..scene import snapshot
+
+        file = snapshot.scene_file(self._path(message, "snapshot"))
+        version = file, file.stat().st_mtime_ns, file.stat().st_size
+        if self._snapshot is None or self._snapshot[0] != version:
+            self._snapshot = version, snapshot.read(file, mapped=False)
+        return self._snapshot[1]
+
+    def _measure(self, number: Any, message: dict[str, Any]) -> None:
+        from ..picture import render
+        from ..scene import snapshot
+
+        scene = snapshot.read(self._path(message, "snapshot"))
+        self._send(event="measured", id=number, **render.measure(scene))
+
+    def _path(self, message: dict[str, Any], key: str) -> Path:
+        from ..scene.description import SceneError
+
+        value: Any = message.get(key)
+        try:
+            if b"\0" not in os.fsencode(value):
+                return self._folder / value
+        except (TypeError, UnicodeEncodeError):
+            pass
+        raise SceneError(f"the command '{message['command']}' needs a path '{key}'")
+
+    def _read(self) -> None:
+        try:
+            for line in self._commands:
+                self._take(line)
+        except MemoryError:  # without this thread nothing would be heard of any more
+            os.write(sys.stderr.fileno(), b"out of memory\n")
+            end(self._folder, 1)
+        except (OSError, ValueError):
+            pass
+        end(self._folder)  # stdin is closed: the parent is gone
+
+    def _take(self, line: bytes) -> None:
+        try:
+            message = json.loads(line)
+            command, number = message["command"], message.get("id")
+            if not isinstance(number, int | str | None):
+                raise TypeError
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            self._send(event="error", id=None, message=f"not a command: {line.strip()[:80]!r}")
+            return
+        if command == "cancel":
+            self._cancelled.add(number)
+        else:
+            self._queue.put(message)
+
+    def _alive(self) -> None:
+        wait = threading.Event()
+        while not wait.wait(ALIVE_SECONDS):
+            with contextlib.suppress(MemoryError):  # the next one may find some
+                self._send(event="alive")
+
+    def _compiling(self, fraction: float, stage: str) -> None:
+        self._send(event="compiling", fraction=fraction, stage=stage)
+
+    def _send(self, **message: Any) -> None:
+        try:
+            with self._lock:
+                self._events.write(json.dumps(message) + "\n")
+                self._events.flush()
+        except OSError:
+            end(self._folder)  # nobody listens
+
+
+def _warm_up(tell: Callable[[float, str], None]) -> None:
+    """Load the kernels that nearly every picture needs, or compile them, while the parent still writes its snapshot.
+
+    A command does not wait for it: what it needs first it compiles itself. `tell` hears of what is compiled.
+    """
+    import numpy as np
+
+    from ..picture import render
+    from ..scene.description import Camera, Geometry, Light, Object, Scene, Settings
+    from ..support import compiled
+
+    compiled.watch(tell)
+    triangle = np.array([[-9, -9, -2], [9, -9, -2], [0, 9, -2]], np.float32)
+    geometry = Geometry(
+        triangle, np.array([[0, 1, 2]], np.int32), np.full((1, 3, 3), 0.5, np.float32),
+        np.zeros((0, 3, 2), np.float32), np.zeros(1, np.int32), np.array([[0, 3, 0, 1]]), np.zeros(1, np.int32),
+        np.zeros(1, np.int32), np.eye(4)[None])
+    lights = (Light("light", "POINT", (1.0, 1.0, 1.0)),)
+    scene = Scene(Camera(np.eye(4), (-0.5, 0.5, -0.5, 0.5), 8, 8), geometry, lights, objects=(Object("triangle"),),
+                  settings=Settings(auto_h=True))
+    with contextlib.suppress(Exception):  # the command that needs it will say what is wrong
+        render.render_image(scene, threads=1)
+
+
+def _trouble(e: OSError, folder: Path) -> str:
+    """A sentence for a file that could not be read or written."""
+    if e.errno in (None, errno.ENOSPC, errno.EDQUOT, errno.EFBIG):  # numpy does not say why it wrote less
+        return f"the disk is full: the engine writes to {folder}, and what it compiles to its cache"
+    return f"{e.filename or folder} cannot be used: {e.strerror}"
+
+
+def _checked(message: dict[str, Any], key: str, kind: type, default: Any) -> Any:
+    from ..scene.description import SceneError, quoted
+
+    value = message.get(key, default)
+    if not isinstance(value, kind):
+        raise SceneError(f"{key} is {quoted(value)}; it must be {'true or false' if kind is bool else 'a list'}")
+    return value
+
+
+def _passes(message: dict[str, Any]) -> list[str]:
+    from ..scene.description import SceneError
+
+    passes = _checked(message, "passes", list, ["Combined"])
+    if not all(isinstance(name, str) for name in passes):
+        raise SceneError("passes must be a list of names")
+    return list(passes)
+
+
+def _threads(message: dict[str, Any]) -> int | None:
+    from ..scene.description import SceneError, quoted
+
+    threads = message.get("threads")
+    if threads is not None and not (type(threads) is int and 1 <= threads <= processors.MOST):
+        raise SceneError(f"threads is {quoted(threads)}; it must be a whole number from 1 to {processors.MOST}")
+    return threads
+
+
+def _steps(message: dict[str, Any]) -> list[tuple[int, int]]:
+    from ..scene.description import SceneError, quoted
+
+    steps = _checked(message, "steps", list, [[1, 1]])
+    for step in steps:
+        if not (isinstance(step, list) and len(step) == 2 and all(type(n) is int and 1 <= n <= 4096 for n in step)):
+            raise SceneError(f"steps has {quoted(step)}; a step is a divisor of the resolution and a number of samples")
+    if not steps:
+        raise SceneError("steps is empty: a view needs at least one step")
+    return [(divisor, samples) for divisor, samples in steps]
+
+
+def end(folder: Path, code: int = 0) -> None:
+    """Remove `folder` and end the process at once, from any thread."""
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(code)
+
+
+def main() -> None:
+    """Run the service on this process's stdin and stdout."""
+    events = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # a stray print must not break the protocol
+    folder = scratch.make(Path(tempfile.gettempdir()))
+    signal.signal(signal.SIGTERM, lambda *_: end(folder))
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, lambda *_: end(folder))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the group; the parent decides
+    try:
+        Service(sys.stdin.buffer, events, folder).run()
+    except BaseException:  # a package that cannot be loaded, say: the log tells
+        traceback.print_exc()
+        end(folder, 1)
+    end(folder)
+
+
+if __name__ == "__main__":
+    main()

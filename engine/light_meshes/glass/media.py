@@ -1,0 +1,313 @@
+"""Semitransparent surfaces as the solver of refracted paths sees them: solids, patches, and rays in float64.
+
+Embree's hits are float32, too coarse for Newton's method and for surfaces that touch. So the semitransparent
+triangles, and only they, also stand in a small tree of boxes whose rays are float64; opaque ones stay Embree's.
+Coordinates are the tracer's frame.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rays.boxes import box_tree
+from ..rays.geometry import Surfaces
+from ..support.compiled import kernel, part
+from .bodies import FLAT, bodies
+
+CREASE = 5e-4  # radians: normals that differ by more across an edge end a patch
+TOUCHING = 1e-9  # surfaces nearer than this along a ray are in the same place
+INSIDE = 1e-10  # how far beyond [0, 1] barycentric coordinates still hit: no ray slips through an edge
+
+
+class Media(NamedTuple):
+    """What light does at each triangle of `Surfaces`, (T,) each."""
+
+    transparent: NDArray[np.bool_]  # light passes, times t; all others are opaque and no business of the solver's
+    solid: NDArray[np.bool_]  # bounds a body of index `ior`: part of a closed mesh; False for a sheet
+    ior: NDArray[np.float64]
+    t: NDArray[np.float64]  # (T,3) k_t, RGB
+    priority: NDArray[np.int32]  # where bodies overlap the highest is the medium, see `bodies`
+
+
+# Columns of Glass.place: the hot kernels read single numbers of few arrays. A view of a shared array would cost an
+# atomic count of references, and threads would wait for each other.
+A = 0  # first vertex
+E1, E2 = 3, 6  # edges from it
+U, V = 9, 12  # dual to the edges: u = (P − A)·U
+NG = 15  # unit normal out of the body
+NS = 18  # three corner normals out of the body; interpolated, then normalised
+KT = 27  # t, RGB
+# Columns of Glass.link.
+BODY, OWNER, PATCH, FLAT_SHADED, NEIGHBOUR = 0, 1, 2, 3, 4
+
+
+class Glass(NamedTuple):
+    """The semitransparent triangles in the order of their tree ("slots"), and the bodies that they bound."""
+
+    triangle: NDArray[np.int32]  # (M,) of Surfaces
+    place: NDArray[np.float64]  # (M,30) columns A .. KT
+    link: NDArray[np.int64]  # (M,7) body (−1: a sheet), instance, patch (triangles joined by edges without a crease;
+    #                          −1: a sheet), whether the normal is NG, slots across AB, BC, CA in the patch (−1: none)
+    planar: NDArray[np.int64]  # (patches,) a slot whose plane the patch lies in, −1: curved
+    patch_size: NDArray[np.float64]  # (patches,) radius
+    ior: NDArray[np.float64]  # (bodies,)
+    rank: NDArray[np.int64]  # (bodies,) of those around a point the highest is the medium
+    ball: NDArray[np.float64]  # (bodies,4) centre and radius
+    box: NDArray[np.float64]  # (nodes,6) low, high
+    child: NDArray[np.int64]  # (nodes,2) first of two children, or first slot of a leaf; and slots of a leaf, 0: inner
+
+
+def closed(surfaces: Surfaces, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Marks (T,) triangles of closed meshes: IOR acts only there (method §3).
+
+    A mesh is a set of triangles joined by edges, vertices at one place being one; it is closed if each edge
+    belongs to two triangles that run it in opposite directions. Looks only at instances with a triangle in `among`.
+    """
+    out = np.zeros(len(among), np.bool_)
+    index = np.flatnonzero(np.isin(surfaces.instance, np.unique(surfaces.instance[among])))
+    if len(index):
+        corner = _merged(surfaces, index)
+        neighbour = np.empty((len(index), 3), np.int32)
+        label = np.empty(len(index), np.int32)
+        _adjacent(corner, _edge_order(corner), neighbour)
+        _components(neighbour, np.ones_like(neighbour, np.bool_), label)
+        open_edges = np.bincount(label, weights=(neighbour < 0).any(1))
+        out[index] = open_edges[label] == 0
+    return out
+
+
+def _merged(surfaces: Surfaces, index: NDArray[np.intp]) -> NDArray[np.int64]:
+    """Vertex numbers (n,3) of triangles, equal where instance and position are."""
+    used, flat = np.unique(surfaces.triangles[index], return_inverse=True)
+    owner = np.empty(len(used), np.int32)
+    owner[flat.reshape(-1)] = np.repeat(surfaces.instance[index], 3)
+    position = surfaces.vertices[used] + np.float32(0)  # −0 and 0 are one place
+    order = np.lexsort((position[:, 0], position[:, 1], position[:, 2], owner))
+    p, o = position[order], owner[order]
+    new = np.r_[False, (p[1:] != p[:-1]).any(1) | (o[1:] != o[:-1])]
+    number = np.empty(len(used), np.int64)
+    number[order] = np.cumsum(new)
+    return number[flat.reshape(-1, 3)]
+
+
+def _edge_order(corner: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Order of the 3n edges (3·triangle + k: from corner k to k+1) that puts equal ones side by side."""
+    a, b = corner.reshape(-1), np.roll(corner, -1, axis=1).reshape(-1)
+    return np.argsort(np.minimum(a, b) * (corner.max(initial=0) + 1) + np.maximum(a, b), kind="stable")
+
+
+@kernel
+def _adjacent(corner, order, neighbour):
+    """Triangle across each edge, −1 unless exactly two triangles share it in opposite directions."""
+    neighbour[:] = -1
+    i = 0
+    while i < len(order):
+        a, b = corner[order[i] // 3, order[i] % 3], corner[order[i] // 3, (order[i] % 3 + 1) % 3]
+        j = i + 1
+        while j < len(order):
+            c, d = corner[order[j] // 3, order[j] % 3], corner[order[j] // 3, (order[j] % 3 + 1) % 3]
+            if min(a, b) != min(c, d) or max(a, b) != max(c, d):
+                break
+            j += 1
+        if j == i + 2:
+            s, r = order[i], order[i + 1]
+            if corner[r // 3, r % 3] == b and a != b:
+                neighbour[s // 3, s % 3] = r // 3
+                neighbour[r // 3, r % 3] = s // 3
+        i = j
+
+
+@kernel
+def _components(neighbour, joined, label):
+    """Numbers the components of triangles whose shared edges are `joined` (n,3), in order of appearance."""
+    parent = np.arange(len(neighbour))
+    for t in range(len(neighbour)):
+        for k in range(3):
+            if neighbour[t, k] >= 0 and joined[t, k]:
+                a, b = t, neighbour[t, k]
+                while parent[a] != a:
+                    parent[a] = parent[parent[a]]
+                    a = parent[a]
+                while parent[b] != b:
+                    parent[b] = parent[parent[b]]
+                    b = parent[b]
+                parent[max(a, b)] = min(a, b)
+    count = 0
+    for t in range(len(neighbour)):
+        a = t
+        while parent[a] != a:
+            a = parent[a]
+        if a == t:
+            label[t] = count
+            count += 1
+        else:
+            label[t] = label[a]
+
+
+@kernel
+def _smooth_edges(corner, neighbour, Ns, joined):
+    """Marks shared edges at both ends of which the two triangles have the same normals."""
+    limit = np.cos(CREASE)
+    for t in range(len(neighbour)):
+        for k in range(3):
+            o = neighbour[t, k]
+            joined[t, k] = o >= 0
+            if o < 0:
+                continue
+            for end in range(2):
+                i = (k + end) % 3
+                for j in range(3):
+                    if corner[o, j] == corner[t, i]:
+                        dot = (Ns[t, i] * Ns[o, j]).sum()
+                        if dot < limit * np.sqrt((Ns[t, i] ** 2).sum() * (Ns[o, j] ** 2).sum()):
+                            joined[t, k] = False
+
+
+def glass(surfaces: Surfaces, media: Media) -> Glass:
+    """The semitransparent triangles, ready for `closest`."""
+    index = np.flatnonzero(media.transparent)
+    solid = media.solid[index]
+    corners = surfaces.vertices[surfaces.triangles[index]].astype(np.float64)
+    ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    owner = surfaces.instance[index]
+    normal = np.cross(ab, ac) * np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
+    Ng = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    Ns = np.einsum("nij,nkj->nki", surfaces.normal_matrix[owner],
+                   surfaces.at_corners(surfaces.corner_normals, index))
+    # Lengths are kept, as `geometry.surface` does, but for one common factor.
+    length = np.linalg.norm(Ns, axis=2)
+    usable = ((length > 0) & np.isfinite(length)).all(1)
+    Ns = np.where(usable[:, None, None], Ns / np.where(usable, length.max(1, initial=0), 1)[:, None, None],
+                  Ng[:, None])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosine = np.einsum("nkj,nj->nk", Ns, Ng) / np.linalg.norm(Ns, axis=2)
+        sine = np.linalg.norm(np.cross(Ns, Ng[:, None]), axis=2) / np.linalg.norm(Ns, axis=2)
+    flat = ~((sine > FLAT) | (cosine < 0)).any(1)
+    Ns[flat] = Ng[flat][:, None]
+
+    found = bodies(surfaces, media.solid & media.transparent, media.ior, media.priority)
+    body, size = found.of[index], len(found.rank)
+    middle, radius = np.zeros((size, 3)), np.zeros(size)
+    for j in range(3):
+        middle[:, j] = np.bincount(body[solid], corners[solid, 0, j], size)
+    middle /= np.maximum(np.bincount(body[solid], None, size), 1)[:, None]
+    if size:
+        np.maximum.at(radius, body[solid], np.linalg.norm(corners[solid] - middle[body[solid]][:, None], axis=2).max(1))
+        inside_out = solid & found.inside_out[body]
+        Ng[inside_out] *= -1
+        Ns[inside_out] *= -1
+
+    corner = _merged(surfaces, index) if len(index) else np.zeros((0, 3), np.int64)
+    neighbour = np.empty((len(index), 3), np.int32)
+    joined = np.zeros((len(index), 3), np.bool_)
+    label = np.empty(len(index), np.int32)
+    _adjacent(corner, _edge_order(corner), neighbour)
+    _smooth_edges(corner, neighbour, Ns, joined)
+    joined &= (body[:, None] == body[neighbour]) & solid[:, None]
+    _components(neighbour, joined, label)
+    names, patch = np.unique(label[solid], return_inverse=True)
+    label[:] = -1
+    label[solid] = patch
+    neighbour[~joined] = -1
+
+    order, box, child = box_tree(np.concatenate([corners.min(1), corners.max(1)], 1))
+    back = np.empty(len(order), np.int32)
+    back[order] = np.arange(len(order))
+    planar = np.full(len(names), -1, np.int64)
+    planar[label[solid]] = back[solid]
+    planar[label[solid & ~flat]] = -1
+    patch_size = np.zeros(len(names))
+    if len(names):
+        lower, upper = np.full((len(names), 3), np.inf), np.full((len(names), 3), -np.inf)
+        np.minimum.at(lower, label[solid], corners[solid].min(1))
+        np.maximum.at(upper, label[solid], corners[solid].max(1))
+        patch_size = np.linalg.norm(upper - lower, axis=1) / 2
+    square = (normal**2).sum(1, keepdims=True)
+    sign = np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
+    u, v = np.cross(ac, sign * normal) / square, np.cross(sign * normal, ab) / square
+    link = np.concatenate([np.stack([body, owner, label, flat], 1), np.where(neighbour >= 0, back[neighbour], -1)], 1)
+    place = np.concatenate([corners[:, 0], ab, ac, u, v, Ng, Ns.reshape(-1, 9), media.t[index]], 1)
+    return Glass(
+        index[order].astype(np.int32), np.ascontiguousarray(place[order], np.float64),
+        np.ascontiguousarray(link[order], np.int64), planar, patch_size, found.ior, found.rank,
+        np.concatenate([middle, radius[:, None]], 1), box, child,
+    )
+
+
+@part
+def closest(g, ray, t0, t1, skip, skips, patch, facing, stack, out):
+    """First slot that the ray (origin ray[0], direction ray[1]) meets with t0 < t < t1, −1: none; out = t, u, v.
+
+    skip[4 : 4+skips] are slots that do not count. patch ≥ 0: only that patch counts, and only faces whose outer
+    normal agrees with the direction in the sign `facing`. Of faces in one place those that let the ray in come first,
+    so that bodies that touch leave no gap between them.
+    """
+    found, best = np.int64(-1), np.inf
+    if not len(g.triangle):
+        return found
+    place, link, box = g.place, g.link, g.box
+    px, py, pz = ray[0, 0], ray[0, 1], ray[0, 2]
+    dx, dy, dz = ray[1, 0], ray[1, 1], ray[1, 2]
+    ix = 1.0 / dx if dx != 0.0 else 1e300
+    iy = 1.0 / dy if dy != 0.0 else 1e300
+    iz = 1.0 / dz if dz != 0.0 else 1e300
+    stack[0] = 0
+    top = 1
+    while top:
+        top -= 1
+        n = stack[top]
+        a = g.child[n, 0]
+        if g.child[n, 1]:
+            for s in range(a, a + g.child[n, 1]):
+                slope = dx * place[s, NG] + dy * place[s, NG + 1] + dz * place[s, NG + 2]
+                if slope == 0.0 or (patch >= 0 and (link[s, PATCH] != patch or slope * facing < 0.0)):
+                    continue
+                ax, ay, az = px - place[s, A], py - place[s, A + 1], pz - place[s, A + 2]
+                t = -(ax * place[s, NG] + ay * place[s, NG + 1] + az * place[s, NG + 2]) / slope
+                order = t if slope > 0.0 else t - TOUCHING
+                if not (t > t0 and t < t1 and order < best):
+                    continue
+                ax, ay, az = ax + t * dx, ay + t * dy, az + t * dz
+                u = ax * place[s, U] + ay * place[s, U + 1] + az * place[s, U + 2]
+                v = ax * place[s, V] + ay * place[s, V + 1] + az * place[s, V + 2]
+                if u < -INSIDE or v < -INSIDE or u + v > 1.0 + INSIDE:
+                    continue
+                known = False
+                for k in range(4, 4 + skips):
+                    known = known or skip[k] == s
+                if not known:
+                    found, best = np.int64(s), order
+                    out[0], out[1], out[2] = t, u, v
+            continue
+        limit = min(best + TOUCHING, t1)
+        near_a = _enter(box, a, px, py, pz, ix, iy, iz, t0, limit)
+        near_b = _enter(box, a + 1, px, py, pz, ix, iy, iz, t0, limit)
+        if near_a <= near_b:
+            if near_b < np.inf:
+                stack[top] = a + 1
+                top += 1
+            if near_a < np.inf:
+                stack[top] = a
+                top += 1
+        else:
+            if near_a < np.inf:
+                stack[top] = a
+                top += 1
+            stack[top] = a + 1
+            top += 1
+    return found
+
+
+@part
+def _enter(box, n, px, py, pz, ix, iy, iz, t0, t1):
+    """Where the ray enters the box of node n, infinity: it does not."""
+    a, b = (box[n, 0] - px) * ix, (box[n, 3] - px) * ix
+    t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
+    a, b = (box[n, 1] - py) * iy, (box[n, 4] - py) * iy
+    t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
+    a, b = (box[n, 2] - pz) * iz, (box[n, 5] - pz) * iz
+    t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
+    return t0 if t0 <= t1 else np.inf

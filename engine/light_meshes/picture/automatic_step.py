@@ -1,0 +1,115 @@
+"""The automatic step: h from what the camera sees, finer where the radius of a light needs it.
+
+A small radius must not make the step so fine that a picture takes for ever: below a bound, the light's shadows are
+sharp, which nobody can tell from so narrow an edge. All this depends on the scene and its camera only, not on the size
+of the picture, on tiles, or on what was rendered before.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..rays.camera import depth
+from ..shadows.casters import Casters, Group, union
+from ..shadows.radius import EVEN, MOST
+from ..support.bits import has, mask_of
+
+if TYPE_CHECKING:
+    from .prepared import Prepared
+
+ACROSS = 200  # steps in the picture's width, at the median depth
+SEEN = 70_000  # squares of such a step that a picture shows, about: 200 × 113, and what is seen at a slant
+NODES = 3_000_000  # no finer than what about so many nodes come to
+NODE = 24  # bytes of a node; where it has more, fewer can be held
+LEAST = 1.5**0.5  # steps: of a smaller radius some points of a plane find no node
+WIDE = 5  # steps: no finer than that makes the largest radius, unless the smallest needs it
+WIDEST = 8  # steps: no finer than that
+
+
+class Step(NamedTuple):
+    """What is found for the lights with soft shadows."""
+
+    h: float
+    kI: float  # h·kI is the scene's r, whatever h is
+    sharp: dict[int, float]  # lights whose shadows are sharp as their r, scene units, is too small
+    reason: str  # why h is not what the camera alone would have; "" if it is
+
+
+def measured_h(ready: Prepared) -> float:
+    """A step h that suits what the camera sees: 1/200 of the picture's width at the median visible depth.
+
+    The median over the picture is not moved by a far horizon or a large ground; a backdrop or a sky behind a gap of
+    16 times the distance does not count. Two digits, so that it reads well.
+    """
+    camera = ready.described.camera
+    _, hits = ready.coarse_view()
+    left, right, bottom, top = camera.window
+    width = max(abs(right - left), abs(top - bottom))
+    if len(hits.P) == 0:  # nothing in view
+        width = ready.surfaces.scale
+    elif camera.perspective:
+        near = np.sort(depth(camera, hits.P))
+        gaps = np.flatnonzero(near[1:] > 16 * near[:-1])
+        gaps = gaps[gaps >= len(near) // 20]  # what is before it is no blade of grass
+        width *= float(np.median(near[:gaps[0] + 1] if len(gaps) else near))
+    return float(f"{max(width / ACROSS, 1e-30):.1e}")
+
+
+def automatic(ready: Prepared, h: float, kI: float) -> Step:
+    """The step for radii as they are, where the camera alone would have `h`."""
+    lights, soft = ready.scene.lights, union(ready.casters.soft, len(ready.scene.lights))
+    if ready.scene.settings.shadows != "LIGHT_MESHES" or not ready.casters.soft:
+        return Step(h, kI, {}, "")
+    r = {i: ready.own_radii.get(i, h * kI) for i in range(len(lights)) if has(soft, i)}
+    if min(r.values()) >= EVEN * h and max(r.values()) <= MOST * h:
+        return Step(h, kI, {}, "")
+    largest = max(r.values())
+    finest = min(h, max((SEEN / NODES * h * h * largest * max(1.0, _bytes(ready) / NODE))**(1 / 3), largest / WIDEST))
+    sharp = {i: x for i, x in r.items() if x < LEAST * finest}
+    rest = {i: x for i, x in r.items() if i not in sharp}
+    if not rest:
+        return Step(h, kI, sharp, "")
+    least = min(rest, key=lambda i: (rest[i], i))
+    smallest = rest[least]
+    if smallest >= EVEN * h:
+        new = max(h, min(smallest / max(kI, EVEN), largest / MOST))
+    else:
+        new = max(smallest / max(kI, EVEN), min(largest / WIDE, smallest / EVEN), finest)
+    why = "" if new == h else (f"{'finer' if new < h else 'coarser'} than the {h:g} that suits the picture, for the "
+                               f"radius {smallest:.3g} of '{lights[least].name}'")
+    return Step(new, h * kI / new, sharp, why)
+
+
+def _bytes(ready: Prepared) -> float:
+    """Of a node."""
+    count, glass = len(ready.scene.lights), ready.glass
+    values = 4 * count * (3 if glass.coloured else 1) if glass.lets_through.any() else count / 8
+    return 16 + values
+
+
+def without(casters: Casters, lights: dict[int, float], count: int) -> Casters:
+    """`casters` with sharp shadows of `lights`, out of `count`."""
+    if not lights:
+        return casters
+    others = ~mask_of(lights, count)
+
+    def left(groups: tuple[Group, ...]) -> tuple[Group, ...]:
+        kept = (g._replace(lights=g.lights & others) for g in groups)
+        return tuple(g for g in kept if g.lights.any())
+
+    return casters._replace(soft=left(casters.soft), sharp=left(casters.sharp))
+
+
+def take(ready: Prepared, h: float) -> list[str]:
+    """Give `ready` the step that its lights need; returns a sentence a light that has sharp shadows instead."""
+    found = automatic(ready, h, ready.scene.settings.kI)
+    ready.scene = dataclasses.replace(
+        ready.scene, settings=dataclasses.replace(ready.scene.settings, h=found.h, kI=found.kI))
+    ready.casters = without(ready.casters, found.sharp, len(ready.scene.lights))
+    ready.step_reason = found.reason
+    return [f"light '{ready.scene.lights[i].name}': its shadows are drawn sharp, as the radius {r:.3g} of their edges "
+            f"is too small for the steps that suit this picture: take a larger radius or light, or set a step h of "
+            f"{r / EVEN:.2g} by hand" for i, r in found.sharp.items()]

@@ -1,0 +1,177 @@
+"""What this scene needs (method §5): decided before tracing, and said in the statistics with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..film.passes import DEBUG
+from ..glass.interfaces import Interfaces
+from ..scene.description import Scene
+from ..shadows.casters import Casters, smooth_lights, union
+
+
+@dataclass
+class Plan:
+    """The plainest path that gives the picture."""
+
+    shadows: str = "NONE"  # NONE, SHARP, LIGHT_MESHES, AREA_SAMPLING
+    reflections: bool = False
+    transparent: bool = False  # rays pass through surfaces
+    paths: bool = False  # shadow paths bend (eq. 6)
+    uniform_skip: bool = False
+    shadow_rate: int = 1  # pixels between the points whose light is interpolated
+    certificate: bool = False  # no short rays where nothing else is near
+    channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
+    textures: bool = False
+    holdouts: bool = False  # the camera sees holes
+    catchers: bool = False  # the camera sees some surfaces by the shadows on them only
+    reasons: dict[str, str] = field(default_factory=dict)
+
+
+def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, ...] = ("Combined",),
+         step: str = "") -> Plan:
+    """Decide what `scene`, with what is transparent in it and what shadows what, needs for `passes`.
+
+    step: why the automatic step is not what the camera alone asks for.
+    """
+    s, p = scene.settings, Plan()
+    used = scene.geometry.triangle_materials
+    count = np.bincount(used, minlength=len(scene.materials)) if len(used) else np.zeros(len(scene.materials))
+    materials = [m for m, n in zip(scene.materials, count, strict=True) if n]
+    lights = [light for light in scene.lights if any(light.intensity)]
+
+    def decide(what: str, value: object, why: str) -> None:
+        p.reasons[what] = f"{value}: {why}"
+
+    if s.mode == "LOCAL":
+        decide("shadows", "none", "local illumination has none")
+    elif not any(light.cast_shadow for light in lights):
+        decide("shadows", "none", "no light casts any")
+    elif s.shadows != "SHARP" and not casters.soft:
+        p.shadows = "SHARP"
+        sharp = not any(light.soft_shadows and light.cast_shadow for light in lights)
+        nowhere = casters.receives is not None and not casters.receives.any()
+        decide("shadows", "sharp", "no light has soft shadows" if sharp else "no surface receives soft shadows"
+               if nowhere else "no light with a size has a caster of soft shadows")
+    else:
+        p.shadows = s.shadows
+        decide("shadows", s.shadows.lower().replace("_", " "), "as set")
+    if p.shadows not in ("NONE", "SHARP"):
+        soft = sum(int(word).bit_count() for word in union(casters.soft, len(scene.lights)))
+        if step and p.shadows == "LIGHT_MESHES":
+            decide("step", f"{s.h:.3g}", step)
+        if soft < len(lights):
+            decide("soft lights", soft, f"the other {len(lights) - soft} need no column in the nodes")
+        if len(casters.sets) > 1:
+            decide("casters", f"{len(casters.sets)} sets", "soft and sharp casters, or lights' blockers, come apart")
+        else:
+            decide("casters", "one set", "all that cast shadows do so alike, in every light")
+        if casters.receives is not None:
+            decide("receivers", f"{int(casters.receives.sum()):,} triangles",
+                   f"shadows on the other {int((~casters.receives).sum()):,} are sharp")
+    if any(light.receivers is not None for light in lights):
+        decide("light linking", "yes", f"{sum(light.receivers is not None for light in lights)} lights light some "
+               "objects only")
+    p.transparent = glass.transparent
+    if glass.lets_through.any() and p.shadows != "NONE":
+        p.channels = 3 if glass.coloured else 1
+    if p.transparent:
+        bent = int(glass.bending.sum())
+        decide("transparency", "yes", f"{'with' if bent else 'without'} refraction, {bent} triangles bend rays")
+        sampled = p.shadows == "AREA_SAMPLING"
+        p.paths = s.refraction == "FULL" and p.channels > 0 and glass.bends_shadows and not sampled
+        decide("refracted shadow paths", "yes" if p.paths else "no",
+               f"refraction is {s.refraction.lower()}" if p.paths or s.refraction != "FULL" else
+               "no closed mesh of glass bends" if not glass.bends_shadows else
+               "area sampling has straight rays" if sampled else "nothing casts a shadow")
+    else:
+        decide("transparency", "no", "all surfaces are opaque")
+    if p.shadows == "LIGHT_MESHES":
+        words = (len(scene.lights) + 63) // 64
+        values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
+                  3: ("RGB a light", "coloured glass")}[p.channels]
+        decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
+    if s.shadow_rate > 1:
+        soft = p.shadows == "LIGHT_MESHES"
+        why_not = ("only light meshes' shadows are smooth" if not soft else
+                   "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
+                   "light that glass has bent may change from pixel to pixel" if p.paths else
+                   "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
+        p.shadow_rate = 1 if why_not else s.shadow_rate
+        decide("shadow rate", p.shadow_rate, why_not or
+               "what the camera sees is interpolated between points up to so many pixels apart")
+    if p.shadows == "LIGHT_MESHES":
+        apart = p.paths and (s.leak_free or s.caustics == "FOCUS")
+        through = p.channels > 0 and s.glass == "PAPER"
+        p.uniform_skip = s.uniform_skip and not apart and not through
+        decide("uniform skip", "on" if p.uniform_skip else "off",
+               "each path counts by where it comes from" if apart else
+               "nodes behind glass count in part" if through else "exact, saves short rays")
+        rays, triangles = s.samples * scene.camera.width * scene.camera.height, len(scene.geometry.triangle_materials)
+        p.certificate = rays >= 2 * triangles
+        decide("certificate", "on" if p.certificate else "off",
+               "no short rays where only a convex object, or one plane, is near" if p.certificate else
+               "more triangles to look at than it would save short rays")
+    mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
+    totally = bool(glass.bending.any())  # total internal reflection
+    p.reflections = s.mode == "WHITTED" and (bool(mirrors) or totally) and s.max_depth > 0
+    if s.mode != "WHITTED":
+        decide("reflected rays", "no", f"mode {s.mode.lower().replace('_', ' ')}")
+    elif mirrors:
+        decide("reflected rays", f"up to {s.max_depth}", f"{len(mirrors)} materials mirror, '{mirrors[0]}' first")
+    elif totally:
+        decide("reflected rays", f"up to {s.max_depth}", "total reflection inside glass")
+    else:
+        decide("reflected rays", "no", "no material mirrors")
+    p.textures = any(m.image >= 0 for m in materials)
+    decide("textures", "yes" if p.textures else "no", f"{sum(m.image >= 0 for m in materials)} materials have an image")
+    ambient = any(scene.world_color) and s.ambient > 0
+    decide("ambient light", "yes" if ambient else "no", "world colour × ambient × ka")
+    hidden = sum(not (o.visible_camera and o.visible_reflection and o.visible_shadow) for o in scene.objects)
+    decide("accelerators", "one" if not hidden else "one a kind of ray", f"{hidden} objects are hidden from some rays")
+    if len(lights) < len(scene.lights):
+        decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
+    holdouts, catchers = (sum(getattr(o, flag) and o.visible_camera for o in scene.objects)
+                          for flag in ("holdout", "shadow_catcher"))
+    p.holdouts, p.catchers = holdouts > 0, catchers > 0
+    if holdouts:
+        decide("holdouts", holdouts, "camera rays end there")
+    if catchers:
+        decide("shadow catchers", catchers, "camera rays pass them, dimmed by the shadows there")
+    if any(name.startswith("Shadow") for name in passes) and p.shadows == "NONE":
+        decide("shadow passes", "lit sides", "nothing casts a shadow")
+    if any(name in passes for name in DEBUG) and p.shadows != "LIGHT_MESHES":
+        decide("debug passes", "empty", "without light meshes nothing is counted")
+    return replace(p, **(_forced.get() or {}))
+
+
+def darkness(scene: Scene) -> list[str]:
+    """A sentence where there is something to be lit and no light does it."""
+    used = [scene.materials[i] for i in np.unique(scene.geometry.triangle_materials)]
+    if any(any(light.intensity) for light in scene.lights) or not any(m.kd > 0 or m.ks > 0 for m in used):
+        return []
+    names = [f"'{light.name}'" for light in scene.lights[:3]] + ["others"] * (len(scene.lights) > 3)
+    why = (f"the light of {', '.join(names)} is 0: give it power and a colour" if names else
+           "there is none in the render: add one (Shift A, Light), or show those that are hidden")
+    emitters = "; surfaces with emission light nothing else, so put a lamp there" if any(
+        any(m.emission) for m in used) else ""
+    return [f"No lamp lights the scene, {why}{emitters}"]
+
+
+_forced: ContextVar[dict[str, Any] | None] = ContextVar("forced", default=None)
+
+
+@contextmanager
+def forced(**fields: Any) -> Iterator[None]:
+    """Plans that this thread makes meanwhile have these fields: to measure, and to test, what a decision saves."""
+    token = _forced.set(fields)
+    try:
+        yield
+    finally:
+        _forced.reset(token)

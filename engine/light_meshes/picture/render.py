@@ -1,0 +1,191 @@
+"""A picture, tile by tile on all threads."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..film.images import Framebuffer, crop_of
+from ..scene.description import Camera, Scene
+from ..shadows.meshes.node_store import SharedNodesError
+from ..support import processors
+from ..support.statistics import peak_memory
+from .automatic_step import measured_h
+from .integrator import radiance
+from .memory import LARGER
+from .prepared import Prepared
+
+BATCH = 32768  # camera rays a tile, about
+
+
+class Cancelled(Exception):  # noqa: N818  (it is no error)
+    """The caller's `cancelled()` said so."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished picture."""
+
+    frame: Framebuffer
+    statistics: dict[str, Any]
+    warnings: list[str]
+
+    @property
+    def passes(self) -> dict[str, NDArray[np.float32]]:
+        """Pass name → (height, width, channels), rows bottom-up."""
+        return self.frame.passes
+
+
+def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, int, int]]:
+    """Tiles of at most size × size pixels, top rows first."""
+    x0, y0, x1, y1 = crop
+    rows = range(y0, y1, size)
+    return [(x, y, min(x + size, x1), min(y + size, y1)) for y in reversed(rows) for x in range(x0, x1, size)]
+
+
+def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> int:
+    """About so many rays a tile; in a small picture less, so that no thread is left without work."""
+    batch = min(rays / samples, pixels / (4 * threads))
+    return int(np.clip(2 ** np.round(np.log2(np.sqrt(batch))), 8, 256))
+
+
+def prepare(scene: Scene, passes: Sequence[str], cancelled: Callable[[], bool] = lambda: False,
+            previous: Prepared | None = None, camera: Camera | None = None) -> Prepared:
+    """`Prepared`, unless cancelled() says so: then raises Cancelled."""
+    def check() -> None:
+        if cancelled():
+            raise Cancelled
+
+    check()
+    return Prepared(scene, passes, previous=previous, camera=camera, check=check)
+
+
+def render(
+    scene: Scene, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
+    cancelled: Callable[[], bool] = lambda: False, progress: Callable[[float, str], None] = lambda f, s: None,
+    tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
+) -> Result:
+    """Prepare and draw `scene`; see `draw`."""
+    progress(0.0, "Preparing")
+    ready = prepare(scene, tuple(frame.passes), cancelled)
+    return draw(ready, frame, threads=threads, tile_size=tile_size, cancelled=cancelled, progress=progress, tile=tile)
+
+
+def draw(
+    ready: Prepared, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
+    cancelled: Callable[[], bool] = lambda: False, progress: Callable[[float, str], None] = lambda f, s: None,
+    tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
+) -> Result:
+    """Draw what is prepared into `frame`.
+
+    `tile` hears of each finished box (x0, y0, x1, y1, relative to the crop). Raises Cancelled and SceneError. The
+    picture does not depend on threads and tile_size.
+    """
+    started = time.perf_counter()
+
+    def check() -> None:
+        if cancelled() or stopped.is_set():
+            raise Cancelled
+
+    stopped = threading.Event()
+    check()
+    crop = crop_of(ready.scene)
+    threads = threads or processors.count()
+    if tile_size is None:
+        batch = BATCH * (LARGER if ready.sparse else 1)
+        tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
+    tiles = _tiles(crop, tile_size)
+    lock, done = threading.Lock(), 0
+
+    def work(box: tuple[int, int, int, int]) -> None:
+        nonlocal done
+        check()
+        passes = radiance(ready, box, check)
+        x0, y0, x1, y1 = box[0] - crop[0], box[1] - crop[1], box[2] - crop[0], box[3] - crop[1]
+        for name, pixels in passes.items():
+            frame.passes[name][y0:y1, x0:x1] = pixels
+        with lock:
+            done += 1
+            tile((x0, y0, x1, y1))
+            progress(done / len(tiles), "Rendering")
+
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(work, box) for box in tiles]
+        try:
+            for future in futures:
+                future.result()
+        except BaseException as failure:
+            stopped.set()  # the other threads end at their next batch
+            pool.shutdown(wait=True, cancel_futures=True)
+            reasons = [f.exception() for f in futures if f.done() and not f.cancelled()]
+            for e in reasons:  # a thread that failed is the reason; those that were stopped or waited for it are not
+                if e is not None and not isinstance(e, Cancelled | SharedNodesError):
+                    raise e from None
+            if isinstance(failure, Exception) and any(isinstance(e, Cancelled) for e in reasons):  # and no Ctrl-C
+                raise Cancelled from None
+            raise
+    return Result(frame, _report(ready, frame, tiles, threads, ready.seconds + time.perf_counter() - started),
+                  [*ready.warnings, *ready.path_warnings()])
+
+
+def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: int | None = None,
+                 tile_size: int | None = None) -> Result:
+    """Render into memory."""
+    return render(scene, Framebuffer.create(scene, passes), threads=threads, tile_size=tile_size)
+
+
+def measure(scene: Scene) -> dict[str, Any]:
+    """h that `auto_h` takes by the camera, and r of the lights whose softness is LIGHT_SIZE; None: the scene's."""
+    # No more pixels are looked at: what speeds up a large picture need not be made.
+    ready = Prepared(replace(scene, camera=replace(scene.camera, width=64, height=64, crop=None)))
+    radii = [ready.own_radii.get(i) if light.softness == "LIGHT_SIZE" else None for i, light in enumerate(scene.lights)]
+    return {"h": ready.measured_h or measured_h(ready), "radii": radii}
+
+
+def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seconds: float) -> dict[str, Any]:
+    """The statistics of a finished render."""
+    s, counts = ready.scene.settings, ready.stats.counts
+    report: dict[str, Any] = {
+        "plan": ready.plan.reasons,
+        "width": frame.width, "height": frame.height, "samples": s.samples,
+        "triangles": len(ready.surfaces.triangles), "instances": len(ready.scene.geometry.instance_mesh),
+        "lights": len(ready.scene.lights), "materials": len(ready.scene.materials),
+        "threads": threads, "tiles": len(tiles),
+        "seconds": round(seconds, 3),
+        "stages": {k: round(v, 3) for k, v in ready.stats.seconds.items()},  # thread seconds
+        "peak_memory": peak_memory(), "memory_expected": round(ready.memory),
+    }
+    for name in ("camera_rays", "secondary_rays", "shadow_rays"):
+        report[name] = counts[name]
+    if ready.plan.shadows == "LIGHT_MESHES":
+        lit = ready.soft
+        vertices = ready.surfaces.vertices
+        finite = np.isfinite(vertices).all(1)[:, None]
+        low, high = vertices.min(0, where=finite, initial=1), vertices.max(0, where=finite, initial=-1)
+        box = np.maximum(high.astype(np.float64) - low, 0) * ready.surfaces.scale
+        radii = (s.h * lit.lattice.reach).tolist()
+        lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all that any receiver can reach
+        report |= {
+            "h": s.h, "kI": s.kI, "r": s.h * s.kI, "measured_h": ready.measured_h, "radii": radii,
+            "receivers": counts["receivers"], "candidates": counts["candidates"],
+            "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
+            "nodes_kept": ready.nodes_kept, "node_bytes": lit.store.bytes,
+            "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
+            "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
+            "certified": counts["certified"], "spared_rays": counts["spared_rays"],
+        }
+        if ready.sparse:
+            report |= {"shadow_rate": ready.plan.shadow_rate} | {name: counts[name] for name in (
+                "points", "interpolated", "refined", "computed")}
+        report["light_radii"] = {ready.scene.lights[i].name: r for i, r in ready.radii.items()}  # not the scene's
+    if ready.plan.paths:
+        for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):
+            report[name] = counts[name]
+    return report

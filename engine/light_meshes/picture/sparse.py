@@ -1,0 +1,339 @@
+"""`shadow_rate`: soft light computed at sparse points of the picture, and interpolated between them.
+
+What a matt white surface returns, Σ S·Ω, is smooth on the scale of r, and so is a highlight where the surface hardly
+bends. Both are computed at the pixels' middles of a picture `rate` times coarser; four of these are the corners of a
+block. A sample of the camera takes the mean of its block's corners by its place between them, times its own colours,
+where
+
+- corners and sample lie on one instance with nearly one normal, the sample between the corners in space as well;
+- the corners agree: what they differ by changes the sample by TOLERANCE of the picture's light at most;
+- the lights could not change it by more: node by node their S go in steps, those of lights that stand together at once;
+- the block is not larger than r, so that no shadow falls between its corners; of few nodes it is smaller.
+
+Else blocks of half the size are tried, and so on down to a pixel; what is left is computed at the sample. All this
+depends on where a sample is in the picture and in the scene: not on tiles, threads or order. What mirrors and glass
+show is computed at each sample, and so are shadows that are not soft.
+
+The picture's light is what a white matt surface would return if nothing cast a shadow; a tenth of what the camera sees
+is brighter. So lights of a thousand times the power give the same picture, a thousand times as bright.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rays.camera import camera_rays, coarser
+from ..rays.geometry import Hits
+from ..shadows.casters import smooth_lights
+from ..shadows.visibility import Check, Unshadowed
+from ..support.bits import mask_of
+from ..support.compiled import kernel
+from ..surface import shading
+
+if TYPE_CHECKING:
+    from .prepared import Prepared
+
+TOLERANCE = 1 / 40  # of the picture's light, by which corners may differ
+NORMAL = 0.9  # cosine of the angle between normals, at least
+AWAY = 0.1  # how far a sample may be from where its corners have it, of the block's diagonal
+JUMP = {"UNIFORM": 1 / 8, "SMOOTH": 1 / 16}  # of S within a block, of a light that is seen in part, by the weights
+TOGETHER = 0.2  # angle between lights whose shadows have their edges at the same places, about
+LOBE = 0.2  # nShiny·(1 − cosine of the angle between directions that a mirror would look in), at most
+BLUR = 4.0  # pixels that a lens may move a sample by
+
+
+class Corners(NamedTuple):
+    """The points of one step that a tile asks for, and where they are in the grid."""
+
+    step: int  # pixels
+    x: int  # of the grid's first point
+    y: int
+    row: NDArray[np.int32]  # (rows, columns) which point; −1: not asked for, or nothing that takes soft shadows
+    P: NDArray[np.float64]  # (n,3) and so on, as Hits
+    Ng: NDArray[np.float64]
+    Ns: NDArray[np.float64]
+    material: NDArray[np.int32]
+    instance: NDArray[np.int32]
+    turned: NDArray[np.float64]  # (n,3) where a mirror would look
+    light: NDArray[np.float64]  # (n,3 or 6) diffuse RGB, and gloss RGB where the scene has any
+    rough: NDArray[np.float64]  # (n,2) `shading.steps`, of diffuse light and of gloss
+
+
+class Blocks(NamedTuple):
+    """The blocks (rows, columns) between four corners each; a block is its lower left corner's."""
+
+    usable: NDArray[np.bool_]
+    material: NDArray[np.int32]  # of all four corners; −1: several
+    turn: NDArray[np.float64]  # 1 − cosine of the angle between the corners' `turned`
+    size: NDArray[np.float64]  # square of the diagonal, world
+    spread: NDArray[np.float64]  # (…,2) by how much the corners differ in diffuse light, and in gloss
+
+
+class Sparse:
+    """Interpolates what a prepared scene's camera sees first."""
+
+    def __init__(self, ready: Prepared) -> None:
+        self._ready, self._camera = ready, dataclasses.replace(ready.scene.camera, crop=None)
+        s, m, lights = ready.scene.settings, ready.materials, len(ready.scene.lights)
+        least = 1 if s.samples >= 4 else 2  # a point a pixel saves nothing unless it serves several samples
+        self._steps = [s.shadow_rate >> k for k in range(s.shadow_rate.bit_length()) if s.shadow_rate >> k >= least]
+        self._gloss = bool((m.ks > 0).any())
+        self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
+        nodes = 2 * np.pi / 3 * ready.soft.lattice.reach[0]**3  # of a point on a plane, each with a step of 1/nodes
+        self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
+        self._step = 1 / nodes if uniform else 0.0
+        self._lights = smooth_lights(ready.casters, lights)
+        self._sharp = mask_of(range(lights), lights) & ~self._lights
+        self._receives = ready.casters.receives
+        # A node above a block's middle may be in no corner's ball: with smooth weights, and a small block, it is light.
+        share = 1.0 if uniform else min(1.0, np.sqrt(nodes / 40))
+        self._largest = float(ready.soft.lattice.h * ready.soft.lattice.reach[0]) * share
+        self.light, self._together = self._typical(), self._groups()
+        self._reach = float(np.abs(ready.offsets).max()) + 0.01 + BLUR * (self._camera.lens_radius > 0)
+
+    def _typical(self) -> float:
+        """The picture's light; of its brightest channel."""
+        ready, m = self._ready, self._ready.materials
+        direction, hits = ready.coarse_view()
+        matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
+        light, nothing = np.zeros((len(hits.P), 3)), np.zeros((0, 3))
+        for part, lit, _, S in ready.lit(hits, direction, matt, np.ones_like(light), False, lambda: None, None,
+                                         visibility=Unshadowed(ready.scene.lights)):
+            shading.gather(*lit, S, light[part], nothing, nothing)
+        brightest = light.max(1)
+        return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
+
+    def _groups(self) -> NDArray[np.int64]:
+        """The number (L,) of each light's group: those that stand together as seen from the middle of the view."""
+        targets = self._ready.lights.targets()
+        _, hits = self._ready.coarse_view()
+        middle = np.median(hits.P, axis=0) if len(hits.P) else np.zeros(3)
+        way = targets.position - np.where(targets.directional, 0.0, 1.0)[:, None] * middle
+        way /= np.maximum(np.sqrt((way * way).sum(1)), 1e-300)[:, None]
+        group, count = np.full(len(way), -1, np.int64), 0
+        for i in range(len(way)):
+            if group[i] < 0:
+                group[(group < 0) & (way @ way[i] >= np.cos(TOGETHER))] = count
+                count += 1
+        return group
+
+    def direct(self, hits: Hits, direction: NDArray, pixel: NDArray, box: tuple[int, int, int, int], check: Check,
+               parts: bool, work: NDArray | None) -> tuple[NDArray, dict[str, NDArray], dict[str, NDArray]]:
+        """As `Prepared.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
+        ready, m = self._ready, self._ready.materials
+        Od, sums = ready.unshaded(hits, parts, True)
+        colour, terms, _ = sums  # the plan has no shadow passes
+        with ready.stats.stage("interpolation"):
+            film, left = self._film(hits, pixel, box)
+            done, light = np.zeros(len(film), np.bool_), np.empty((len(film), 6 if self._gloss else 3))
+        for k, step in enumerate(self._steps):
+            check()
+            if len(left):
+                corners = self._corners(step, film, left, box, check)
+                with ready.stats.stage("interpolation"):
+                    before = len(left)
+                    left = _between(corners, self._blocks(corners), film, left, hits, ready.surfaces.instance, m, Od,
+                                    self._gloss, TOLERANCE * self.light, light, done)
+                    ready.stats.add(**{"refined" if k else "interpolated": before - len(left)})
+        with ready.stats.stage("interpolation"):
+            some, rest = np.flatnonzero(done), np.flatnonzero(~done)
+            matt, glossy = (terms["Diffuse"], terms["Glossy"]) if terms else (colour, colour)
+            _add(some, hits.material, m.kd, Od, light[:, :3], matt)
+            if self._gloss:
+                _add(some, hits.material, m.ks, m.Os.take(hits.material, axis=0), light[:, 3:], glossy)
+            if terms:
+                colour += matt + glossy
+        ready.stats.add(computed=len(rest))
+        self._add_light(rest, None, hits, direction, Od, (colour, terms), check, work)
+        if self._sharp.any():
+            self._add_light(some, self._sharp, hits, direction, Od, (colour, terms), check, work)
+        return sums
+
+    def _add_light(self, rows: NDArray, lights: NDArray | None, hits: Hits, direction: NDArray, Od: NDArray,
+                   sums: tuple[NDArray, dict[str, NDArray]], check: Check, work: NDArray | None) -> None:
+        """`Prepared.add_light` of some hits."""
+        colour, terms = sums[0][rows], {name: a[rows] for name, a in sums[1].items()}
+        count = None if work is None else np.zeros((len(rows), work.shape[1]))
+        self._ready.add_light(hits.at(rows), direction[rows], Od[rows], (colour, terms, {}), check, count, lights)
+        sums[0][rows] = colour
+        for name, a in terms.items():
+            sums[1][name][rows] = a
+        if work is not None:
+            work[rows] = count
+
+    def _film(self, hits: Hits, pixel: NDArray, box: tuple[int, int, int, int]) -> tuple[NDArray, NDArray]:
+        """Where hits are on the film (n,2), in pixels, and the rows of those that may be interpolated."""
+        c, film = self._camera, np.empty((len(hits.P), 2))
+        receives = np.zeros(0, np.bool_) if self._receives is None else self._receives
+        left = _film(c.matrix, np.array(c.window), c.perspective, c.width, c.height, hits.P, hits.triangle, receives,
+                     pixel, len(self._ready.offsets), box[0], box[1], box[2] - box[0], self._reach, film)
+        return film, left
+
+    def _corners(self, step: int, film: NDArray, left: NDArray, box: tuple[int, int, int, int],
+                 check: Check) -> Corners:
+        """The points of a step around the rows of `film` that are left."""
+        ready = self._ready
+        # One more on each side than floor says: rounding must not decide.
+        x0, y0 = (int((low + 0.5 - self._reach) // step) - 2 for low in box[:2])
+        x1, y1 = (int((high - 0.5 + self._reach) // step) + 3 for high in box[2:])
+        row = np.full((y1 - y0, x1 - x0), -1, np.int32)
+        with ready.stats.stage("interpolation"):
+            asked = _ask(film, left, step, x0, y0, row)
+        with ready.stats.stage("camera rays"):
+            rays = camera_rays(dataclasses.replace(coarser(self._camera, step), lens_radius=0.0), (x0, y0, x1, y1),
+                               np.zeros((1, 2)))
+            origin, direction, reach = (a[asked] for a in rays)
+            hit, hits = ready.closest("camera", origin, direction, None, reach)
+        rows, direction = np.flatnonzero(hit), direction[hit]
+        if self._receives is not None:
+            takes = self._receives[hits.triangle]
+            rows, direction, hits = rows[takes], direction[takes], hits.at(takes)
+        row[:] = -1
+        row.reshape(-1)[asked[rows]] = np.arange(len(rows), dtype=np.int32)
+        ready.stats.add(points=len(rows))
+        turned = np.empty_like(direction)
+        shading.mirrored(direction, hits.Ng, hits.Ns, turned)
+        return Corners(step, x0, y0, row, hits.P, hits.Ng, hits.Ns, hits.material,
+                       ready.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, check))
+
+    def _light(self, hits: Hits, direction: NDArray, check: Check) -> tuple[NDArray, NDArray]:
+        """Corners.light and rough."""
+        ready, n = self._ready, len(hits.P)
+        white, light, rough = np.ones((n, 3)), np.zeros((n, 6 if self._gloss else 3)), np.zeros((2, n))
+        both, matt, gloss = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        for part, lit, _, S in ready.lit(hits, direction, self._white, white, False, check, None, self._lights):
+            with ready.stats.stage("shading"):
+                shading.gather(*lit, S, both[part], matt[part], gloss[part])
+                shading.steps(*lit, S, self._together, self._jump, self._step, *rough[:, part])
+        light[:, :3] = matt
+        if self._gloss:
+            light[:, 3:] = gloss
+        return light, rough.T
+
+    def _blocks(self, corners: Corners) -> Blocks:
+        rows, columns = corners.row.shape
+        shape = rows - 1, columns - 1
+        blocks = Blocks(np.zeros(shape, np.bool_), np.empty(shape, np.int32), np.empty(shape), np.empty(shape),
+                        np.empty((*shape, 2)))
+        _agree(corners, self._gloss, self._largest**2, *blocks)
+        return blocks
+
+
+@kernel
+def _film(matrix, window, perspective, width, height, P, triangle, receives, pixel, per_pixel, x0, y0, wide, reach,
+          film):
+    """Fills film (n,2), pixels; returns the rows less than `reach` from their pixel's middle, on what `receives`."""
+    left, count = np.empty(len(P), np.int64), 0
+    for p in range(len(P)):
+        x, y, z = P[p, 0] - matrix[0, 3], P[p, 1] - matrix[1, 3], P[p, 2] - matrix[2, 3]
+        u = matrix[0, 0] * x + matrix[1, 0] * y + matrix[2, 0] * z
+        v = matrix[0, 1] * x + matrix[1, 1] * y + matrix[2, 1] * z
+        if perspective:
+            depth = -(matrix[0, 2] * x + matrix[1, 2] * y + matrix[2, 2] * z)
+            u, v = u / depth, v / depth
+        film[p, 0] = (u - window[0]) / (window[1] - window[0]) * width
+        film[p, 1] = (v - window[2]) / (window[3] - window[2]) * height
+        place = pixel[p] // per_pixel
+        near = (abs(film[p, 0] - (x0 + place % wide + 0.5)) < reach
+                and abs(film[p, 1] - (y0 + place // wide + 0.5)) < reach)
+        if near and (len(receives) == 0 or receives[triangle[p]]):
+            left[count] = p
+            count += 1
+    return left[:count]
+
+
+@kernel
+def _ask(film, left, step, x0, y0, row):
+    """The points (n,), as places in the flat grid, that are corners of the blocks that film[left] lies in."""
+    for p in left:
+        i, j = int(np.floor(film[p, 0] / step - 0.5)) - x0, int(np.floor(film[p, 1] / step - 0.5)) - y0
+        row[j, i] = row[j, i + 1] = row[j + 1, i] = row[j + 1, i + 1] = 0
+    return np.flatnonzero(row == 0)
+
+
+@kernel
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def _agree(corners, gloss, largest, usable, material, turn, size, spread):
+    """Fill Blocks; largest: square of the diagonal of a block that can be used."""
+    for j in range(usable.shape[0]):
+        for i in range(usable.shape[1]):
+            c = (corners.row[j, i], corners.row[j, i + 1], corners.row[j + 1, i], corners.row[j + 1, i + 1])
+            if min(min(c[0], c[1]), min(c[2], c[3])) < 0:
+                continue
+            first, good = c[0], True
+            material[j, i], turn[j, i], size[j, i] = corners.material[first], 0.0, 0.0
+            for k in c[1:]:
+                good &= (corners.instance[k] == corners.instance[first]
+                         and _dot(corners.Ng[k], corners.Ng[first]) > NORMAL
+                         and _dot(corners.Ns[k], corners.Ns[first]) > NORMAL)
+                if corners.material[k] != material[j, i]:
+                    material[j, i] = -1
+                turn[j, i] = max(turn[j, i], 1.0 - _dot(corners.turned[k], corners.turned[first]))
+            for a, b in ((c[0], c[3]), (c[1], c[2])):
+                d = corners.P[a] - corners.P[b]
+                size[j, i] = max(size[j, i], _dot(d, d))
+            usable[j, i] = good and size[j, i] <= largest
+            for kind in range(2 if gloss else 1):
+                spread[j, i, kind] = 0.0
+                for n in range(3 * kind, 3 * kind + 3):
+                    low, high = corners.light[first, n], corners.light[first, n]
+                    for k in c[1:]:
+                        low, high = min(low, corners.light[k, n]), max(high, corners.light[k, n])
+                    spread[j, i, kind] = max(spread[j, i, kind], high - low)
+                rough = 0.0
+                for k in c:
+                    rough = max(rough, corners.rough[k, kind])
+                spread[j, i, kind] += rough
+
+
+@kernel
+def _between(corners, blocks, film, left, hits, instance, materials, Od, gloss, tolerance, light, done):
+    """Fills light and done of the rows in `left` that their block serves; returns the others."""
+    rest, count = np.empty(len(left), np.int64), 0
+    for p in left:
+        x, y = film[p, 0] / corners.step - 0.5, film[p, 1] / corners.step - 0.5
+        i, j = int(np.floor(x)), int(np.floor(y))
+        x, y, i, j = x - i, y - j, i - corners.x, j - corners.y
+        good = blocks.usable[j, i]
+        if good:
+            m = hits.material[p]
+            a, b = corners.row[j, i], corners.row[j, i + 1]
+            c, d = corners.row[j + 1, i], corners.row[j + 1, i + 1]
+            wa, wb, wc, wd = (1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y
+            error = blocks.spread[j, i, 0] * materials.kd[m] * max(Od[p, 0], max(Od[p, 1], Od[p, 2]))
+            if gloss and materials.ks[m] > 0.0:
+                Os = materials.Os[m]
+                error += blocks.spread[j, i, 1] * materials.ks[m] * max(Os[0], max(Os[1], Os[2]))
+                good = blocks.material[j, i] == m and blocks.turn[j, i] * materials.nShiny[m] <= LOBE
+            off = 0.0
+            for k in range(3):
+                q = wa * corners.P[a, k] + wb * corners.P[b, k] + wc * corners.P[c, k] + wd * corners.P[d, k]
+                off += (q - hits.P[p, k]) ** 2
+            good = (good and error <= tolerance and off <= AWAY * AWAY * blocks.size[j, i]
+                    and instance[hits.triangle[p]] == corners.instance[a]
+                    and _dot(hits.Ng[p], corners.Ng[a]) > NORMAL and _dot(hits.Ns[p], corners.Ns[a]) > NORMAL)
+        if good:
+            for k in range(light.shape[1]):
+                light[p, k] = (wa * corners.light[a, k] + wb * corners.light[b, k]
+                               + wc * corners.light[c, k] + wd * corners.light[d, k])
+            done[p] = True
+        else:
+            rest[count] = p
+            count += 1
+    return rest[:count]
+
+
+@kernel
+def _add(rows, material, share, tint, light, colour):
+    """colour += share·tint·light, of some rows; share (M,) of each material."""
+    for p in rows:
+        for k in range(3):
+            colour[p, k] += share[material[p]] * tint[p, k] * light[p, k]

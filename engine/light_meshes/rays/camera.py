@@ -1,0 +1,131 @@
+"""Camera rays: where in a pixel's filter they go, and through which point of the lens."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.description import Camera
+from ..support.compiled import kernel
+
+
+def coarser(camera: Camera, divisor: int) -> Camera:
+    """The camera with `divisor` times fewer pixels each way, of exactly what it sees."""
+    if divisor == 1:
+        return camera
+    x0, y0, x1, y1 = camera.crop or (0, 0, camera.width, camera.height)
+    left, right, bottom, top = camera.window
+    wide, high = (right - left) / camera.width, (top - bottom) / camera.height
+    return dataclasses.replace(
+        camera, crop=None, width=-(-(x1 - x0) // divisor), height=-(-(y1 - y0) // divisor),
+        window=(left + wide * x0, left + wide * x1, bottom + high * y0, bottom + high * y1))
+
+
+def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
+    """Offsets (n,2) from a pixel's centre, in pixels, distributed as a Blackman-Harris filter of that size.
+
+    As in Cycles the filter ends `filter_size` from the centre: its window is twice as wide.
+    The same n for every pixel: a picture without noise. n = 1 is the centre. Latin hypercube strata (van der
+    Corput's order) through the filter's inverse distribution; all samples weigh the same, as in Cycles. The first
+    is the one nearest to the centre.
+    """
+    stratum = (np.arange(samples) + 0.5) / samples
+    corput = np.zeros(samples)
+    for bit in range(13):
+        corput += (np.arange(samples) >> bit & 1) * 0.5 ** (bit + 1)
+    order = np.argsort(np.argsort(corput, kind="stable"), kind="stable")
+    x = np.linspace(-0.5, 0.5, 4097)
+    a = 2 * np.pi * (x + 0.5)
+    density = 0.35875 - 0.48829 * np.cos(a) + 0.14128 * np.cos(2 * a) - 0.01168 * np.cos(3 * a)
+    share = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    inverse = np.interp(stratum, share / share[-1], x)
+    inverse = (inverse - inverse[::-1]) / 2  # the filter is symmetric; so is the table, to the last bit
+    offsets = 2 * filter_size * np.stack([inverse, inverse[order]], axis=1)
+    return offsets[np.argsort((offsets**2).sum(1), kind="stable")]
+
+
+GOLDEN = (5**0.5 - 1) / 2
+ORDERS = 16  # of the lens's points that are tried
+
+
+def lens_points(camera: Camera, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n,2) of the lens that a pixel's n samples look through, in scene units from its centre, x right, y up.
+
+    The same for every pixel, as the samples' `offsets`: a point out of focus becomes n points, with the variance of
+    the whole lens. A sunflower spiral (Vogel 1979) fills the disk evenly, seen from any side; a lens with blades has
+    the same spiral, each circle drawn out to the polygon (its form as in Cycles). The first sample looks through the
+    point nearest to the centre, a single one through the centre.
+    """
+    n = len(offsets)
+    if camera.lens_radius == 0 or n == 1:
+        return np.zeros((n, 2))
+    k = np.arange(n)
+    angle = 2 * np.pi * (k * GOLDEN % 1)
+    if camera.lens_blades < 3:
+        outline = np.stack([np.cos(angle), np.sin(angle)])
+    else:
+        # A share of the circle becomes the same share of the polygon's outline: equal areas stay equal.
+        sector = 2 * np.pi / camera.lens_blades
+        blade, along = np.divmod(angle / sector, 1)
+        a, b = (np.stack([np.cos(v), np.sin(v)]) for v in (
+            (blade + side) * sector + camera.lens_rotation for side in (-0.5, 0.5)))
+        outline = a + along * (b - a)
+    points = camera.lens_radius * (np.sqrt((k + 0.5) / n) * outline).T / [camera.lens_ratio, 1]
+    # Place in the filter and place in the lens must have little to do with each other: of some orders, each by steps
+    # around the spiral that meet every point, the one in which they are least correlated.
+    steps = [m for m in range(-(-n // 4), n) if math.gcd(m, n) == 1]
+    orders = [k * m % n for m in steps[::-(-len(steps) // ORDERS)]]
+    return points[min(orders, key=lambda order: np.linalg.norm(offsets.T @ points[order]))]
+
+
+@kernel
+def rays(matrix, window, perspective, near, width, height, x0, y0, x1, y1, offsets, lens, tilt,
+         origin, direction, stretch):
+    """Rays of the pixels x0..x1, y0..y1 (rows bottom-up), sample after sample within a pixel.
+
+    Fills origin and direction (n,3), from depth `near` on, and stretch (n,): length along the ray for a depth of 1.
+    A sample passes its point of the `lens`, and goes sideways by its `tilt` (n,2) less for a depth of 1, so that
+    all that aim at one place meet in focus.
+    """
+    n = 0
+    for y in range(y0, y1):
+        for x in range(x0, x1):
+            for s in range(len(offsets)):
+                u = window[0] + (window[1] - window[0]) * (x + 0.5 + offsets[s, 0]) / width
+                v = window[2] + (window[3] - window[2]) * (y + 0.5 + offsets[s, 1]) / height
+                ox, oy, dx, dy = lens[s, 0], lens[s, 1], -tilt[s, 0], -tilt[s, 1]
+                if perspective:
+                    dx, dy = dx + u, dy + v
+                else:
+                    ox, oy = ox + u, oy + v
+                ox, oy, oz = ox + near * dx, oy + near * dy, -near
+                length = np.sqrt(dx * dx + dy * dy + 1.0)
+                dx, dy, dz = dx / length, dy / length, -1.0 / length
+                for r in range(3):
+                    origin[n, r] = matrix[r, 0] * ox + matrix[r, 1] * oy + matrix[r, 2] * oz + matrix[r, 3]
+                    direction[n, r] = matrix[r, 0] * dx + matrix[r, 1] * dy + matrix[r, 2] * dz
+                stretch[n] = length
+                n += 1
+
+
+def camera_rays(
+    camera: Camera, box: tuple[int, int, int, int], offsets: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Origins, unit directions (n,3) and reach (n,) of the rays through the pixels of `box` (x0, y0, x1, y1)."""
+    x0, y0, x1, y1 = box
+    n = (x1 - x0) * (y1 - y0) * len(offsets)
+    origin, direction, stretch = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
+    lens = lens_points(camera, offsets)
+    rays(camera.matrix, np.array(camera.window), camera.perspective, camera.clip_start, camera.width, camera.height,
+         x0, y0, x1, y1, offsets, lens, lens / camera.focus_distance, origin, direction, stretch)
+    return origin, direction, stretch * (camera.clip_end - camera.clip_start)
+
+
+def depth(camera: Camera, P: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Depth (n,) of world points along the camera's axis, as Cycles' Depth pass has it."""
+    axis = camera.matrix[:3, 2]
+    return -((P[:, 0] - camera.matrix[0, 3]) * axis[0] + (P[:, 1] - camera.matrix[1, 3]) * axis[1]
+             + (P[:, 2] - camera.matrix[2, 3]) * axis[2])

@@ -1,0 +1,280 @@
+"""All instances as one soup of triangles in the tracer's frame, and the surface at a hit."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.description import Camera, Scene, SceneError
+from ..support.compiled import kernel
+from .frame import FAR, Frame, cut, frame, too_large
+from .slivers import sliver_warnings
+
+
+class Surfaces(NamedTuple):
+    """What the kernels need of the geometry; every array is indexed by triangle unless said otherwise."""
+
+    centre: NDArray[np.float64]  # (3,), scale and reach: see `frame`
+    scale: float
+    reach: float
+    vertices: NDArray[np.float32]  # (V,3) in the frame, instance by instance
+    triangles: NDArray[np.int32]  # (T,3)
+    instance: NDArray[np.int32]  # (T,) ascending
+    source: NDArray[np.int32]  # (T,) row in the scene's per-triangle arrays
+    normal_matrix: NDArray[np.float64]  # (I,3,3) local normals to world
+    mirrored: NDArray[np.bool_]  # (I,) negative scale: windings are turned round
+    corner_normals: NDArray[np.float32]  # (scene triangles,3,3) local
+    uvs: NDArray[np.float32]  # (scene triangles,3,2), or (0,3,2)
+    materials: NDArray[np.int32]  # (scene triangles,)
+    piece: NDArray[np.int32]  # (T,) row of `cut`, −1: whole; (0,): all are
+    cut: NDArray[np.float64]  # (pieces,3,2) u, v of a piece's corners on the scene's triangle
+
+    def at_corners(self, values: NDArray, triangle: NDArray) -> NDArray[np.float64]:
+        """Values (n,3,k) at the corners of triangles (n,); `values` (scene triangles,3,k) are those of the scene's."""
+        out = values[self.source[triangle]].astype(np.float64)
+        if len(self.piece):
+            rows = np.flatnonzero(self.piece[triangle] >= 0)
+            b = self.cut[self.piece[triangle[rows]]]
+            weight = np.concatenate([1 - b.sum(2, keepdims=True), b], axis=2)
+            out[rows] = np.einsum("nij,njk->nik", weight, out[rows])
+        return out
+
+
+class Hits(NamedTuple):
+    """Surface points, structure of arrays. Normals are turned to the side that the ray came from."""
+
+    P: NDArray[np.float64]  # (n,3) world
+    Ng: NDArray[np.float64]  # (n,3) unit, geometric
+    Ns: NDArray[np.float64]  # (n,3) unit, shading
+    uv: NDArray[np.float32]  # (n,2)
+    material: NDArray[np.int32]  # (n,)
+    triangle: NDArray[np.int32]  # (n,)
+    front: NDArray[np.bool_]  # (n,) the ray came from the side that the winding calls outside
+
+    def at(self, rows: Any) -> Hits:
+        """These hits only."""
+        return Hits(*(a[rows] for a in self))
+
+
+@kernel
+def _place(vertices, matrix, out):
+    for i in range(len(vertices)):
+        for r in range(3):
+            out[i, r] = (
+                matrix[r, 0] * vertices[i, 0] + matrix[r, 1] * vertices[i, 1]
+                + matrix[r, 2] * vertices[i, 2] + matrix[r, 3]
+            )
+
+
+@kernel
+def _usable(vertices, triangles, out):
+    """Marks triangles that have an area; NaN and infinity fail the comparison too."""
+    for t in range(len(triangles)):
+        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
+        e = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
+        f = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
+        x = e[1] * f[2] - e[2] * f[1]
+        y = e[2] * f[0] - e[0] * f[2]
+        z = e[0] * f[1] - e[1] * f[0]
+        s = x * x + y * y + z * z
+        out[t] = s > 0.0 and s < np.inf
+
+
+class Placed(NamedTuple):
+    """All instances' triangles in the world."""
+
+    world: NDArray[np.float64]  # (V,3)
+    triangles: NDArray[np.int32]  # (T,3)
+    instance: NDArray[np.int32]  # (T,)
+    source: NDArray[np.int32]  # (T,)
+
+
+def _placed(scene: Scene) -> Placed:
+    g = scene.geometry
+    meshes = g.meshes[g.instance_mesh] if len(g.instance_mesh) else np.zeros((0, 4), np.int64)
+    first_vertex = np.concatenate([[0], np.cumsum(meshes[:, 1])])
+    first_triangle = np.concatenate([[0], np.cumsum(meshes[:, 3])])
+    if first_vertex[-1] >= 2**31 or first_triangle[-1] >= 2**31:
+        raise SceneError(f"the scene has {first_triangle[-1]:,} triangles; the engine takes up to 2^31: "
+                         "hide objects or reduce subdivision")
+    world = np.empty((first_vertex[-1], 3))
+    triangles = np.empty((first_triangle[-1], 3), np.int32)
+    instance = np.empty(first_triangle[-1], np.int32)
+    source = np.empty(first_triangle[-1], np.int32)
+    for i, (v0, nv, t0, nt) in enumerate(meshes.tolist()):
+        v, t = first_vertex[i], first_triangle[i]
+        _place(g.vertices[v0:v0 + nv], g.instance_matrix[i], world[v:v + nv])
+        np.add(g.triangles[t0:t0 + nt], np.int32(v), out=triangles[t:t + nt])
+        instance[t:t + nt] = i
+        source[t:t + nt] = np.arange(t0, t0 + nt, dtype=np.int32)
+    traced = np.array([o.visible_camera or o.visible_reflection or o.visible_shadow for o in scene.objects], np.bool_)
+    if not traced.all():
+        kept = traced[g.instance_object[instance]]
+        triangles, instance, source = triangles[kept], instance[kept], source[kept]
+    return Placed(world, triangles, instance, source)
+
+
+def _frame(scene: Scene, placed: Placed, camera: Camera) -> Frame:
+    seen = np.array([o.visible_camera for o in scene.objects], np.bool_)
+    return frame(placed.world, placed.triangles, seen[scene.geometry.instance_object[placed.instance]], camera)
+
+
+def same_frame(surfaces: Surfaces, scene: Scene, camera: Camera) -> bool:
+    """Whether surfaces made of this scene have the frame that suits the camera."""
+    new = _frame(scene, _placed(scene), camera)
+    return (new.scale, new.reach) == (surfaces.scale, surfaces.reach) and bool((new.centre == surfaces.centre).all())
+
+
+def flatten(scene: Scene, camera: Camera | None = None) -> tuple[Surfaces, list[str]]:
+    """World-space triangles of all instances in the tracer's frame, and a warning an object with bad triangles.
+
+    Left out are triangles without an area, or with a vertex that is not finite, or of objects that no ray may meet.
+    camera: that looks, where it is not the scene's.
+    """
+    g, placed = scene.geometry, _placed(scene)
+    frame = _frame(scene, placed, camera or scene.camera)
+    world, triangles, instance, source = placed
+    with np.errstate(invalid="ignore", over="ignore"):
+        local = frame.to_frame(world)
+        vertices = local.astype(np.float32)
+    warnings = _beyond(scene, local, triangles, instance) if frame.reach == FAR else []
+    usable = np.empty(len(triangles), np.bool_)
+    _usable(vertices, triangles, usable)
+    if not usable.all():
+        warnings += _lost(scene, vertices, triangles[~usable], instance[~usable])
+        triangles, instance, source = triangles[usable], instance[usable], source[usable]
+    warnings += sliver_warnings(scene, vertices, triangles, instance)
+    piece, corners = np.zeros(0, np.int32), np.zeros((0, 3, 2))
+    if frame.reach > 1:
+        large = too_large(local, triangles)
+        if large.any():
+            vertices, triangles, instance, source, piece, corners = _in_pieces(scene, local, triangles, instance,
+                                                                               source, large)
+    linear = np.ascontiguousarray(g.instance_matrix[:, :3, :3])
+    determinant, normal_matrix = _cofactors(linear)
+    return Surfaces(
+        frame.centre, frame.scale, frame.reach, vertices, triangles, instance, source, normal_matrix, determinant < 0,
+        np.asarray(g.corner_normals), np.asarray(g.uvs), np.asarray(g.triangle_materials), piece, corners,
+    ), warnings
+
+
+def _in_pieces(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int32], instance: NDArray[np.int32],
+               source: NDArray[np.int32], large: NDArray[np.bool_]) -> tuple[NDArray, ...]:
+    """Vertices (float32), triangles, instance, source, piece and cut, with large (T,) triangles in pieces."""
+    pieces, uv, of = cut(local[triangles[large]])
+    whole, count = ~large, np.count_nonzero(~large)
+    g = scene.geometry
+    owner = np.repeat(np.arange(len(g.instance_mesh), dtype=np.int32), g.meshes[g.instance_mesh, 1])
+    owner = np.concatenate([owner, np.repeat(instance[large][of], 3)])
+    own = (len(local) + np.arange(3 * len(pieces))).reshape(-1, 3)
+    triangles = np.concatenate([triangles[whole], own])
+    instance = np.concatenate([instance[whole], instance[large][of]])
+    source = np.concatenate([source[whole], source[large][of]])
+    piece = np.concatenate([np.full(count, -1), np.arange(len(pieces))])
+    by_instance, moved = np.argsort(owner, kind="stable"), np.empty(len(owner), np.int32)
+    moved[by_instance] = np.arange(len(owner), dtype=np.int32)
+    with np.errstate(invalid="ignore", over="ignore"):
+        vertices = np.concatenate([local, pieces.reshape(-1, 3)])[by_instance].astype(np.float32)
+    order = np.argsort(instance, kind="stable")
+    triangles = moved[triangles[order]]
+    usable = np.empty(len(triangles), np.bool_)
+    _usable(vertices, triangles, usable)
+    order = order[usable]
+    return vertices, triangles[usable], instance[order], source[order], piece[order].astype(np.int32), uv
+
+
+def _cofactors(m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Determinants and cofactor matrices (I,3,3): det·M⁻ᵀ, which carries normals and needs no inverse."""
+    a, b, c = m[:, 0], m[:, 1], m[:, 2]
+    cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    determinant = (a * cofactor[:, 0]).sum(1)
+    return determinant, cofactor * np.where(determinant < 0, -1.0, 1.0)[:, None, None]
+
+
+def _lost(scene: Scene, vertices: NDArray[np.float32], triangles: NDArray[np.int32],
+          instance: NDArray[np.int32]) -> list[str]:
+    """One sentence an object whose triangles have vertices that are not finite (no area is no fault)."""
+    broken = ~np.isfinite(vertices[triangles]).all((1, 2))
+    owner = scene.geometry.instance_object[instance[broken]]
+    objects, counts = np.unique(owner, return_counts=True)
+    return [
+        f"object '{scene.objects[o].name}': {n} triangles have a vertex that is not finite and are left out"
+        for o, n in zip(objects.tolist(), counts.tolist(), strict=True)
+    ]
+
+
+def _beyond(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int32],
+            instance: NDArray[np.int32]) -> list[str]:
+    """One sentence an object that reaches farther than the tracer does."""
+    far = ((np.abs(local) > FAR) & np.isfinite(local)).any(1)[triangles].any(1)
+    objects = np.unique(scene.geometry.instance_object[instance[far]])
+    return [f"object '{scene.objects[o].name}': what of it is more than a hundred thousand million views away is left "
+            "out: look for a mistyped location or scale" for o in objects.tolist()]
+
+
+@kernel
+def surface(s, triangle, u, v, origin, direction, P, Ng, Ns, uv, material, hit, front):
+    """Fill P … material for the triangles that rays hit; u, v are Embree's, in float32.
+
+    The crossing is computed again in float64 (Möller and Trumbore, 1997) and held to the triangle, so that P lies in
+    its plane and on the ray.
+    """
+    for n in range(len(triangle)):
+        t = triangle[n]
+        i, k = s.instance[t], s.source[t]
+        a, b, c = s.vertices[s.triangles[t, 0]], s.vertices[s.triangles[t, 1]], s.vertices[s.triangles[t, 2]]
+        e0, e1, e2 = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
+        f0, f1, f2 = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
+        d0, d1, d2 = direction[n, 0], direction[n, 1], direction[n, 2]
+        q0 = (origin[n, 0] - s.centre[0]) / s.scale - a[0]
+        q1 = (origin[n, 1] - s.centre[1]) / s.scale - a[1]
+        q2 = (origin[n, 2] - s.centre[2]) / s.scale - a[2]
+        p0, p1, p2 = d1 * f2 - d2 * f1, d2 * f0 - d0 * f2, d0 * f1 - d1 * f0
+        r0, r1, r2 = q1 * e2 - q2 * e1, q2 * e0 - q0 * e2, q0 * e1 - q1 * e0
+        determinant = e0 * p0 + e1 * p1 + e2 * p2
+        ui = (q0 * p0 + q1 * p1 + q2 * p2) / determinant
+        vi = (d0 * r0 + d1 * r1 + d2 * r2) / determinant
+        if not (abs(ui) <= 2.0 and abs(vi) <= 2.0):  # the ray lies in the plane
+            ui, vi = np.float64(u[n]), np.float64(v[n])
+        ui = min(max(ui, 0.0), 1.0)
+        vi = min(max(vi, 0.0), 1.0)
+        if ui + vi > 1.0:
+            ui, vi = ui / (ui + vi), vi / (ui + vi)
+        wi = 1.0 - ui - vi
+        P[n, 0] = s.centre[0] + s.scale * (a[0] + ui * e0 + vi * f0)
+        P[n, 1] = s.centre[1] + s.scale * (a[1] + ui * e1 + vi * f1)
+        P[n, 2] = s.centre[2] + s.scale * (a[2] + ui * e2 + vi * f2)
+        x, y, z = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
+        length = np.sqrt(x * x + y * y + z * z)
+        sign = -1.0 if s.mirrored[i] else 1.0
+        if sign * (x * direction[n, 0] + y * direction[n, 1] + z * direction[n, 2]) > 0.0:
+            turn = -1.0  # seen from behind: both normals are turned
+        else:
+            turn = 1.0
+        x, y, z = sign * turn * x / length, sign * turn * y / length, sign * turn * z / length
+        Ng[n, 0], Ng[n, 1], Ng[n, 2] = x, y, z
+        if len(s.piece) and s.piece[t] >= 0:  # from here on of the scene's triangle
+            b = s.cut[s.piece[t]]
+            ui, vi = wi * b[0, 0] + ui * b[1, 0] + vi * b[2, 0], wi * b[0, 1] + ui * b[1, 1] + vi * b[2, 1]
+            wi = 1.0 - ui - vi
+        c0 = s.corner_normals[k]
+        l0 = wi * c0[0, 0] + ui * c0[1, 0] + vi * c0[2, 0]
+        l1 = wi * c0[0, 1] + ui * c0[1, 1] + vi * c0[2, 1]
+        l2 = wi * c0[0, 2] + ui * c0[1, 2] + vi * c0[2, 2]
+        m = s.normal_matrix[i]
+        p = m[0, 0] * l0 + m[0, 1] * l1 + m[0, 2] * l2
+        q = m[1, 0] * l0 + m[1, 1] * l1 + m[1, 2] * l2
+        r = m[2, 0] * l0 + m[2, 1] * l1 + m[2, 2] * l2
+        length = np.sqrt(p * p + q * q + r * r)
+        if length > 0.0 and length < np.inf:
+            Ns[n, 0], Ns[n, 1], Ns[n, 2] = turn * p / length, turn * q / length, turn * r / length
+        else:  # no usable normal in the mesh
+            Ns[n, 0], Ns[n, 1], Ns[n, 2] = x, y, z
+        if len(s.uvs):
+            for j in range(2):
+                uv[n, j] = wi * s.uvs[k, 0, j] + ui * s.uvs[k, 1, j] + vi * s.uvs[k, 2, j]
+        material[n] = s.materials[k]
+        hit[n] = t
+        front[n] = turn > 0.0

@@ -1,0 +1,361 @@
+"""Embree behind three verbs: `closest`, `occluded` and `transmittance`. Nothing else in the engine knows Embree.
+
+Precision (float32 inside Embree): the scene stands recentred and scaled (`frame`); rays are built in float64, leave a
+surface by a few ulps of its place along its geometric normal (`clearance`), aim from the *rounded* origin at the
+target, and are cast last. Points are float64 in world space on this side of the module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from ..scene.description import Scene, SceneError
+from ..support.compiled import kernel, part
+from .geometry import Surfaces
+from .stacks import Stacks, also_crossed, first_of_all, place_of
+
+CHUNK = 16384  # rays a call: the best of what was measured, and a bound on the delay of a cancel
+ULPS = 16 * 2.0**-23  # how far a ray leaves its surface and how far a closed end reaches, in the frame's box
+BUILD_BYTES = 300  # a triangle, while Embree builds its tree. It crashes or hangs where it does not get them
+LIGHT_END = 1 - 1e-5  # a ray to a light stops short of it: a light on a surface is not shadowed by it
+
+
+class Targets(NamedTuple):
+    """Where rays go: a point, or for a sun the way towards it."""
+
+    position: NDArray[np.float64]  # (m,3) world; for a directional one the unit vector towards the light
+    directional: NDArray[np.bool_]  # (m,)
+
+
+def points(position: NDArray[np.float64]) -> Targets:
+    """Targets that are all points."""
+    return Targets(position, np.zeros(len(position), np.bool_))
+
+
+class Tracer:
+    """The triangles of a scene, ready to be traced; one Embree scene for each distinct set of visible objects.
+
+    `kind` is who looks: "camera", "reflection" (and refraction) or "shadow"; shadow casters come apart as "opaque"
+    and "glass" (those that let light through), and as "stops" and "sheets" (those that let it through unbent). These
+    four also come for each set of `casters`: only triangles in it count. 0: all.
+    """
+
+    def __init__(self, scene: Scene, surfaces: Surfaces, glass: NDArray[np.bool_] | None = None,
+                 bending: NDArray[np.bool_] | None = None, casters: Sequence[NDArray[np.bool_]] = (),
+                 old: Tracer | None = None, stacks: Stacks | None = None) -> None:
+        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them. None: none do.
+
+        stacks: which triangles are in one place. casters: sets of triangles (T,), of which the first stands for all.
+        old: a tracer of the same surfaces; its Embree scenes are used again.
+        """
+        glass = np.zeros(len(surfaces.triangles), np.bool_) if glass is None else glass
+        bending = np.zeros(len(surfaces.triangles), np.bool_) if bending is None else bending
+        self.centre, self.scale, self.reach = surfaces.centre, surfaces.scale, surfaces.reach
+        self._surfaces, self.stacks = surfaces, stacks
+        self._embree: dict[tuple[str, int], tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        self._seen: dict[tuple[str, int], NDArray[np.bool_]] = {}
+        owner = scene.geometry.instance_object[surfaces.instance]
+        self.built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        built = old.built if old else {}
+        every = np.ones(len(owner), np.bool_)
+        kinds: dict[str, tuple[str, NDArray[np.bool_]]] = {
+            "camera": ("camera", every), "reflection": ("reflection", every), "shadow": ("shadow", every),
+            "opaque": ("shadow", ~glass), "glass": ("shadow", glass),
+            "stops": ("shadow", ~glass | bending), "sheets": ("shadow", glass & ~bending),
+        }
+        for number, among in enumerate(casters or [every]):
+            for kind, (looks, those) in kinds.items():
+                if number and kind in ("camera", "reflection", "shadow"):
+                    continue
+                flags = np.array([getattr(o, f"visible_{looks}") for o in scene.objects], np.bool_)
+                seen = flags[owner] & those & among if len(owner) else those
+                key = seen.tobytes()
+                if key not in self.built:
+                    self.built[key] = built.get(key) or _build(surfaces, seen)
+                self._embree[kind, number] = self.built[key]
+                if stacks is not None:
+                    self._seen[kind, number] = seen
+        self.embree_scenes = len(self.built)
+
+    def closest(
+        self, kind: str, origin: NDArray[np.float64], direction: NDArray[np.float64],
+        normal: NDArray[np.float64] | None = None, reach: NDArray[np.float64] | None = None, casters: int = 0,
+        passed: tuple[NDArray[np.float64], NDArray[np.int32]] | None = None,
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+        """First triangle along each ray (−1: none) and its barycentrics u, v.
+
+        origin, direction: (n,3), unit directions. normal (n,3): of the surface a ray leaves, on its side.
+        reach (n,): hits beyond this world length do not count. passed: where rays began (n,3), if they went on straight
+        since, and the triangle (n,) that each met or left last, −1: none; for what is in one place with it.
+        """
+        embree, original = self._embree[kind, casters]
+        n = len(origin)
+        triangle = np.empty(n, np.int32)
+        u, v = np.empty(n, np.float32), np.empty(n, np.float32)
+        for i in range(0, n, CHUNK):
+            part = slice(i, min(i + CHUNK, n))
+            o, d, t = _scratch(part.stop - i)
+            _rays(
+                self.centre, self.scale, self.reach, origin[part], direction[part],
+                origin[part] if normal is None else normal[part], normal is not None,
+                np.empty(0) if reach is None else reach[part], o, d, t,
+            )
+            hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
+            triangle[part], u[part], v[part] = hit["primID"], hit["u"], hit["v"]
+        if original is not None:
+            hit = triangle >= 0  # none where everything is hidden
+            triangle[hit] = original[triangle[hit]]
+        if self.stacks is not None:
+            start, last = passed or (origin, np.full(n, -1, np.int32))
+            first_of_all(self._surfaces, self.stacks, self._seen[kind, casters], start, direction, last, triangle, u, v)
+        return triangle, u, v
+
+    def occluded(
+        self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
+        target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool, kind: str = "shadow",
+        casters: int = 0,
+    ) -> NDArray[np.bool_]:
+        """Whether anything that casts shadows lies between origin[origin_of[k]] and targets[target_of[k]].
+
+        normal (len(origin),3): surface normals by which rays leave their surface; None: origins are free points
+        and what touches them blocks. closed: what touches the target blocks too (lattice nodes); otherwise the
+        ray ends just before it (lights).
+        """
+        embree, _ = self._embree[kind, casters]
+        n = len(origin_of)
+        blocked = np.empty(n, np.bool_)
+        for i in range(0, n, CHUNK):
+            part = slice(i, min(i + CHUNK, n))
+            o, d, t = _scratch(part.stop - i)
+            _segments(
+                self.centre, self.scale, self.reach, origin, origin if normal is None else normal, normal is not None,
+                origin_of[part], targets, target_of[part], closed, o, d, t,
+            )
+            np.equal(embree.run(o, d, dists=t, query="OCCLUDED"), 0, out=blocked[part])
+        return blocked
+
+    def transmittance(
+        self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
+        target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool,
+        factor: Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]],
+        unbent: bool = False, casters: int = 0, triangle: NDArray[np.int32] | None = None,
+    ) -> NDArray[np.float32]:
+        """Π t (n,3) of the surfaces crossed on the straight segments of `occluded`; 0 behind an opaque one.
+
+        factor(triangle, u, v) -> (n,3) is what a crossing lets through. Each crossing counts once: at an edge Embree
+        may report both its triangles. unbent: a surface that would bend the ray stops it. triangle
+        (len(origin),): that the origins are on; what lies on it counts.
+        """
+        through = np.ones((len(origin_of), 3), np.float32)
+        blocked = self.occluded(origin, origin_of, targets, target_of, normal, closed,
+                                kind="stops" if unbent else "opaque", casters=casters)
+        through[blocked] = 0
+        kind = "sheets" if unbent else "glass"
+        embree, original = self._embree[kind, casters]
+        if original is not None and not len(original):
+            return through
+        s = self._surfaces
+        for i in range(0, len(origin_of), CHUNK):
+            alive = i + np.flatnonzero(~blocked[i:i + CHUNK])
+            o, d, t = _scratch(len(alive))
+            _segments(
+                self.centre, self.scale, self.reach, origin, origin if normal is None else normal, normal is not None,
+                origin_of[alive], targets, target_of[alive], closed, o, d, t,
+            )
+            start = o.astype(np.float64)
+            end = start + d.astype(np.float64) * t[:, None].astype(np.float64)
+            passed = np.zeros(len(alive))  # distance of the last crossing from the start
+            last = np.full(len(alive), -1, np.int32)
+            near = np.zeros(len(alive), np.int32)  # crossings in a row that are hardly apart
+            done = np.full(len(alive), -1e-9)  # share of the segment up to which what is in one place has counted
+            if self.stacks is not None and triangle is not None:
+                done[:] = ULPS / 4 * np.maximum(1.0, np.abs(start).max(1)) / np.linalg.norm(end - start, axis=1)
+                self._together(kind, casters, triangle[origin_of[alive]], start, end, True, done, done, alive, factor,
+                               through)
+            while len(alive):
+                hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
+                on = hit["primID"] >= 0
+                met = hit["primID"][on] if original is None else original[hit["primID"][on]]
+                alive, start, end, passed, last, near, done = (
+                    a[on] for a in (alive, start, end, passed, last, near, done))
+                o, d, t = o[on], d[on], t[on]
+                new, until = np.empty(len(alive), np.bool_), np.empty(len(alive))
+                _cross(s, met, start, end, o, d, t, passed, last, near, new, until)
+                if self.stacks is not None:
+                    stacked = self.stacks.first[met + 1] > self.stacks.first[met]
+                    share = np.empty(len(alive))
+                    place_of(s, met, start, end, share)
+                    new = np.where(stacked, share > done, new)
+                    others = np.where(stacked, met, np.int32(-1))
+                    self._together(kind, casters, others, start, end, False, done, until, alive, factor, through)
+                    done = np.where(stacked, np.maximum(done, until), done)
+                through[alive[new]] *= factor(met[new], hit["u"][on][new], hit["v"][on][new])
+                on = (through[alive] > 0).any(1) & (t > 0)
+                alive, start, end, passed, last, near, done = (
+                    a[on] for a in (alive, start, end, passed, last, near, done))
+                o, d, t = o[on], d[on], t[on]
+        return through
+
+    def _together(self, kind: str, casters: int, triangle: NDArray[np.int32], start: NDArray, end: NDArray,
+                  leaving: bool, done: NDArray, until: NDArray, alive: NDArray, factor: Callable,
+                  through: NDArray[np.float32]) -> None:
+        """Multiply through[alive] by what segments cross in one place with `triangle`; see `also_crossed`."""
+        assert self.stacks is not None
+        room = len(triangle)
+        while True:
+            row, partner = np.empty(room, np.int32), np.empty(room, np.int32)
+            u, v = np.empty(room, np.float32), np.empty(room, np.float32)
+            count = also_crossed(self._surfaces, self.stacks, self._seen[kind, casters], triangle, start, end, leaving,
+                                 done, until, row, partner, u, v)
+            if count <= room:
+                break
+            room = count
+        if count:
+            np.multiply.at(through, alive[row[:count]], factor(partner[:count], u[:count], v[:count]))
+
+
+@kernel
+def _cross(s, triangle, start, end, o, d, t, passed, last, near, new, until):
+    """Tell real crossings from an edge's second triangle, and move the rays behind them (t = 0: at the end).
+
+    A ray that runs within a surface meets it again and again: after some such crossings its steps grow. until (n,):
+    the share of the segment that is then behind them, and a little more, as the rays' starts are rounded.
+    """
+    for n in range(len(triangle)):
+        k = triangle[n]
+        distance = 0.0
+        length = 0.0
+        for j in range(3):
+            x = np.float64(o[n, j]) + np.float64(d[n, j]) * t[n] - start[n, j]
+            distance += x * x
+            length += (end[n, j] - start[n, j]) ** 2
+        distance, length = np.sqrt(distance), np.sqrt(length)
+        new[n] = True
+        off = clearance(o[n, 0], o[n, 1], o[n, 2])
+        close = last[n] >= 0 and distance - passed[n] < 16 * off
+        if last[n] >= 0 and s.instance[last[n]] == s.instance[k]:
+            new[n] = last[n] != k and not (close and _facing(s, k, d[n]) == _facing(s, last[n], d[n]))
+        near[n] = near[n] + 1 if close else 0
+        passed[n] = max(passed[n], distance)
+        last[n] = k
+        step = off * 2.0 ** max(near[n] - 8, 0)
+        ahead = (passed[n] + step) / length
+        until[n] = ahead + 0.25 * off / length
+        if ahead < 1.0:
+            for j in range(3):
+                o[n, j] = start[n, j] + ahead * (end[n, j] - start[n, j])
+                d[n, j] = end[n, j] - np.float64(o[n, j])
+            passed[n] += step
+            t[n] = 1.0
+        else:
+            t[n] = 0.0
+
+
+@kernel
+def _facing(s, k, d):
+    a, b, c = s.vertices[s.triangles[k, 0]], s.vertices[s.triangles[k, 1]], s.vertices[s.triangles[k, 2]]
+    e0, e1, e2 = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
+    f0, f1, f2 = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
+    return (e1 * f2 - e2 * f1) * d[0] + (e2 * f0 - e0 * f2) * d[1] + (e0 * f1 - e1 * f0) * d[2] > 0.0
+
+
+def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[EmbreeScene, NDArray[np.int32] | None]:
+    """An Embree scene of the triangles in `seen`, and their original numbers (None where all are in)."""
+    original = None if seen.all() else np.flatnonzero(seen).astype(np.int32)
+    triangles = surfaces.triangles if original is None else surfaces.triangles[original]
+    try:
+        np.empty(BUILD_BYTES * len(triangles) + 2**25, np.uint8)  # can so much be had? Embree would not ask
+        embree = EmbreeScene()  # robust mode is its default, and needed: without it rays slip through edges
+        if len(triangles):
+            TriangleMesh(embree, surfaces.vertices, triangles)
+    except MemoryError as e:
+        raise SceneError(f"out of memory while building the accelerator of {len(triangles):,} triangles") from e
+    empty = np.zeros((1, 3), np.float32)
+    embree.run(empty, empty + 1, query="OCCLUDED")  # commits; later calls come from several threads
+    return embree, original
+
+
+def _scratch(n: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    return np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, np.float32)
+
+
+@part
+def clearance(x, y, z):
+    """How far a ray at this place of the frame leaves its surface: as many ulps of the place, and at least of 1."""
+    return ULPS * max(1.0, abs(x), abs(y), abs(z))
+
+
+@kernel
+def leave(x, normal):
+    """Move points x (n,3) in the frame off their surface."""
+    for n in range(len(x)):
+        off = clearance(x[n, 0], x[n, 1], x[n, 2])
+        for j in range(3):
+            x[n, j] += off * normal[n, j]
+
+
+@kernel
+def _rays(centre, scale, reach, origin, direction, normal, has_normal, length, o, d, t):
+    for n in range(len(origin)):
+        x = (origin[n, 0] - centre[0]) / scale
+        y = (origin[n, 1] - centre[1]) / scale
+        z = (origin[n, 2] - centre[2]) / scale
+        if has_normal:
+            off = clearance(x, y, z) if reach > 1.0 else ULPS
+            x += normal[n, 0] * off
+            y += normal[n, 1] * off
+            z += normal[n, 2] * off
+        dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
+        # A far origin has no float32 digits left at the scene: start where the ray nears it.
+        distance = x * x + y * y + z * z
+        start = 0.0
+        if distance > 16.0 * reach * reach:
+            start = max(0.0, -(x * dx + y * dy + z * dz) - 2.0 * reach)
+            x, y, z = x + start * dx, y + start * dy, z + start * dz
+        o[n, 0], o[n, 1], o[n, 2] = x, y, z
+        d[n, 0], d[n, 1], d[n, 2] = dx, dy, dz
+        if len(length):
+            t[n] = min(max(length[n] / scale - start, 0.0), 1e30)
+        else:
+            t[n] = 1e30
+
+
+@kernel
+def _segments(centre, scale, reach, origin, normal, has_normal, origin_of, targets, target_of, closed, o, d, t):
+    for n in range(len(origin_of)):
+        p, q = origin_of[n], target_of[n]
+        off, at = ULPS, 1.0
+        if reach > 1.0:
+            off = clearance((origin[p, 0] - centre[0]) / scale, (origin[p, 1] - centre[1]) / scale,
+                            (origin[p, 2] - centre[2]) / scale)
+        for j in range(3):
+            x = (origin[p, j] - centre[j]) / scale
+            if has_normal:
+                x += normal[p, j] * off
+            o[n, j] = x
+        if targets.directional[q]:
+            # Everything lies in [−reach, reach]³: this length passes it from wherever the ray starts.
+            length = 4.0 * reach + abs(o[n, 0]) + abs(o[n, 1]) + abs(o[n, 2])
+            t[n] = 1.0
+            if reach > 1.0:  # long directions would leave float32 in Embree's products
+                length, t[n] = 1.0, length
+            for j in range(3):
+                d[n, j] = length * targets.position[q, j]
+        else:
+            square = 0.0
+            for j in range(3):
+                x = (targets.position[q, j] - centre[j]) / scale
+                if reach > 1.0:
+                    at = max(at, abs(x))
+                d[n, j] = x - np.float64(o[n, j])
+                square += np.float64(d[n, j]) * d[n, j]
+            if closed:
+                t[n] = 1.0 + ULPS * at / np.sqrt(square) if square > 0.0 else 1.0
+            else:
+                t[n] = LIGHT_END

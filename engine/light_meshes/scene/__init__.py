@@ -1,0 +1,1 @@
+"""What a scene is, and the same as a folder, which is not trusted."""

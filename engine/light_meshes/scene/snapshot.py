@@ -1,0 +1,324 @@
+"""A scene as a folder: `scene.json` and one `.npy` an array, so that it can be kept, mailed and rendered again.
+
+The folder is untrusted: everything is checked here, once, and a `SceneError` says what is wrong and where.
+Writer and reader are the same list of fields as `scene.py`; the add-on writes the same layout on its own.
+`snapshot_arrays` says where the arrays lie. Several scene files may stand in one folder and share them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .arrays import ARRAYS, check_geometry, read_geometry
+from .description import (
+    CAUSTICS,
+    COLORSPACES,
+    FALLOFFS,
+    GLASS,
+    IDENTITY,
+    IMAGE_ALPHAS,
+    LIGHT_TYPES,
+    MODES,
+    REFRACTIONS,
+    SHADOWS,
+    SOFTNESS,
+    STORED_ALPHAS,
+    WEIGHTS,
+    Camera,
+    Image,
+    Light,
+    Material,
+    Object,
+    Scene,
+    SceneError,
+    Settings,
+    names_of,
+    quoted,
+)
+
+FORMAT = "light-meshes snapshot"
+VERSION = 1
+
+_CHOICES = {
+    (Settings, "mode"): MODES,
+    (Settings, "shadows"): SHADOWS,
+    (Settings, "refraction"): REFRACTIONS,
+    (Settings, "glass"): GLASS,
+    (Settings, "caustics"): CAUSTICS,
+    (Settings, "weights"): WEIGHTS,
+    (Settings, "mist_falloff"): FALLOFFS,
+    (Light, "type"): LIGHT_TYPES,
+    (Light, "softness"): SOFTNESS,
+    (Image, "alpha"): IMAGE_ALPHAS,
+    (Image, "stored"): STORED_ALPHAS,
+    (Image, "interpolation"): ("LINEAR", "CLOSEST"),
+    (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
+}
+_LARGEST = 1e30  # what single precision takes with some room
+# Smallest and largest sensible value; outside is a mistake and is said so.
+_RANGES = {
+    (Settings, "h"): (1e-30, 1e30),
+    (Settings, "kI"): (0.5, 8.0),
+    (Settings, "measured_h"): (0.0, 1e30),
+    (Settings, "samples"): (1, 4096),
+    (Settings, "max_depth"): (0, 64),
+    (Settings, "cutoff"): (0.0, 1.0),
+    (Settings, "ambient"): (0.0, 1e6),
+    (Settings, "filter_size"): (0.0, 10.0),
+    (Settings, "shadow_rate"): (1, 16),
+    (Settings, "light_samples"): (1, 65536),
+    (Settings, "seed"): (0, 2**31 - 1),
+    (Settings, "mist_start"): (0.0, 1e30),
+    (Settings, "mist_depth"): (0.0, 1e30),
+    (Camera, "width"): (1, 65536),
+    (Camera, "height"): (1, 65536),
+    (Camera, "clip_start"): (-math.inf, math.inf),
+    (Camera, "clip_end"): (-math.inf, math.inf),
+    (Camera, "lens_radius"): (0.0, 1e30),
+    (Camera, "focus_distance"): (1e-30, 1e30),
+    (Camera, "lens_blades"): (0, 1000),
+    (Camera, "lens_ratio"): (1e-3, 1e3),
+    (Light, "radius"): (0.0, 1e30),
+    (Light, "soft_radius"): (0.0, 1e30),
+    (Light, "reference_distance"): (0.0, 1e30),
+    (Light, "shadow_pass"): (-1, 2**32 - 1),
+    (Object, "shadow_terminator_geometry_offset"): (0.0, 1e30),
+    (Object, "shadow_terminator_normal_offset"): (0.0, 1e30),
+    (Object, "shadow_terminator_shading_offset"): (0.0, 1e30),
+    (Material, "cryptomatte"): (0, 2**32 - 1),
+    (Object, "cryptomatte"): (0, 2**32 - 1),
+    (Object, "cryptomatte_asset"): (0, 2**32 - 1),
+    (Material, "nShiny"): (0.0, 1e9),
+    (Material, "ior"): (0.01, 100.0),
+    (Material, "alpha"): (0.0, 1.0),
+}
+
+
+def write(scene: Scene, folder: Path) -> None:
+    """Write `scene` into `folder`, which is made if need be. scene.json comes last: with it, all is there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (dtype, _) in ARRAYS.items():
+        np.save(folder / f"{name}.npy", np.ascontiguousarray(getattr(scene.geometry, name), dtype))
+    data: dict[str, Any] = {"format": FORMAT, "version": VERSION}
+    for f in dataclasses.fields(Scene):
+        value = getattr(scene, f.name)
+        if f.name == "geometry":
+            continue
+        if dataclasses.is_dataclass(value):
+            data[f.name] = _plain(value)
+        elif value and dataclasses.is_dataclass(value[0]):
+            data[f.name] = [_plain(v) for v in value]
+        else:
+            data[f.name] = list(value)
+    (folder / "scene.json").write_text(json.dumps(data), encoding="utf-8")
+
+
+def _plain(item: Any) -> dict[str, Any]:
+    return {
+        k: v.tolist() if isinstance(v, np.ndarray) else v
+        for k, v in ((f.name, getattr(item, f.name)) for f in dataclasses.fields(item))
+    }
+
+
+def scene_file(path: Path) -> Path:
+    """The scene file of a snapshot: `path` names it, or its folder."""
+    file = path / "scene.json" if path.is_dir() else path
+    if file.suffix != ".json" or not file.is_file():
+        raise SceneError(f"{path} is no snapshot: it has no scene.json")
+    return file
+
+
+def read(path: Path, mapped: bool = True) -> Scene:
+    """Read and check a snapshot: its folder, or one of the scene files there. Raises SceneError.
+
+    mapped: arrays stay in their files where they can, which must not change as long as the scene is in use.
+    """
+    file = scene_file(path)
+    folder = file.parent
+    data = _read_json(file)
+    geometry = read_geometry(folder, data.get("blocks"), data.get("instances"), mapped)
+    known = {f.name for f in dataclasses.fields(Scene)} - {"geometry"}
+    unknown = set(data) - known - {"format", "version", "blocks", "instances"}
+    if unknown:
+        raise SceneError(f"scene.json has an unknown entry {quoted(min(unknown))}")
+    world = _checked(Scene, "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]), "scene.json")
+    to_rec709 = _checked(Scene, "to_rec709", IDENTITY, data.get("to_rec709", IDENTITY), "scene.json")
+    warnings = data.get("warnings", [])
+    if not isinstance(warnings, list) or not all(isinstance(w, str) for w in warnings):
+        raise SceneError("scene.json: warnings must be a list of sentences")
+    images = _many(Image, data, "images")
+    for image in images:
+        for path in (image.path, image.ocio):
+            if ".." in Path(path).parts:
+                raise SceneError(f"image {quoted(image.name)}: its path {quoted(path)} leads out of a folder by '..'; "
+                                 "give it in full, or put the image into the snapshot's folder")
+    scene = Scene(
+        camera=camera(data.get("camera")),
+        geometry=geometry,
+        lights=_many(Light, data, "lights"),
+        materials=_many(Material, data, "materials"),
+        images=images,
+        objects=_many(Object, data, "objects"),
+        world_color=world,
+        settings=_build(Settings, data.get("settings", {}), "settings"),
+        to_rec709=to_rec709,
+        warnings=tuple(warnings),
+    )
+    check(scene)
+    return dataclasses.replace(
+        scene, images=tuple(dataclasses.replace(i, path=str(folder / i.path), ocio=i.ocio and str(folder / i.ocio))
+                            for i in scene.images)
+    )
+
+
+def camera(data: Any) -> Camera:
+    """A checked camera from its JSON object. Raises SceneError."""
+    made: Camera = _build(Camera, data, "camera")
+    left, right, bottom, top = made.window
+    if left == right or bottom == top:
+        raise SceneError("camera: the window has no area")
+    if made.crop:
+        x0, y0, x1, y1 = made.crop
+        if not (0 <= x0 < x1 <= made.width and 0 <= y0 < y1 <= made.height):
+            raise SceneError("camera: the crop lies outside the frame or is empty")
+    return made
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as e:
+        raise SceneError(f"{path} cannot be read: {e}") from e
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        raise SceneError(f"{path} is not a Light Meshes snapshot")
+    if data.get("version") != VERSION:
+        raise SceneError(f"{path} has version {quoted(data.get('version'))}; this engine reads version {VERSION}: "
+                         "export it again with the add-on of the engine's release")
+    return data
+
+
+def _many(cls: type, data: dict[str, Any], key: str) -> tuple[Any, ...]:
+    items = data.get(key, [])
+    if not isinstance(items, list):
+        raise SceneError(f"scene.json: {key} must be a list")
+    return tuple(_build(cls, item, f"{key[:-1]} {n}") for n, item in enumerate(items))
+
+
+def _build(cls: type, data: Any, where: str) -> Any:
+    """A dataclass from a JSON object, each value checked against the type of the field's default."""
+    if not isinstance(data, dict):
+        raise SceneError(f"scene.json: {where} is missing or not an object")
+    fields = names_of(cls)
+    unknown = set(data) - set(fields)
+    if unknown:
+        raise SceneError(f"{where}: there is no property {quoted(min(unknown))}")
+    if isinstance(data.get("name"), str):
+        where = f"{where} {quoted(data['name'])}"
+    values = {}
+    for name, default in fields.items():
+        if name in data:
+            values[name] = _checked(cls, name, default, data[name], where)
+        elif default is dataclasses.MISSING:
+            raise SceneError(f"{where}: {name} is missing")
+    return cls(**values)
+
+
+def with_setting(settings: Settings, key: str, text: str) -> Settings:
+    """`settings` with one more set from text, as `--set key=value` gives it; h given by hand turns auto_h off."""
+    if key not in names_of(Settings):
+        raise SceneError(f"there is no setting '{key}'; there are {', '.join(names_of(Settings))}")
+    try:
+        value = json.loads(text.lower() if text.lower() in ("true", "false") else text)
+    except (ValueError, RecursionError):
+        value = text
+    value = _checked(Settings, key, names_of(Settings)[key], value, "--set")
+    changed: dict[str, Any] = {key: value} | ({"auto_h": False} if key == "h" else {})
+    return dataclasses.replace(settings, **changed)
+
+
+_SAMPLES: dict[tuple[type, str], Any] = {  # what a field without a default, or with None, looks like
+    (Camera, "matrix"): None,
+    (Camera, "window"): (0.0,) * 4,
+    (Camera, "width"): 1,
+    (Camera, "height"): 1,
+    (Camera, "crop"): (0, 0, 0, 0),
+    (Light, "intensity"): (0.0,) * 3,
+    (Light, "axes"): ((0.0,) * 3,) * 3,
+}
+
+
+def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
+    if (cls, name) == (Camera, "matrix"):
+        try:
+            matrix = np.array(value, np.float64)
+        except (ValueError, TypeError):
+            matrix = np.empty(0)
+        if matrix.shape != (4, 4) or not (np.abs(matrix) <= _LARGEST).all():
+            raise SceneError(f"{where}: matrix must be 4 rows of 4 finite numbers, none beyond {_LARGEST:g}")
+        if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
+            raise SceneError(f"{where}: its matrix is flat: a scale of 0 leaves nothing to see")
+        return matrix
+    if value is None and default is None:
+        return None
+    if cls is Light and name in ("receivers", "blockers"):
+        if not isinstance(value, list) or not all(type(i) is int for i in value):
+            raise SceneError(f"{where}: {name} must be null or a list of objects' numbers")
+        return tuple(value)
+    sample = _SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
+    value = _value(where, name, sample, value)
+    choices = _CHOICES.get((cls, name))
+    if choices and value not in choices:
+        raise SceneError(f"{where}: {name} is {quoted(value)}; choose one of {', '.join(choices)}")
+    low, high = _RANGES.get((cls, name), (-_LARGEST, _LARGEST))
+    for number in np.ravel(value).tolist() if isinstance(value, tuple) else (value,):
+        if isinstance(number, int | float) and not low <= number <= high:
+            raise SceneError(f"{where}: {name} is {number:g}; it must lie between {low:g} and {high:g}")
+    return value
+
+
+def _value(where: str, name: str, sample: Any, value: Any) -> Any:
+    """`value` as the type of `sample`, or a SceneError."""
+    if isinstance(sample, tuple):
+        if not isinstance(value, list | tuple) or len(value) != len(sample):
+            raise SceneError(f"{where}: {name} must be {len(sample)} numbers")
+        return tuple(_value(where, name, s, v) for s, v in zip(sample, value, strict=True))
+    if isinstance(sample, bool) or isinstance(value, bool):
+        if isinstance(value, bool) and isinstance(sample, bool):
+            return value
+    elif isinstance(sample, str):
+        if isinstance(value, str):
+            return value
+    elif isinstance(sample, int):
+        if (isinstance(value, int) or (isinstance(value, float) and value.is_integer())) and abs(value) < 2**63:
+            return int(value)
+    elif isinstance(value, int | float) and abs(value) <= sys.float_info.max:
+        return float(value)
+    kind = {bool: "true or false", str: "text", int: "a whole number"}.get(type(sample), "a finite number")
+    raise SceneError(f"{where}: {name} is {quoted(value)}; it must be {kind}")
+
+
+def check(scene: Scene) -> None:
+    """Raise SceneError unless all indices of `scene` fit together. Vertex values are not looked at."""
+    g = scene.geometry
+    check_geometry(g, len(scene.objects), len(scene.materials))
+    for material in scene.materials:
+        for image in (material.image, material.alpha_image):
+            if not -1 <= image < len(scene.images):
+                raise SceneError(f"material {quoted(material.name)}: image {image} does not exist")
+            if image >= 0 and not len(g.uvs) and len(g.triangles):
+                raise SceneError(f"material {quoted(material.name)} has an image, but uvs.npy is empty")
+    for picture in scene.images:
+        if picture.colorspace not in COLORSPACES and not picture.ocio:
+            raise SceneError(f"image {quoted(picture.name)}: colorspace is {quoted(picture.colorspace)}; choose one of "
+                             f"{', '.join(COLORSPACES)}, or say in ocio whose it is")
+    for light in scene.lights:
+        for what, named in (("receiver", light.receivers), ("blocker", light.blockers)):
+            if named and not (min(named) >= 0 and max(named) < len(scene.objects)):
+                raise SceneError(f"light {quoted(light.name)} has a {what} that does not exist")

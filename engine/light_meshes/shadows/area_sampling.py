@@ -1,0 +1,124 @@
+"""Soft shadows by many rays to a light that has a size: the reference that light meshes are compared with."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rays.tracer import Targets, Tracer
+from ..scene.description import Light
+from ..support.compiled import kernel
+from ..support.statistics import Statistics
+from .casters import Casters, union
+from .meshes.semitransparent import SharpThrough
+from .terminator import Lift, starts
+from .visibility import Check, Sharp, blocks, dim
+
+
+class AreaSampling:
+    """S_i(P) as the mean of N rays to points of the light; the interface of `visibility`.
+
+    Only visibility is sampled; Ω stays the point source's, so that away from shadows all three ways agree.
+    """
+
+    def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
+                 casters: Casters, sharp: Sharp | SharpThrough, edges: Sharp | SharpThrough | None, samples: int,
+                 seed: int) -> None:
+        """sharp: V(P) of lights without a size, and of the segments to each sample; edges: V(P) past sharp casters."""
+        self.count, self._targets, self._tracer, self._stats = len(lights), targets, tracer, stats
+        self._samples, self._seed = samples, seed
+        self._sharp, self._edges, self._receives = sharp, edges, casters.receives
+        self._groups, self._soft = casters.soft, union(casters.soft, self.count)
+        rectangle = [light.type == "AREA" and not light.area_ellipse for light in lights]
+        self._rectangle = np.array(rectangle, np.bool_)
+        self._free = np.array([light.type != "AREA" for light in lights], np.bool_)  # turns to the receiver
+        self._size = np.array([np.tan(light.angle / 2) if light.type == "SUN" else light.radius
+                               for light in lights], np.float64)
+        self._u = np.array([light.area_u for light in lights], np.float64).reshape(-1, 3)
+        self._v = np.array([light.area_v for light in lights], np.float64).reshape(-1, 3)
+
+    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
+                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
+        """S, see the module."""
+        soft = active & self._soft
+        if triangle is not None and self._receives is not None:
+            soft[~self._receives[triangle]] = 0
+        hard = self._sharp(P, N, active & ~soft, check, triangle, lift)
+        S = np.zeros_like(hard)
+        with self._stats.stage("area sampling"):
+            for group in self._groups:
+                for row, light in blocks(soft & group.lights, self.count):
+                    S[row, light] = self._share(P, N, row, light, lift, group.casters, check, S.shape[2:])
+        dim(S, soft, self._edges, P, N, check, lift)
+        return S + hard  # disjoint bits: the sum is a choice
+
+    def _share(self, P: NDArray, N: NDArray, row: NDArray, light: NDArray, lift: Lift | None, casters: int,
+               check: Check, channels: tuple[int, ...]) -> NDArray[np.float32]:
+        """How much (n, *channels) of light[k] P[row[k]] sees past `casters`."""
+        clear = np.zeros((len(row), *channels))
+        target = np.empty((len(row), 3))
+        directional = self._targets.directional[light]
+        order = np.arange(len(row), dtype=np.int32)
+        origin, normal, of = starts(lift, P, N, self._targets, row, light)
+        for s in range(self._samples):
+            check()
+            _sample(s, self._samples, self._seed, P, row, self._targets, light, self._free, self._rectangle,
+                    self._size, self._u, self._v, target)
+            clear += self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
+        self._stats.add(shadow_rays=len(row) * self._samples)
+        return (clear / self._samples).astype(np.float32)
+
+
+@kernel
+def _random(x):
+    """A uniform number in [0,1) from 64 bits (SplitMix64's finaliser)."""
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    x ^= x >> np.uint64(31)
+    return np.float64(x >> np.uint64(11)) * 2.0**-53
+
+
+@kernel
+def _sample(s, samples, seed, P, row, targets, light, free, rectangle, size, u, v, out):
+    """Point s of `samples` on each pair's light: strata of equal area in one axis, van der Corput in the other.
+
+    Each pair turns the pattern at random, from its own position: the same for any tiles, threads and order.
+    """
+    inverse, digit, rest = 0.0, 0.5, s
+    while rest:
+        inverse += digit * (rest & 1)
+        digit *= 0.5
+        rest >>= 1
+    bits = P.view(np.uint64)
+    for n in range(len(row)):
+        p, i = row[n], light[n]
+        key = np.uint64(seed) + np.uint64(i) * np.uint64(0x9E3779B97F4A7C15)
+        for j in range(3):
+            key = (key ^ bits[p, j]) * np.uint64(0xD6E8FEB86659FD93)
+            key ^= key >> np.uint64(32)
+        a = (s + _random(key + np.uint64(s) * np.uint64(2))) / samples
+        b = (inverse + _random(key ^ np.uint64(0xA0761D6478BD642F))) % 1.0
+        c = targets.position[i]
+        if rectangle[i]:
+            for j in range(3):
+                out[n, j] = c[j] + (2.0 * a - 1.0) * u[i, j] + (2.0 * b - 1.0) * v[i, j]
+            continue
+        x, y = np.sqrt(a) * np.cos(2 * np.pi * b), np.sqrt(a) * np.sin(2 * np.pi * b)
+        if not free[i]:
+            for j in range(3):
+                out[n, j] = c[j] + x * u[i, j] + y * v[i, j]
+            continue
+        # The disc of a sphere (or of the sun) as the receiver sees it.
+        if targets.directional[i]:
+            d0, d1, d2 = c[0], c[1], c[2]
+        else:
+            d0, d1, d2 = c[0] - P[p, 0], c[1] - P[p, 1], c[2] - P[p, 2]
+            length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+            d0, d1, d2 = d0 / length, d1 / length, d2 / length
+        sign = 1.0 if d2 >= 0.0 else -1.0
+        f = -1.0 / (sign + d2)
+        g = d0 * d1 * f
+        x, y = x * size[i], y * size[i]
+        out[n, 0] = c[0] + x * (1.0 + sign * d0 * d0 * f) + y * g
+        out[n, 1] = c[1] + x * sign * g + y * (sign + d1 * d1 * f)
+        out[n, 2] = c[2] - x * sign * d0 - y * d1

@@ -1,0 +1,272 @@
+"""The values of lattice nodes: computed on demand, once, in little memory, and shared by threads and pictures."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...support.compiled import kernel, part
+from .light_sets import give, light_sets, number_for, number_of
+from .node_keys import enter, find, key_of, keys
+
+BLOCK = 1 << 16  # rows that pass from one store to another at once
+
+
+class SharedNodesError(RuntimeError):
+    """Another thread failed, or was cancelled, while it computed nodes that this one waits for."""
+
+
+class NodeStore:
+    """Node values v(i,x): bits where the scene is opaque, else `channels` (1 or 3) float32 a light.
+
+    Each is computed once, when first needed. Threads share it: one that needs a value which another is computing
+    waits for it.
+
+    A row is a node. Beside its value it has the set of lights that are known there. A bit of a light that is not known
+    says whether somebody is computing it. (Numbers have such bits too, beside them.)
+    """
+
+    def __init__(self, lights: int, channels: int = 0, kind: type = np.float32) -> None:
+        self._lights, self._channels = lights, channels
+        self.words = (lights + 63) // 64
+        self.count = 0
+        self._ready = threading.Condition()
+        self._broken = False
+        self._keys = keys()
+        self._known = light_sets(np.zeros((1, self.words), np.uint64), np.zeros((0, 1), np.uint8))
+        self._bits = np.zeros((0, (lights + 7) // 8), np.uint8)
+        self._numbers: NDArray = np.zeros((0, lights * channels), kind)
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the store."""
+        return self._keys.bytes + self._known.bytes + self._bits.nbytes + self._numbers.nbytes
+
+    @property
+    def nodes(self) -> NDArray[np.int32]:
+        """The nodes (count,3) that have a row."""
+        return self._keys.nodes(0, self.count)
+
+    @property
+    def known(self) -> NDArray[np.uint64]:
+        """The lights (count,W) of which each has its value."""
+        return self._known.of(0, self.count)
+
+    def mend(self) -> None:
+        """Be as if what was begun when a render was cancelled, or failed, had never been asked for."""
+        self._broken = False
+        _drop_begun(self._bits, self._known, self.count)
+
+    def inherit(self, old: NodeStore, source: NDArray[np.int32],
+                forget: Callable[[NDArray[np.int32], NDArray[np.uint64]], None]) -> None:
+        """Take over, into an empty store of the same kind, the values of `old` that are still right.
+
+        Light i is light source[i] there; −1: it is new. forget(nodes, known) clears the bits (n,V) of those that are
+        wrong by now.
+        """
+        for first in range(0, old.count, BLOCK):
+            last = min(first + BLOCK, old.count)
+            nodes, known = old._keys.nodes(first, last), old._known.of(first, last)
+            forget(nodes, known)
+            kept = np.zeros((last - first, self.words), np.uint64)
+            _moved_bits(known, source, kept)
+            some = np.flatnonzero(kept.any(1))
+            value = old._value(np.arange(first, last, dtype=np.uint32)[some])
+            self.values(nodes[some], kept[some], partial(self._moved, value, source))
+
+    def _moved(self, value: NDArray, source: NDArray[np.int32], _: NDArray, kept: NDArray[np.uint64]) -> NDArray:
+        """Values of another store, for the lights in `kept` (n,W)."""
+        if not self._channels:
+            bits = np.zeros_like(kept)
+            _moved_bits(value, source, bits)
+            return bits & kept
+        mask = np.unpackbits(kept.view(np.uint8), axis=1, count=self._lights, bitorder="little").astype(np.bool_)
+        numbers = value.reshape(len(value), -1, self._channels)[:, source]
+        numbers[~mask] = 0
+        return numbers.reshape(len(value), -1)
+
+    def values(
+        self, nodes: NDArray[np.int32], need: NDArray[np.uint64],
+        evaluate: Callable[[NDArray[np.int32], NDArray[np.uint64]], NDArray],
+    ) -> NDArray:
+        """Values (n, words), or (n, lights·channels), of distinct `nodes` (n,3), right for the lights in `need`.
+
+        evaluate(nodes, todo) traces the missing ones, 0 elsewhere; it runs outside the lock. need, todo: (n, words).
+        """
+        rows, todo = np.empty(len(nodes), np.uint32), np.empty_like(need)
+        try:
+            with self._ready:
+                if self._claim(nodes, need, rows, todo):
+                    return self._value(rows)
+            wanted = np.flatnonzero(todo.any(1))
+            todo = todo[wanted]
+            found = evaluate(nodes[wanted], todo) if len(wanted) else None
+            with self._ready:
+                if found is not None:
+                    self._settle(rows[wanted], todo, found)
+                    self._ready.notify_all()
+                while not _settled(self._known, rows, need):
+                    if self._broken:
+                        raise SharedNodesError
+                    self._ready.wait()
+                return self._value(rows)
+        except BaseException:
+            with self._ready:
+                self._broken = True  # whoever waits for these nodes would wait for ever
+                self._ready.notify_all()
+            raise
+
+    def _value(self, rows: NDArray[np.uint32]) -> NDArray:
+        if self._channels:
+            value: NDArray = self._numbers[rows]
+            return value
+        out = np.zeros((len(rows), self.words), np.uint64)
+        _gather(self._bits, rows, out.view(np.uint8))
+        return out
+
+    def _claim(self, nodes: NDArray[np.int32], need: NDArray[np.uint64], rows: NDArray[np.uint32],
+               todo: NDArray[np.uint64]) -> bool:
+        """Fill the rows of `nodes`, new ones appended, and todo: the lights that nobody has asked for yet.
+
+        Returns whether all that is needed is known.
+        """
+        done, settled = 0, True
+        while True:
+            room = min(self._keys.room, len(self._bits))
+            done, self.count, settled = _claim(self._keys, self._known, self._bits, self.count, room, nodes, need,
+                                               done, settled, rows, todo)
+            if done == len(nodes):
+                return settled
+            if self.count < room:
+                self._keys = self._keys.widened()
+                continue
+            if self.count == 0:
+                self._keys.base[:] = nodes[0].astype(np.int64) - (1 << 20)
+            self._keys = self._keys.roomier(self.count)
+            new = len(self._keys.near)
+            if new > len(self._bits):
+                self._known.resize(new)
+                self._numbers.resize((new, self._numbers.shape[1]), refcheck=False)
+                self._bits.resize((new, self._bits.shape[1]), refcheck=False)
+
+    def _settle(self, rows: NDArray[np.uint32], todo: NDArray[np.uint64], found: NDArray) -> None:
+        """Now these rows know the lights in `todo`."""
+        if self._channels:
+            self._numbers[rows] += found.astype(self._numbers.dtype, copy=False)  # each is found once, and was 0
+        else:
+            _put(self._bits, rows, todo.view(np.uint8), found.view(np.uint8))
+        done = 0
+        while True:
+            done = _learn(self._known, rows, todo, done)
+            if done == len(rows):
+                return
+            self._known = self._known.renewed()
+
+
+@part
+def _word(bits, row, w):
+    """Lights 64w… of a row."""
+    word = np.uint64(0)
+    for b in range(8 * w, min(8 * w + 8, bits.shape[1])):
+        word |= np.uint64(bits[row, b]) << np.uint64(8 * (b - 8 * w))
+    return word
+
+
+@part
+def _put_word(bits, row, w, word):
+    for b in range(8 * w, min(8 * w + 8, bits.shape[1])):
+        bits[row, b] = np.uint8(word >> np.uint64(8 * (b - 8 * w)) & np.uint64(0xFF))
+
+
+@kernel
+def _claim(keys, known, bits, count, room, nodes, need, done, settled, rows, todo):
+    """Nodes from `done` on, until all are done or some array is too short; returns done, the rows, and settled."""
+    for n in range(done, len(nodes)):
+        near, far = key_of(keys.base, nodes[n, 0], nodes[n, 1], nodes[n, 2])
+        if far and len(keys.far) == 0:
+            return n, count, settled
+        place, row = find(keys, near, far)
+        if row < 0:
+            if count == room:
+                return n, count, settled
+            row = np.int64(count)
+            enter(keys, place, near, far, row)
+            count += 1
+        rows[n] = row
+        number = number_of(known, row)
+        for w in range(need.shape[1]):
+            missing = need[n, w] & ~known.words[number, w]
+            todo[n, w] = missing
+            if missing:
+                settled = False
+                word = _word(bits, row, w)
+                todo[n, w] = missing & ~word
+                _put_word(bits, row, w, word | missing)
+    return len(nodes), count, settled
+
+
+@kernel
+def _put(bits, rows, todo, found):
+    """The bits (n,B) that were found; all in bytes."""
+    for n in range(len(rows)):
+        for b in range(bits.shape[1]):
+            bits[rows[n], b] = bits[rows[n], b] & ~todo[n, b] | found[n, b]
+
+
+@kernel
+def _learn(known, rows, todo, done):
+    """Rows from `done` on know the lights in todo, until there is no room for a new set; returns the next."""
+    lights, before, now = np.empty(todo.shape[1], np.uint64), np.int64(-1), np.int64(-1)
+    for n in range(done, len(rows)):
+        if known.size[0] == len(known.words):
+            return n
+        number = number_of(known, rows[n])
+        same = number == before  # mostly as it was with the row before
+        before = number
+        for w in range(len(lights)):
+            word = known.words[number, w] | todo[n, w]
+            same = same and word == lights[w]
+            lights[w] = word
+        if not same:
+            now = number_for(known, lights)
+        give(known, rows[n], now)
+    return len(rows)
+
+
+@kernel
+def _settled(known, rows, need):
+    for n in range(len(rows)):
+        number = number_of(known, rows[n])
+        for w in range(need.shape[1]):
+            if need[n, w] & ~known.words[number, w]:
+                return False
+    return True
+
+
+@kernel
+def _gather(bits, rows, out):
+    for n in range(len(rows)):
+        for b in range(bits.shape[1]):
+            out[n, b] = bits[rows[n], b]
+
+
+@kernel
+def _drop_begun(bits, known, count):
+    for row in range(count):
+        number = number_of(known, row)
+        for w in range(known.words.shape[1]):
+            _put_word(bits, row, w, _word(bits, row, w) & known.words[number, w])
+
+
+@kernel
+def _moved_bits(old, source, out):
+    """out (n,W): bit i is bit source[i] of old (n,V); 0 where source[i] is −1."""
+    for i in range(len(source)):
+        j = source[i]
+        if j >= 0:
+            for n in range(len(old)):
+                out[n, i >> 6] |= (old[n, j >> 6] >> np.uint64(j & 63) & np.uint64(1)) << np.uint64(i & 63)

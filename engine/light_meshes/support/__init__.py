@@ -1,0 +1,1 @@
+"""What every room uses: compiled kernels, sets of bits, counts and times."""

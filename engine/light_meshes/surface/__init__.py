@@ -1,0 +1,1 @@
+"""What a surface returns of the light that arrives: Ω, and textures."""

@@ -1,0 +1,310 @@
+"""Image textures: read by OpenImageIO, looked up in linear light."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from ..scene.description import COLORSPACES, IDENTITY, Image, Scene, SceneError
+from ..support.compiled import kernel
+
+_EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
+_KINDS = {oiio.UINT8: np.uint8, oiio.UINT16: np.uint16}  # kept as they are; all others become float32
+_SYSTEM = ("/proc", "/sys", "/dev")  # what looks like a file there is none
+_CONVERTED = 1 << 22  # texels at once: OpenColorIO takes its time to begin
+
+
+class Layout(NamedTuple):
+    """What is kept of a file."""
+
+    width: int
+    height: int
+    kind: Any  # of its numbers: np.uint8, np.uint16, np.float32
+    first: int  # channel of the colours,
+    colours: int  # and how many there are: 3, or 1 of a grey image
+    alpha: int  # channel of alpha; -1: it has none, or nobody asks
+    straight: bool  # colours are not multiplied by alpha
+    divided: bool  # they are to be divided by it before they are converted
+
+    @property
+    def channels(self) -> int:
+        """How many channels are read."""
+        return max(self.first + self.colours, self.alpha + 1)
+
+    @property
+    def bytes(self) -> int:
+        """What its texels take."""
+        return self.width * self.height * self.channels * np.dtype(self.kind).itemsize
+
+
+class Texture:
+    """One image: texels as the file has them (8 or 16 bits, or float32) and the way to linear light."""
+
+    def __init__(self, image: Image, alpha: bool = True) -> None:
+        """alpha: whether anybody asks for its alpha."""
+        self.key = _key(image, alpha)
+        with _opened(image) as source:
+            layout = _layout(image, source.spec(), alpha)
+            kind = {np.uint8: oiio.UINT8, np.uint16: oiio.UINT16}.get(layout.kind, oiio.FLOAT)
+            texels = source.read_image(0, 0, 0, layout.channels, kind)
+            if texels is None:
+                raise OSError(source.geterror() or "cannot be read")
+        self._texels = np.ascontiguousarray(np.atleast_3d(texels))
+        self._alpha = layout.alpha if alpha and image.alpha != "IGNORED" else -1
+        self._first, self._step = layout.first, min(layout.colours - 1, 1)
+        self._closest = image.interpolation == "CLOSEST"
+        self._extension = _EXTENSIONS.index(image.extension)
+        self._matrix = np.array(image.matrix if image.matrix != IDENTITY else [], np.float64).reshape(-1, 3)
+        most = 0 if self._texels.dtype == np.float32 else np.iinfo(self._texels.dtype).max
+        self._straight = self._linear = np.linspace(0, 1, most + 1, dtype=np.float32)[:most and most + 1]
+        self.warning = ""
+        convert = None
+        if image.colorspace not in COLORSPACES:
+            try:
+                convert = _converter(image)
+            except OSError as e:
+                self.warning = (f"image '{image.name}': its colour space {image.colorspace} cannot be converted to "
+                                f"{image.working_space} by {image.ocio}: {e}; read as sRGB")
+        self._associate(image, layout, most or 1, convert)
+        if image.colorspace != "LINEAR" and convert is None:
+            self._linear = _srgb_to_linear(self._linear)
+            if not most:
+                self._each(layout, lambda colour, alpha: _srgb_to_linear(colour))
+
+    def _associate(self, image: Image, layout: Layout, white: int,
+                   convert: Callable[[NDArray[np.float32]], NDArray[np.float32]] | None) -> None:
+        """Convert the colours, and multiply or divide them by alpha, as the image wants it. white: alpha that is 1.
+
+        As Cycles: colours that are converted are so without alpha; sRGB alone is multiplied before it is made linear.
+        """
+        self._weight, self._divides = -1, False  # the channel that weighs texels which are blended
+        has = image.alpha in ("STRAIGHT", "MULTIPLIED") and layout.alpha >= 0 and bool(
+            (self._texels[:, :, layout.alpha] != white).any())
+        straight = layout.straight or not has
+        if not straight and layout.divided:
+            self._each(layout, lambda colour, alpha: np.divide(colour, alpha, out=colour.copy(), where=alpha != 0))
+            straight = True
+        if convert:
+            self._each(layout, lambda colour, alpha: convert(colour), _CONVERTED)
+        if not has or not straight:
+            return
+        if image.alpha == "STRAIGHT" or image.colorspace != "sRGB" or image.matrix != IDENTITY:
+            self._weight, self._divides = layout.alpha, image.alpha == "STRAIGHT"
+        elif white == 1:
+            self._each(layout, lambda colour, alpha: colour * alpha)
+        else:  # in the file's own numbers
+            self._each(layout, lambda colour, alpha: (
+                (colour.astype(np.uint32) * alpha + white // 2) // white).astype(colour.dtype))
+
+    def _each(self, layout: Layout, change: Callable[[NDArray, NDArray], NDArray], strip: int = 1 << 18) -> None:
+        """Replace all colours by change(colours (n,w,3 or 1), alpha (n,w,1)), about so many texels at a time."""
+        rows = max(1, strip // max(1, layout.width))
+        of_colours = slice(layout.first, layout.first + layout.colours)
+        for y in range(0, layout.height, rows):
+            part = self._texels[y:y + rows]
+            part[:, :, of_colours] = change(part[:, :, of_colours], part[:, :, max(layout.alpha, 0), None])
+
+    def lookup(self, uv: NDArray[np.float32], rows: NDArray[np.int64], colour: NDArray[np.float64]) -> None:
+        """colour[rows] = the texture at uv[rows]; v points up."""
+        _lookup(self._texels, self._first, self._step, self._linear, self._weight, self._divides, self._straight,
+                self._matrix, self._closest, self._extension, uv, rows, colour)
+
+    def alpha(self, uv: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Its alpha (n,) at uv (n,2); 1 where it has none."""
+        alpha = np.ones((len(uv), 1))
+        if self._alpha >= 0:
+            _lookup(self._texels, self._alpha, 0, self._straight, -1, False, self._straight, np.zeros((0, 3)),
+                    self._closest, self._extension, uv, np.arange(len(uv)), alpha)
+        return alpha[:, 0]
+
+
+def alphas(scene: Scene) -> set[int]:
+    """Of which images the alpha is asked for."""
+    return {material.alpha_image for material in scene.materials}
+
+
+def load(images: Sequence[Image], asked: Collection[int], threads: int,
+         old: Sequence[Texture | None] = ()) -> tuple[list[Texture | None], list[str]]:
+    """Textures, None with a sentence for those that cannot be read. Those of `old` are used again where they can.
+
+    asked: see `alphas`.
+    """
+    ready = {texture.key: texture for texture in old if texture}
+
+    def one(i: int) -> tuple[Texture | None, str]:
+        image = images[i]
+        try:
+            texture = ready.get(_key(image, i in asked)) or Texture(image, i in asked)
+            return texture, texture.warning
+        except OSError as e:
+            return None, (f"image '{image.name}' ({image.path}) cannot be read, the surfaces keep their plain colour: "
+                          f"{' '.join(str(e).split()) or 'unknown reason'}")
+        except MemoryError as e:
+            raise SceneError(f"image '{image.name}' ({image.path}) needs more memory than there is") from e
+
+    with ThreadPoolExecutor(threads) as pool:
+        found = list(pool.map(one, range(len(images))))
+    return [texture for texture, _ in found], [sentence for _, sentence in found if sentence]
+
+
+def layouts(images: Sequence[Image], asked: Collection[int]) -> list[tuple[Image, Layout]]:
+    """What will be kept of each image that can be opened. Only the beginnings of the files are read."""
+    found = []
+    for i, image in enumerate(images):
+        try:
+            with _opened(image) as source:
+                found.append((image, _layout(image, source.spec(), i in asked)))
+        except OSError:  # reading it will say so
+            continue
+    return found
+
+
+@contextmanager
+def _opened(image: Image) -> Iterator[Any]:
+    """The image's file. Raises OSError also for what is no file on a disk: a pipe, say, would keep us waiting."""
+    _check_file(Path(image.path))
+    asked = oiio.ImageSpec()  # colours as they are stored, not multiplied by alpha
+    asked.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(image.path, asked)
+    if source is None:
+        raise OSError(oiio.geterror() or "cannot be opened")
+    try:
+        yield source
+    finally:
+        source.close()
+
+
+def _check_file(path: Path) -> None:
+    try:
+        path = path.resolve()
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as e:
+        raise OSError("there is no such file") from e
+    except (RuntimeError, ValueError) as e:  # links in a circle; a NUL
+        raise OSError("there is no such file") from e
+    if not stat.S_ISREG(mode) or str(path).startswith(tuple(f"{folder}/" for folder in _SYSTEM[:2])):
+        raise OSError("it is a folder" if stat.S_ISDIR(mode) else "it is no file on a disk")
+
+
+def _layout(image: Image, spec: Any, alpha: bool) -> Layout:
+    names = list(spec.channelnames)
+    red = names.index("R") if "R" in names else 0
+    first = red if names[red:red + 3] == ["R", "G", "B"] else 0
+    colours = 3 if spec.nchannels >= 3 else 1
+    of_alpha = spec.nchannels - 1 if spec.nchannels in (2, 4) else spec.alpha_channel
+    straight = {"STRAIGHT": True, "MULTIPLIED": False}.get(
+        image.stored, bool(spec.get_int_attribute("oiio:UnassociatedAlpha")))
+    wanted = (alpha and image.alpha != "IGNORED") or image.alpha in ("MULTIPLIED", "STRAIGHT")
+    converts = image.colorspace not in COLORSPACES
+    divided = not straight and of_alpha >= 0 and (
+        image.alpha == "STRAIGHT" or (image.alpha == "MULTIPLIED" and (
+            converts or (image.colorspace == "sRGB" and image.matrix != IDENTITY))))
+    kind = np.float32 if converts or divided else _KINDS.get(spec.format.basetype, np.float32)
+    return Layout(spec.width, spec.height, kind, first, colours, of_alpha if wanted else -1, straight, divided)
+
+
+def _converter(image: Image) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
+    """Colours in the image's space → the scene's linear light, by the OpenColorIO configuration."""
+    _check_file(Path(image.ocio))
+    config = oiio.ColorConfig(image.ocio)
+    missing = config.geterror()  # as where it is of a later version
+    names = {*config.getColorSpaceNames(), *config.getRoles()}
+    if not missing and not {image.colorspace, image.working_space} <= names:
+        missing = "there is no such conversion"
+    if missing:
+        raise OSError(missing.splitlines()[-1])
+
+    def convert(colour: NDArray[np.float32]) -> NDArray[np.float32]:
+        pixels = np.ascontiguousarray(np.broadcast_to(colour, (*colour.shape[:2], 3)))
+        buffer = oiio.ImageBuf(pixels)
+        done = oiio.ImageBufAlgo.colorconvert(
+            buffer, buffer, image.colorspace, image.working_space, False, "", "", image.ocio)
+        if not done:
+            raise OSError(buffer.geterror())
+        return np.asarray(buffer.get_pixels(oiio.FLOAT))[:, :, :colour.shape[2]]
+
+    return convert
+
+
+def _key(image: Image, alpha: bool) -> tuple:
+    """What a texture depends on."""
+    try:
+        file = Path(image.path).stat()
+    except (OSError, ValueError):  # reading it will say what is wrong, if anything
+        return (object(),)  # equal to no other
+    return replace(image, name=""), alpha, file.st_mtime_ns, file.st_size
+
+
+def _srgb_to_linear(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0) + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+@kernel
+def _wrap(x, size, extension):
+    """Texel index of x, or −1 outside a clipped image."""
+    if extension == 0:
+        return x % size
+    if extension == 3:
+        x %= 2 * size
+        return x if x < size else 2 * size - 1 - x
+    if extension == 2 and (x < 0 or x >= size):
+        return -1
+    return min(max(x, 0), size - 1)
+
+
+@kernel
+def _lookup(texels, first, step, linear, weighing, divides, straight, matrix, closest, extension, uv, rows, colour):
+    """Texels are indices into `linear`, or where that is empty linear themselves.
+
+    first, step: the channels of the colours; a grey image has one channel for all. weighing: the channel (in numbers
+    as `straight` has them) that weighs texels which are blended, −1: none; `divides`: by the sum of the weights.
+    matrix: (3,3), or (0,3) for none.
+    """
+    height, width, coded = texels.shape[0], texels.shape[1], len(linear) > 0
+    for row in rows:
+        x, y = np.float64(uv[row, 0]) * width, (1.0 - np.float64(uv[row, 1])) * height
+        if not (abs(x) < 1e9 and abs(y) < 1e9):
+            x, y = 0.0, 0.0
+        if closest:
+            x, y = np.floor(x), np.floor(y)
+        else:
+            x, y = x - 0.5, y - 0.5
+        x0, y0 = int(np.floor(x)), int(np.floor(y))
+        fx, fy = x - x0, y - y0
+        for c in range(colour.shape[1]):
+            colour[row, c] = 0.0
+        total = 0.0
+        for corner in range(4):
+            dx, dy = corner & 1, corner >> 1
+            weight = (fx if dx else 1.0 - fx) * (fy if dy else 1.0 - fy)
+            if weight == 0.0:
+                continue
+            i, j = _wrap(x0 + dx, width, extension), _wrap(y0 + dy, height, extension)
+            if i < 0 or j < 0:
+                continue
+            if weighing >= 0:
+                a = texels[j, i, weighing]
+                weight *= straight[int(a)] if coded else a
+                total += weight
+            for c in range(colour.shape[1]):
+                t = texels[j, i, first + step * c]
+                colour[row, c] += weight * (linear[int(t)] if coded else t)
+        if divides and total > 0.0:
+            for c in range(colour.shape[1]):
+                colour[row, c] /= total
+        if len(matrix):
+            r, g, b = colour[row, 0], colour[row, 1], colour[row, 2]
+            for c in range(3):
+                colour[row, c] = matrix[c, 0] * r + matrix[c, 1] * g + matrix[c, 2] * b
+        for c in range(colour.shape[1]):
+            if not colour[row, c] > 0.0:  # as outside of the scene's gamut; or not a number
+                colour[row, c] = 0.0
