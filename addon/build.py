@@ -12,6 +12,7 @@ import hashlib
 import importlib.util
 import io
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -27,6 +28,8 @@ ROOT = ADDON.parent
 TOOLS = {"build.py", "wheels.txt"}  # of this folder, and no part of the add-on
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the same sources give the same bytes
 
+# What the engine's kernels are built for, as `engine/light_meshes/support/sources.py` names it.
+TARGETS = {"linux-x64": "linux-x86_64", "windows-x64": "win32-x86_64", "macos-arm64": "darwin-arm64"}
 # Of wheels that run on the oldest system that Blender 4.2 runs on; on macOS that is 11, but embreex needs 13.
 PLATFORMS = {
     "linux-x64": [f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)],
@@ -76,7 +79,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def build(platform: str, python: Python, packages: list[Path], path: Path) -> None:
     """Write the zip of one platform and Python, with the wheels of `packages`, to `path`."""
-    wheels = dict([engine_wheel(), *((file.name, file.read_bytes()) for file in sorted(packages))])
+    wheels = dict([engine_wheel(platform), *((file.name, file.read_bytes()) for file in sorted(packages))])
     with zipfile.ZipFile(path, "w") as archive:
         for file in sorted(p for p in ADDON.rglob("*.py") if p.name not in TOOLS):
             _add(archive, file.relative_to(ADDON).as_posix(), file.read_bytes())
@@ -123,17 +126,16 @@ def download(platform: str, python: Python, folder: Path) -> list[Path]:
     return list(folder.glob("*.whl"))
 
 
-def engine_wheel() -> tuple[str, bytes]:
+def engine_wheel(platform: str) -> tuple[str, bytes]:
     """The engine alone as a wheel: its name and contents. The project's own has the add-on beside it."""
-    engine = ROOT / "engine"
-    contents = {p.relative_to(engine).as_posix(): p.read_bytes() for p in sorted(engine.rglob("*.py"))}
+    contents, tag = project_wheel(platform)
     # Blender keeps an installed package of the same name and version, so every engine has a version of its own.
     release = f"{version()}+{hashlib.sha256(repr(contents).encode()).hexdigest()[:8]}"
     info = f"light_meshes-{release}.dist-info"
     contents |= {
         f"{info}/METADATA": f"Metadata-Version: 2.1\nName: light-meshes\nVersion: {release}\n"
                             "License: GPL-3.0-or-later\n".encode(),
-        f"{info}/WHEEL": b"Wheel-Version: 1.0\nGenerator: light-meshes\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        f"{info}/WHEEL": f"Wheel-Version: 1.0\nGenerator: light-meshes\nRoot-Is-Purelib: false\nTag: {tag}\n".encode(),
     }
     record = [f"{name},sha256={_hash(data)},{len(data)}" for name, data in contents.items()]
     contents[f"{info}/RECORD"] = "\n".join([*record, f"{info}/RECORD,,", ""]).encode()
@@ -141,7 +143,29 @@ def engine_wheel() -> tuple[str, bytes]:
     with zipfile.ZipFile(wheel, "w") as archive:
         for name, data in contents.items():
             _add(archive, name, data)
-    return f"light_meshes-{release}-py3-none-any.whl", wheel.getvalue()
+    return f"light_meshes-{release}-{tag}.whl", wheel.getvalue()
+
+
+def project_wheel(platform: str) -> tuple[dict[str, bytes], str]:
+    """The engine's files in the project's wheel for a platform, built by pip, and the wheel's tag."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, out = Path(folder) / "source", Path(folder) / "out"
+        source.mkdir()
+        for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):  # nothing that an earlier build left
+            shutil.copy(ROOT / name, source)
+        left = shutil.ignore_patterns("__pycache__", "*.egg-info", "kernels*.so", "kernels*.dll", "kernels*.dylib")
+        for name in ("engine", "addon"):
+            shutil.copytree(ROOT / name, source / name, ignore=left)
+        command = [sys.executable, "-P", "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps",
+                   "--wheel-dir", str(out), str(source)]
+        done = subprocess.run(command, capture_output=True, text=True,
+                              env=os.environ | {"LIGHT_MESHES_TARGET": TARGETS[platform]})
+        if done.returncode:
+            raise BuildError(f"the engine cannot be built for {platform}: {done.stderr.strip()}")
+        wheel = next(out.glob("*.whl"))
+        with zipfile.ZipFile(wheel) as archive:
+            names = [name for name in sorted(archive.namelist()) if name.startswith("light_meshes/")]
+            return {name: archive.read(name) for name in names}, "-".join(wheel.stem.split("-")[-3:])
 
 
 def validate(path: Path) -> str:

@@ -74,7 +74,6 @@ def _statistics(value) -> bool:
 # Event → what of it is used here, and what that must be.
 _CONTENTS = {
     "ready": {"folder": _folder},
-    "compiling": {"fraction": _share, "stage": _text},
     "started": {"id": _whole},
     "progress": {"id": _whole, "fraction": _share, "stage": _text},
     "tile": {"id": _whole},

@@ -4,7 +4,7 @@
     blender -b -P addon/headless.py -- snapshot FILE.blend -o FOLDER [-f N] [--set key=value]…
 
 What a program wants to know is printed on lines of a mark, "@light-meshes " or what LIGHT_MESHES_MARK says, and JSON:
-the events compiling, progress, wrote, kept (there already), warning, statistics, error, and end where all is done.
+the events progress, wrote, kept (there already), warning, statistics, error, and end where all is done.
 One that gives its temporary folder as LIGHT_MESHES_TEMPORARY answers "found", a picture that is there, by a line
 "whole" or "broken" on stdin. When stdin closes it is gone: this process goes, with all in that folder and in --work.
 Exit codes: 0 done, 1 failed, 2 bad usage.

@@ -150,10 +150,6 @@ class Job:
         except session.EngineError:
             session.discard(self._purpose)
             raise
-        if event and event["event"] == "compiling":
-            self._progress(**event)
-            if bpy.app.background and bpy.app.version >= (5, 0):  # which does not print what is said
-                console.say(f"Light Meshes: {event['stage']}")
         return event
 
     def _finish(self, done: dict) -> None:

@@ -29,8 +29,7 @@ class LightMeshesPreferences(bpy.types.AddonPreferences):
 
 def register() -> None:
     bpy.utils.register_class(LightMeshesPreferences)
-    if __package__.startswith("bl_ext."):  # an extension has a folder of its own, which goes when it is uninstalled
-        session.set_cache(bpy.utils.extension_path_user(__package__, path="kernels"))
+    session.set_installed(__package__.startswith("bl_ext."))
     # Read now, because a render must not touch the context. Without an entry the add-on was
     # registered by a script, not enabled by a user.
     addon = bpy.context.preferences.addons.get(__package__)

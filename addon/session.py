@@ -35,7 +35,7 @@ LAST_EVENTS = events.LAST
 # What may be behind the signal that ended an engine.
 _REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of memory",
             getattr(signal, "SIGBUS", None): "The disk may be full",
-            signal.SIGSEGV: "It crashed, perhaps for want of memory",  # as a compiler does that gets none
+            signal.SIGSEGV: "It crashed, perhaps for want of memory",
             signal.SIGABRT: "It crashed, perhaps for want of memory"}
 _OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment",
                             re.IGNORECASE)
@@ -86,7 +86,7 @@ class Session:
             # Only this process holds the other ends of the pipes: close_fds is subprocess's default.
             self._process = subprocess.Popen(
                 _command(python), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                env=_environment(python), text=True, encoding="utf-8", errors="replace",
+                env=_environment(), text=True, encoding="utf-8", errors="replace",
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
                 | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if polite else 0),
             )
@@ -283,7 +283,7 @@ def lacks_package(python: str, text: str) -> str:
     if not found:
         return ""
     how = f"Install the engine with '{python} -m pip install light-meshes'"
-    if _cache and python == sys.executable:
+    if _installed and python == sys.executable:
         how = f"Install the add-on's zip for this system and Python {sys.version_info[0]}.{sys.version_info[1]}"
     return (f"The Light Meshes engine cannot start: {python} has no package '{found[1].split('.')[0]}'. {how}, "
             "or choose another Python in the add-on's preferences")
@@ -293,7 +293,7 @@ def lacks_package(python: str, text: str) -> str:
 RENDER, PREVIEW, MEASURE = "render", "preview", "measure"
 
 _python = ""
-_cache = ""
+_installed = False
 _temporary = ""
 _sessions: dict[str, Session] = {}
 _enders: list[threading.Thread] = []
@@ -311,10 +311,10 @@ def engine_python() -> str:
     return os.environ.get("LIGHT_MESHES_PYTHON") or _python or sys.executable
 
 
-def set_cache(folder: str) -> None:
-    """Remember the folder, for this add-on alone, where an engine in this Python keeps its compiled kernels."""
-    global _cache
-    _cache = folder
+def set_installed(installed: bool) -> None:
+    """Remember whether the add-on came as a zip, which holds the engine as well."""
+    global _installed
+    _installed = installed
 
 
 def set_temporary(folder: str) -> None:
@@ -354,11 +354,11 @@ def _python_path() -> list[str]:
     return [p for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p and os.path.normpath(p) != os.curdir]
 
 
-def _environment(python: str) -> dict[str, str]:
+def _environment() -> dict[str, str]:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(_python_path())}  # an empty one counts as none
     if _temporary:
         environment["TMPDIR"] = _temporary  # on Windows, too, it comes before TEMP
-    return {"LIGHT_MESHES_CACHE": _cache} | environment if _cache and python == sys.executable else environment
+    return environment
 
 
 def current(purpose: str = RENDER) -> Session:

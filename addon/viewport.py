@@ -206,8 +206,6 @@ class Viewport:
         picture = None
         while event := self._session.poll(0):
             kind, last = event["event"], self._asked
-            if kind == "compiling":
-                self._say(event["stage"])
             if event.get("id", 0) not in {last and last.number, None}:
                 continue  # of a command that was cancelled
             if kind == "error" and event["id"] is None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from light_meshes.scene import snapshot
 
 ENDS = {"done", "measured", "cancelled", "error"}
-SECONDS = 120.0  # for what should take less than one; a compiler may be at work
+SECONDS = 120.0  # for what should take less than one; the machine may be busy
 
 
 class Child:
@@ -42,7 +42,7 @@ class Child:
         end = time.monotonic() + timeout
         while True:
             event = self.events.get(timeout=max(0.001, end - time.monotonic()))
-            if event["event"] not in {"alive", "compiling"}:
+            if event["event"] != "alive":
                 return event
 
     def until(self, *names):

@@ -2,11 +2,17 @@
 
 import os
 import shutil
+import signal
 import subprocess
 
 import hypothesis
 import pytest
 from children import Child
+
+# Whoever starts the tests in the background may have these ignored, and so would all that the tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 hypothesis.settings.register_profile("default", deadline=None, derandomize=True, max_examples=25)
 hypothesis.settings.register_profile("explore", deadline=None, max_examples=500)

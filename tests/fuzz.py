@@ -28,7 +28,8 @@ import numpy as np
 from light_meshes.frontends import service
 from light_meshes.scene import arrays as snapshot_arrays
 from light_meshes.scene import snapshot
-from light_meshes.scene.description import Image, Material, SceneError
+from light_meshes.scene.description import Image, Material
+from light_meshes.scene.errors import SceneError
 from scenes import tabletop, with_lights
 
 EVENTS = Path(__file__).parent.parent / "addon" / "events.py"
@@ -210,7 +211,7 @@ class Commands:
         self.folder = folder
         follow(service, service.Service, snapshot)
         snapshot.write(tabletop(8, samples=1, shadows="SHARP"), folder / "scene")
-        for command in GOOD_COMMANDS:  # so that nothing is left to compile
+        for command in GOOD_COMMANDS:  # so that nothing is left to load
             service.Service(None, io.StringIO(), folder)._carry_out(command)
 
     def __call__(self, data: bytes) -> None:

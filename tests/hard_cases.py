@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 from light_meshes.picture.render import Prepared, render_image
-from light_meshes.scene.description import Light, Material, Scene, SceneError
+from light_meshes.scene.description import Light, Material, Scene
+from light_meshes.scene.errors import SceneError
 from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, sphere, turn_x
 from profiles import QUANTISATION, smoothstep, strip_minimum
 from scenes import (

@@ -8,7 +8,8 @@ import pytest
 from light_meshes.film.images import Framebuffer
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import draw, measure, render_image
-from light_meshes.scene.description import Light, SceneError
+from light_meshes.scene.description import Light
+from light_meshes.scene.errors import SceneError
 from meshes import GREY, Part, assemble, box, look_at, rectangle
 from scenes import WHITE, point, settings, sun, with_lights, with_settings
 

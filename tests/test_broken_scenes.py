@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from light_meshes.picture.render import render_image
-from light_meshes.scene.description import SHADOWS, Camera, Light, SceneError
+from light_meshes.scene.description import SHADOWS, Camera, Light
+from light_meshes.scene.errors import SceneError
 from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, scale, sphere
 from scenes import GREY, WHITE, four_lights, point, settings, sun, tabletop, with_lights, with_settings
 

@@ -14,7 +14,7 @@ from light_meshes.film import images as film
 from light_meshes.film.passes import PASSES
 from light_meshes.picture.render import render_image
 from light_meshes.scene import snapshot
-from light_meshes.scene.description import SceneError
+from light_meshes.scene.errors import SceneError
 from scenes import tabletop, with_lights, with_settings
 
 

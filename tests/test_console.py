@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 from light_meshes.scene import snapshot
-from light_meshes.scene.description import SceneError, shown
+from light_meshes.scene.errors import SceneError
+from light_meshes.support.text import shown
 from scenes import tabletop
 
 COMMAND = [str(Path(sys.executable).parent / "light-meshes")]

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from light_meshes.picture.render import Prepared, render_image
-from light_meshes.scene.description import SHADOWS, WEIGHTS, Material, SceneError
+from light_meshes.scene.description import SHADOWS, WEIGHTS, Material
+from light_meshes.scene.errors import SceneError
 from meshes import GREY, Part, assemble, box, look_down, move, rectangle, sphere
 from oracle import Oracle
 from scenes import (

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from light_meshes.picture.render import render_image
 from light_meshes.rays.camera import camera_rays, filter_offsets, lens_points
-from light_meshes.scene.description import Camera, Material, SceneError
+from light_meshes.scene.description import Camera, Material
+from light_meshes.scene.errors import SceneError
 from light_meshes.scene.snapshot import read, write
 from meshes import Part, assemble, look_at, move, rectangle
 from scenes import four_lights, settings

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from light_meshes.film.passes import DEBUG, LIGHT, NO_DEPTH, PASSES
 from light_meshes.picture.render import render_image
-from light_meshes.scene.description import SHADOWS, Material, SceneError
+from light_meshes.scene.description import SHADOWS, Material
+from light_meshes.scene.errors import SceneError
 from meshes import GREY, Part, assemble, box, look_at, look_down, move, rectangle, sphere
 from scenes import four_lights, hall, point, settings, sun, tabletop, with_lights, with_settings
 

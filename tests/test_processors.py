@@ -8,7 +8,7 @@ import pytest
 from light_meshes.picture import memory
 from light_meshes.picture.render import render_image
 from light_meshes.scene import snapshot
-from light_meshes.scene.description import SceneError
+from light_meshes.scene.errors import SceneError
 from light_meshes.support import processors
 from scenes import tabletop
 
@@ -40,7 +40,7 @@ def test_a_share_of_the_time_counts(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no affinity")
 def test_only_the_processors_that_are_allowed():
     code = "import os; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))}); " \
-        "from light_meshes import processors; print(processors.count())"
+        "from light_meshes.support import processors; print(processors.count())"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "1\n"
 
 

@@ -254,7 +254,8 @@ def test_a_surface_that_is_met_at_once_again_and_again_ends_soon():
     steps, ahead = 0, []
     while steps < 100:
         t[:] = 0  # Embree's hit: at the very start
-        tracing._cross(surfaces, np.array([3]), start, end, o, d, t, passed, last, near, new, np.empty(1))
+        tracing._cross(surfaces.vertices, surfaces.triangles, surfaces.instance, np.array([3], np.int32), start, end, o,
+                       d, t, passed, last, near, new, np.empty(1))
         steps += 1
         ahead.append(float(passed[0]))
         if t[0] == 0:

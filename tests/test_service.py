@@ -73,7 +73,7 @@ def test_the_radii_of_lights_by_their_size_are_measured(child):
 
 def test_cancel_ends_a_render_within_a_fifth_of_a_second_and_the_next_one_works(child):
     child.put(tabletop(16), "small")
-    child.send(command="render", id=1, snapshot="small", framebuffer="frame")  # so that nothing is left to compile
+    child.send(command="render", id=1, snapshot="small", framebuffer="frame")  # so that nothing is left to load
     child.of(1)
     child.put(hall(64, columns=6, width=1500, samples=16, filter_size=1.5), "large")
     child.send(command="render", id=2, snapshot="large", framebuffer="large frame")

@@ -9,7 +9,8 @@ from light_meshes.film.images import Framebuffer
 from light_meshes.film.passes import LIGHT
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import draw, render_image
-from light_meshes.scene.description import Material, SceneError
+from light_meshes.scene.description import Material
+from light_meshes.scene.errors import SceneError
 from light_meshes.scene.snapshot import with_setting
 from meshes import GREY, Part, assemble, box, look_at, move, rectangle, sphere
 from scenes import all_lights, four_lights, hall, point, settings, tabletop, with_lights, with_objects, with_settings

@@ -28,9 +28,9 @@ from light_meshes.scene.description import (
     Light,
     Material,
     Object,
-    SceneError,
     Settings,
 )
+from light_meshes.scene.errors import SceneError
 from scenes import four_lights, tabletop
 
 number = st.floats(-1e6, 1e6)

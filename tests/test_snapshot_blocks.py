@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from light_meshes.scene import snapshot
-from light_meshes.scene.description import Scene, SceneError
+from light_meshes.scene.description import Scene
+from light_meshes.scene.errors import SceneError
 from scenes import tabletop
 from test_snapshot import as_data, put, resave, rewrite
 

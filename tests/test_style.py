@@ -8,11 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-LONG = {  # file → why it has more than 400 lines
-    "engine/light_meshes/glass/beams.py": "kernels that call one another; as C sources they will stand apart",
-    "engine/light_meshes/glass/optics.py": "the same",
-    "engine/light_meshes/surface/shading.py": "the same",
-}
+LONG = {}  # file → why it has more than 400 lines
 
 
 @pytest.mark.skipif(not (shutil.which("ruff") or (Path(sys.executable).parent / "ruff").exists()), reason="no ruff")

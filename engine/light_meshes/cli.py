@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import errno
 import re
-import signal
 import sys
 import tempfile
 import time
@@ -17,14 +16,13 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from . import __version__
-from .scene.description import Scene, SceneError, shown
-from .support import console, processors, scratch
+from .scene.description import Scene
+from .scene.errors import SceneError, UsageError
+from .support import console, interrupts, processors, scratch
+from .support.sources import KernelError
+from .support.text import shown
 
 FRAMES = 1048574  # Blender has none beyond
-
-
-class UsageError(Exception):
-    """What was asked makes no sense: exit code 2."""
 
 
 class Progress:
@@ -51,8 +49,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command; returns its exit code."""
     console.prepare()
     arguments = _parser().parse_args(_attached(sys.argv[1:] if argv is None else argv))
-    for each in _signals():
-        signal.signal(each, _interrupt)
+    interrupts.listen()
     try:
         arguments.run(arguments)
         return 0
@@ -63,22 +60,10 @@ def main(argv: list[str] | None = None) -> int:
         return 2 if isinstance(e, UsageError) else 1
 
 
-def _signals() -> list[int]:
-    """The signals that end the command: Ctrl-C, a farm's cancel, a terminal that is closed. nohup has one ignored."""
-    known = (getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-    return [each for each in known if signal.getsignal(each) != signal.SIG_IGN]
-
-
-def _interrupt(*_: object) -> NoReturn:
-    for each in _signals():  # once is enough: what is left behind is cleared away now
-        signal.signal(each, signal.SIG_IGN)
-    raise KeyboardInterrupt
-
-
 def _sentence(e: BaseException) -> str:
     if isinstance(e, KeyboardInterrupt):
         return "interrupted"
-    if isinstance(e, SceneError | UsageError):
+    if isinstance(e, SceneError | UsageError | KernelError):
         return str(e)
     if isinstance(e, MemoryError) or console.OUT_OF_MEMORY.search(f"{e} {e.__cause__} {e.__context__}"):
         return "out of memory: render fewer pixels, a larger h or fewer triangles"
@@ -202,9 +187,7 @@ def _render_snapshot(arguments: argparse.Namespace, progress: Progress) -> tuple
     from .film import images as film
     from .film import passes
     from .picture import memory, render
-    from .support import compiled
 
-    compiled.watch(progress)
     processors.tell(arguments.threads)
     scene = _changed(_read(arguments.file), arguments.set)
     names = passes.all_of(scene) if arguments.output.suffix.lower() == ".exr" else ("Combined",)

@@ -99,12 +99,11 @@ say("UPGRADED", [scene.render.engine, own.kI, own.shadows, own.weights, children
 say("VERSIONS", [addon_utils.module_bl_info(sys.modules[NAME])["version"],
                  [p.name.partition("+")[0] for path in sys.path for p in Path(path).glob("light_meshes-*.dist-info")]])
 
-# Uninstalled while a new engine compiles its kernels.
+# Uninstalled while a new engine starts.
 session = sys.modules[NAME + ".session"]
 engine = session.current()
-while (engine.poll(0.1) or {}).get("event") != "compiling":
-    pass
-say("KERNELS", [p.name for p in Path(bpy.utils.extension_path_user(NAME)).glob("kernels/light-meshes/*")])
+while not engine.folder:
+    engine.poll(0.1)
 # Anything that still calls into a module holds all of it.
 ours = {f"{name}.{key}": weakref.ref(value) for name, module in sys.modules.items() if name.startswith(NAME)
         for key, value in vars(module).items()

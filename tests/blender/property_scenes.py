@@ -192,7 +192,7 @@ def lens():
     hide("Blocker")
     ball("Ball", 1.0, 24, location=(0, 0, 1.6), visible_camera=False)
     glass("Ball", 1.5)
-    bpy.context.scene.light_meshes.glass.refraction = 'FULL'
+    bpy.context.scene.light_meshes.refraction = 'FULL'
 
 
 def below_a_table():

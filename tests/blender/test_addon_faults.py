@@ -5,9 +5,12 @@ Each fault is brought about for real, in a process of its own.
 
 import os
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
+import light_meshes
 import pytest
 from faults import go, python
 
@@ -56,7 +59,7 @@ def test_child_that_died_or_hung_between_renders(run, how):
         fast()
         render()
         old = session._sessions["render"]._process
-        os.environ["LIGHT_MESHES_TIMEOUT"] = "5"  # now that nothing is left to compile
+        os.environ["LIGHT_MESHES_TIMEOUT"] = "5"
         os.kill(old.pid, signal.{how})
         time.sleep(5.5)
         start = time.monotonic()
@@ -96,6 +99,20 @@ def test_missing_python(run):
     """)
     assert "/no/such/python cannot be run" in lines[0] and lines[0].endswith("False")
     assert lines[1] == "RESULT {'FINISHED'} True"
+
+
+def test_missing_kernels(run, tmp_path):
+    """An engine that was not built: what it says is what the artist reads."""
+    package = Path(light_meshes.__file__).parent
+    shutil.copytree(package, tmp_path / "unbuilt" / "light_meshes",
+                    ignore=shutil.ignore_patterns("__pycache__", "kernels*"))
+    lines = run("""
+        fast()
+        render()
+        leave()
+    """, PYTHONPATH=str(tmp_path / "unbuilt"))
+    assert lines[0].startswith("ERROR Error: Light Meshes: the engine's kernels cannot be loaded")
+    assert "To have them built, install" in lines[0] and lines[0].endswith("False")
 
 
 def test_missing_package(run, tmp_path):

@@ -135,7 +135,7 @@ def test_light_that_bends_is_focused_unless_an_earlier_release_saved_the_file(ad
         return walk.settings(scene, scene.view_layers[0])["caustics"]
 
     walk = addon.export.walk
-    scene.light_meshes.glass.refraction = 'FULL'
+    scene.light_meshes.refraction = 'FULL'
     assert caustics(scene) == scene.light_meshes.caustics == 'FOCUS'
     new, old = str(tmp_path / "new.blend"), str(Path(__file__).with_name("full_of_0.1.blend"))
     bpy.ops.wm.save_as_mainfile(filepath=new)
@@ -145,8 +145,8 @@ def test_light_that_bends_is_focused_unless_an_earlier_release_saved_the_file(ad
     saved = bpy.data.scenes["Scene"]
     assert caustics(bpy.context.evaluated_depsgraph_get().scene_eval) == 'PAPER'
     assert caustics(saved) == saved.light_meshes.caustics == 'PAPER'
-    saved.light_meshes.glass.refraction = 'VIEW'
-    saved.light_meshes.glass.refraction = 'FULL'
+    saved.light_meshes.refraction = 'VIEW'
+    saved.light_meshes.refraction = 'FULL'
     assert caustics(saved) == 'PAPER'
     viewed = bpy.data.scenes["Viewed"].light_meshes  # light did not bend there: it is as in a new scene
     viewed.refraction = 'FULL'
@@ -202,7 +202,7 @@ def test_what_is_seen_through_glass_is_what_cycles_shows(scene, add, add_mesh, n
     scene.camera.location = (2, -5, 6)
     look_at(scene.camera, (0, 0, 1))
     scene.camera.data.angle = 0.5
-    scene.light_meshes.glass.refraction, scene.light_meshes.samples, scene.light_meshes.max_depth = 'VIEW', 1, 0
+    scene.light_meshes.refraction, scene.light_meshes.samples, scene.light_meshes.max_depth = 'VIEW', 1, 0
     ours = render(scene)["Combined"][..., :3]
     scene.render.engine, cycles = 'CYCLES', scene.cycles
     cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = 1, False, False

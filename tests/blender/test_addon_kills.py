@@ -16,7 +16,7 @@ def test_twenty_engines_killed_at_random_moments(tmp_path):
         import random
         fast()
         own.shadows = 'LIGHT_MESHES'
-        render()  # so that nothing is left to compile
+        render()  # so that the disk has been read
         session.discard()
         start = time.monotonic()
         render()

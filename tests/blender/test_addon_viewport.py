@@ -17,7 +17,7 @@ def test_first_picture(told):
     """Of 100,000 triangles, by an engine that runs: within 0.5 s on an idle machine; generous here."""
     assert told["triangles"]["triangles"] == pytest.approx(100_000, rel=0.01)
     for what in ("first sync", "camera move", "object move", "light move", "material change", "mesh edit", "quality"):
-        what += " of the large mesh"  # the small ones had the kernels compiled
+        what += " of the large mesh"
         longest = {k: [round(s, 3) for s in v] for k, v in told[what]["longest"].items()}
         print(f"{what}: first picture after {told[what]['first']:.3f} s ({told[what]['engine']:.2f} s of the "
               f"processor), whole after {told[what]['whole']:.2f} s, Blender kept for [s, of the processor] {longest}")
@@ -70,7 +70,8 @@ def test_nothing_leaks(told):
     print("children, files, engine's and Blender's megabytes:", early, late)
     assert early[0] == late[0] == 1
     assert late[1] <= early[1] + 10
-    assert late[2] < 1.3 * early[2] + 50 and late[3] < 1.1 * early[3] + 50
+    # Nodes are kept. As much growth as an engine that began with 250 MB was allowed: 1.3 times that, and 50.
+    assert late[2] < early[2] + 125 and late[3] < 1.1 * early[3] + 50
 
 
 def test_engine_ends_with_its_view(told):

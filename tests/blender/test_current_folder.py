@@ -16,7 +16,7 @@ from scenes import tabletop
 
 BIN = Path(sys.executable).parent
 # Modules that Python, the engine, the add-on or Blender look for, and programs.
-MODULES = ["bpy", "queue", "json", "re", "tempfile", "argparse", "numpy", "numba", "yaml", "embreex", "OpenImageIO",
+MODULES = ["bpy", "queue", "json", "re", "tempfile", "argparse", "numpy", "embreex", "OpenImageIO",
            "light_meshes", "light_meshes_addon", "sitecustomize", "usercustomize", "encodings", "scipy", "runpy"]
 RENDER = """
 from light_meshes_addon import session
@@ -44,7 +44,6 @@ def hostile(tmp_path):
     for name in ("blender", "python", "python3", "light-meshes"):
         (folder / name).write_text(f"#!/bin/sh\nprintf '{name} ' >> {tmp_path / 'ran'}\n")
         (folder / name).chmod(0o755)
-    (folder / ".numba_config.yaml").write_text("disable_jit: 1\n")
     yield folder
     assert not (tmp_path / "ran").exists(), (tmp_path / "ran").read_text()
 
@@ -81,12 +80,6 @@ def test_the_command(hostile, tmp_path, blend_file, command):
     assert "Plan" in run(hostile, *command, "inspect", blend_file).stdout
 
 
-def test_numba_is_not_steered(hostile):
-    code = "import yaml, numba.core.config as c\nfrom light_meshes.support import compiled\n" \
-        "assert not c.DISABLE_JIT\nc.reload_config()\nassert not c.DISABLE_JIT"
-    assert "DISABLE_JIT" not in run(hostile, sys.executable, "-P", "-c", "import light_meshes.support.compiled\n" + code).stderr
-
-
 @pytest.mark.parametrize(("python", "path"), [("", None), ("", ":"), ("python3", ".:"), ("wrapper", ":")])
 def test_the_engine_of_the_add_on(hostile, tmp_path, python, path):
     """By Blender's own Python or another; with a PYTHONPATH and a PATH that mean the current folder as well."""
@@ -105,9 +98,11 @@ def test_the_engine_of_the_add_on(hostile, tmp_path, python, path):
 
 def test_a_folder_that_is_named_is_used(tmp_path):
     """Developers name folders in PYTHONPATH, and pip's editable installations do in site-packages."""
-    (tmp_path / "light_meshes").mkdir()
-    (tmp_path / "light_meshes" / "__init__.py").touch()
-    (tmp_path / "light_meshes" / "service.py").write_text("raise SystemExit('found')")
+    frontends = tmp_path / "light_meshes" / "frontends"
+    frontends.mkdir(parents=True)
+    for folder in (frontends.parent, frontends):
+        (folder / "__init__.py").touch()
+    (frontends / "service.py").write_text("raise SystemExit('found')")
     code = "from light_meshes_addon import session\ntry:\n    while True: session.current().poll(9)\n" \
         "except session.EngineError as e: print(e.log)\nsession.end()"
     for python in ("", "python3"):

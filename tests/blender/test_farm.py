@@ -137,7 +137,7 @@ def test_a_task_that_is_cancelled_leaves_nothing(animation, tmp_path):
          "resolution=1920x1080", "--set", "samples=64"], text=True, stderr=subprocess.PIPE,
         env=os.environ | {"TMPDIR": str(tmp_path / "tmp")})
     try:
-        wait(lambda: list(tmp_path.glob("tmp/light-meshes-*/job-1/frame")))  # it renders
+        wait(lambda: list(tmp_path.glob("tmp/light-meshes-*/light-meshes-*/job-1/frame")))  # it renders
     finally:
         task.terminate()
     said = task.communicate(timeout=60)[1]

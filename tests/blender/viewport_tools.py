@@ -81,7 +81,8 @@ def children():
     command = ["ps", "-A", "-ww", "-o", "pid=,ppid=,args="]  # whole lines, whatever COLUMNS says
     table = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     rows = [line.split(None, 2) for line in table.splitlines()]
-    return [int(p) for p, parent, command in rows if int(parent) == os.getpid() and "light_meshes.frontends.service" in command]
+    return [int(p) for p, parent, command in rows
+            if int(parent) == os.getpid() and "light_meshes.frontends.service" in command]
 
 
 def resident(pid):

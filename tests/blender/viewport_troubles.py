@@ -198,7 +198,7 @@ def deaths(ball, big):
 
 def hangs(ball):
     """Edits go on while the engine is silent."""
-    os.environ["LIGHT_MESHES_TIMEOUT"] = "5"  # now that nothing is left to compile
+    os.environ["LIGHT_MESHES_TIMEOUT"] = "5"
     old = children()
     kill(signal.SIGSTOP)
     before, since, edits = viewport().pictures, time.monotonic(), 0

@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from ..frontends.blend import MARK, blender, environment
-from ..scene.description import SceneError
+from ..scene.errors import SceneError
 from .scenes import Case, blend_folder, sized
 
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..scene.description import SceneError
+from ..scene.errors import SceneError
 from ..support import console
 from . import plots, tables
 from .runs import FORMAT, QUICK, Effort, bench

@@ -270,7 +270,7 @@ def machine() -> dict[str, Any]:
         models = [line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines()
                   if line.startswith("model name")]
         name = models[0] if models else name
-    packages = {p: version(p) for p in ("light-meshes", "numpy", "numba", "embreex")}
+    packages = {p: version(p) for p in ("light-meshes", "numpy", "embreex")}
     return {"processor": name, "cores": os.cpu_count(), "system": f"{platform.system()} {platform.machine()}",
             "Python": platform.python_version(), **packages, "when": time.strftime("%Y-%m-%d %H:%M:%S")}
 

@@ -15,7 +15,8 @@ from ..frontends import blend
 from ..picture.prepared import Prepared
 from ..picture.render import measure
 from ..scene import snapshot
-from ..scene.description import Geometry, Light, Material, Object, Scene, SceneError
+from ..scene.description import Geometry, Light, Material, Object, Scene
+from ..scene.errors import SceneError
 from ..shadows.radius import own_radii
 
 FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}

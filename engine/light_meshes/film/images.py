@@ -11,7 +11,8 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ..scene.description import IDENTITY, RGB, Scene, SceneError
+from ..scene.description import IDENTITY, RGB, Scene
+from ..scene.errors import SceneError
 from ..support import scratch
 from .passes import letters
 

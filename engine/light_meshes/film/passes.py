@@ -8,9 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.description import Scene, SceneError, quoted
-from ..support.compiled import kernel
+from ..scene.description import Scene
+from ..scene.errors import SceneError
+from ..support.native import kernel
+from ..support.text import quoted
 from .mattes import KINDS, Mattes
+
+_sum = kernel("passes_add")
 
 NO_DEPTH = 1e10  # as Cycles writes it
 
@@ -101,7 +105,7 @@ class Tile:
 
     def take_alpha(self, pixel: NDArray, weight: NDArray) -> None:
         """Alpha −= the mean of weight (n,3): here the picture stays open."""
-        _add(self.samples["Combined"][:, 3:], pixel, -weight.mean(1, keepdims=True), np.ones((len(pixel), 1)))
+        _add(self.samples["Combined"], pixel, -weight.mean(1, keepdims=True), np.ones((len(pixel), 1)), first=3)
 
     def subtract(self, name: str, pixel: NDArray, values: NDArray) -> None:
         """Take values (n,) from a pass of one channel."""
@@ -133,9 +137,7 @@ class Tile:
         return total.reshape(box[3] - box[1], box[2] - box[0], -1)
 
 
-@kernel
-def _add(samples, pixel, weight, colour):
-    """samples[pixel] += weight·colour; several rays may belong to one pixel: they add up in their order."""
-    for n in range(len(pixel)):
-        for c in range(weight.shape[1]):
-            samples[pixel[n], c] += weight[n, c] * colour[n, c]
+def _add(samples: NDArray[np.float64], pixel: NDArray[np.int64], weight: NDArray[np.float64],
+         colour: NDArray[np.float64], first: int = 0) -> None:
+    """Add weight·colour to samples[pixel], from column `first` on; the rays of one pixel in their order."""
+    _sum(samples, first, pixel, np.ascontiguousarray(weight, np.float64), np.ascontiguousarray(colour, np.float64))

@@ -21,16 +21,14 @@ from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
-from ..cli import UsageError
 from ..film import images as film
-from ..scene.description import SceneError
-from ..support import console, scratch
+from ..scene.errors import SceneError, UsageError
+from ..support import console, interrupts, scratch
 
 MARK = "@light-meshes "  # what a script in Blender says to us comes behind it
 # What the driver says: its events, and what of them is used here.
 _EVENTS: dict[str, dict[str, tuple[type, ...]]] = {
     "progress": {"fraction": (int, float), "frame": (int,), "stage": (str,)},
-    "compiling": {"fraction": (int, float), "frame": (int,), "stage": (str,)},
     "wrote": {"path": (str,)}, "kept": {"path": (str,)}, "warning": {"message": (str,)}, "error": {"message": (str,)},
     "found": {"path": (str,)}, "statistics": {"statistics": (dict,)}, "end": {},
 }
@@ -83,7 +81,7 @@ def render(file: Path, output: Path, frames: str | None, resume: bool, threads: 
     with _work_folder(output.absolute().parent) as work, contextlib.closing(
             _events([*arguments, "--work", str(work)], changes, debug)) as events:
         for event in events:
-            if event["event"] in ("progress", "compiling"):
+            if event["event"] == "progress":
                 progress(event["fraction"], f"frame {event['frame']}: {event['stage']}")
             elif event["event"] == "warning":
                 warnings.append(event["message"])
@@ -151,18 +149,26 @@ def _running(command: list[str], mark: str) -> Iterator[Any]:
         # Whatever Python Blender has inside, the engine runs in this one.
         own = {"LIGHT_MESHES_PYTHON": sys.executable, "LIGHT_MESHES_MARK": mark,
                "LIGHT_MESHES_TEMPORARY": str(temporary)}
-        child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                                 encoding="utf-8", errors="replace", env=environment() | places | own)
+        child = None
         try:
+            with interrupts.waiting():
+                child = subprocess.Popen(
+                    command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
+                    errors="replace", env=environment() | places | own)
             yield child
         finally:
-            child.terminate()
-            try:
-                child.wait(PATIENCE)
-            except subprocess.TimeoutExpired:
-                child.kill()
-                child.wait()
+            if child is not None:
+                _end(child)
             scratch.end_owners(temporary)
+
+
+def _end(child: Any) -> None:
+    child.terminate()
+    try:
+        child.wait(PATIENCE)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
 
 
 def _answer(child: Any, text: str) -> None:

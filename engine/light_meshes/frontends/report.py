@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..picture.render import Prepared
-from ..scene.description import Scene, shown
+from ..scene.description import Scene
+from ..support.text import shown
 
 
 def describe(scene: Scene) -> str:

@@ -35,7 +35,6 @@ Child → parent:
     {"event": "cancelled", "id": 1}
     {"event": "error", "id": 1, "message": sentence}         the child lives on, unless the id is null
     {"event": "alive"}                                       every second, so that a stopped child is noticed
-    {"event": "compiling", "fraction": 0.25, "stage": sentence}    a kernel is being compiled, before a command or in it
 Each command ends with exactly one of done, measured, cancelled, error. A command while one runs waits its turn.
 """
 
@@ -52,13 +51,13 @@ import sys
 import tempfile
 import threading
 import traceback
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..support import processors, scratch
+from ..support.sources import KernelError
 
 if TYPE_CHECKING:
     from ..picture.prepared import Prepared
@@ -84,7 +83,8 @@ class Service:
         self._send(event="ready", version=__version__, folder=str(self._folder))
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._alive, daemon=True).start()
-        threading.Thread(target=_warm_up, args=(self._compiling,), daemon=True).start()
+        with contextlib.suppress(KernelError):  # the first command says so
+            from ..picture import render  # noqa: F401  now, while the parent still writes its snapshot
         while True:
             message = self._queue.get()
             if message["command"] == "quit":
@@ -92,10 +92,15 @@ class Service:
             self._carry_out(message)
 
     def _carry_out(self, message: dict[str, Any]) -> None:
-        from ..picture.render import Cancelled  # late: "ready" must not wait for numba
-        from ..scene.description import SceneError, quoted
-
         number = message.get("id")
+        try:
+            from ..picture.render import Cancelled
+        except KernelError as e:
+            self._send(event="error", id=number, message=str(e))
+            return
+        from ..scene.errors import SceneError
+        from ..support.text import quoted
+
         try:
             if number in self._cancelled:
                 raise Cancelled
@@ -192,7 +197,7 @@ class Service:
         self._send(event="measured", id=number, **render.measure(scene))
 
     def _path(self, message: dict[str, Any], key: str) -> Path:
-        from ..scene.description import SceneError
+        from ..scene.errors import SceneError
 
         value: Any = message.get(key)
         try:
@@ -233,9 +238,6 @@ class Service:
             with contextlib.suppress(MemoryError):  # the next one may find some
                 self._send(event="alive")
 
-    def _compiling(self, fraction: float, stage: str) -> None:
-        self._send(event="compiling", fraction=fraction, stage=stage)
-
     def _send(self, **message: Any) -> None:
         try:
             with self._lock:
@@ -245,39 +247,16 @@ class Service:
             end(self._folder)  # nobody listens
 
 
-def _warm_up(tell: Callable[[float, str], None]) -> None:
-    """Load the kernels that nearly every picture needs, or compile them, while the parent still writes its snapshot.
-
-    A command does not wait for it: what it needs first it compiles itself. `tell` hears of what is compiled.
-    """
-    import numpy as np
-
-    from ..picture import render
-    from ..scene.description import Camera, Geometry, Light, Object, Scene, Settings
-    from ..support import compiled
-
-    compiled.watch(tell)
-    triangle = np.array([[-9, -9, -2], [9, -9, -2], [0, 9, -2]], np.float32)
-    geometry = Geometry(
-        triangle, np.array([[0, 1, 2]], np.int32), np.full((1, 3, 3), 0.5, np.float32),
-        np.zeros((0, 3, 2), np.float32), np.zeros(1, np.int32), np.array([[0, 3, 0, 1]]), np.zeros(1, np.int32),
-        np.zeros(1, np.int32), np.eye(4)[None])
-    lights = (Light("light", "POINT", (1.0, 1.0, 1.0)),)
-    scene = Scene(Camera(np.eye(4), (-0.5, 0.5, -0.5, 0.5), 8, 8), geometry, lights, objects=(Object("triangle"),),
-                  settings=Settings(auto_h=True))
-    with contextlib.suppress(Exception):  # the command that needs it will say what is wrong
-        render.render_image(scene, threads=1)
-
-
 def _trouble(e: OSError, folder: Path) -> str:
     """A sentence for a file that could not be read or written."""
     if e.errno in (None, errno.ENOSPC, errno.EDQUOT, errno.EFBIG):  # numpy does not say why it wrote less
-        return f"the disk is full: the engine writes to {folder}, and what it compiles to its cache"
+        return f"the disk is full: the engine writes to {folder}"
     return f"{e.filename or folder} cannot be used: {e.strerror}"
 
 
 def _checked(message: dict[str, Any], key: str, kind: type, default: Any) -> Any:
-    from ..scene.description import SceneError, quoted
+    from ..scene.errors import SceneError
+    from ..support.text import quoted
 
     value = message.get(key, default)
     if not isinstance(value, kind):
@@ -286,7 +265,7 @@ def _checked(message: dict[str, Any], key: str, kind: type, default: Any) -> Any
 
 
 def _passes(message: dict[str, Any]) -> list[str]:
-    from ..scene.description import SceneError
+    from ..scene.errors import SceneError
 
     passes = _checked(message, "passes", list, ["Combined"])
     if not all(isinstance(name, str) for name in passes):
@@ -295,7 +274,8 @@ def _passes(message: dict[str, Any]) -> list[str]:
 
 
 def _threads(message: dict[str, Any]) -> int | None:
-    from ..scene.description import SceneError, quoted
+    from ..scene.errors import SceneError
+    from ..support.text import quoted
 
     threads = message.get("threads")
     if threads is not None and not (type(threads) is int and 1 <= threads <= processors.MOST):
@@ -304,7 +284,8 @@ def _threads(message: dict[str, Any]) -> int | None:
 
 
 def _steps(message: dict[str, Any]) -> list[tuple[int, int]]:
-    from ..scene.description import SceneError, quoted
+    from ..scene.errors import SceneError
+    from ..support.text import quoted
 
     steps = _checked(message, "steps", list, [[1, 1]])
     for step in steps:

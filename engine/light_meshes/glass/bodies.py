@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.geometry import Surfaces
-from ..support.compiled import kernel
+from ..support.native import kernel
+
+_winding = kernel("bodies_winding")
 
 FLAT = 1e-4  # radians: a triangle whose corner normals all lie so near its own is flat-shaded
 ROUND = np.radians(15)  # normals that differ more from a facet's own are no round surface's
@@ -118,22 +120,3 @@ def facets(surfaces: Surfaces, index: NDArray[np.intp]) -> NDArray[np.float64]:
         cosine = np.einsum("nkj,nj->nk", Ns, Ng) / np.linalg.norm(Ns, axis=2) / np.linalg.norm(Ng, axis=1)[:, None]
     least = np.where(np.isfinite(cosine), cosine, 1).min(1)
     return np.where(least > np.cos(FLAT), 1.0, 2 / np.maximum(least, np.cos(ROUND)) ** 2 - 1)
-
-
-@kernel
-def _winding(corners, sign, points, turns):
-    """How often closed surfaces go round points: the sum of solid angles (van Oosterom and Strackee 1983) / 4π."""
-    for p in range(len(points)):
-        total = 0.0
-        x, y, z = points[p]
-        for t in range(len(corners)):
-            ax, ay, az = corners[t, 0, 0] - x, corners[t, 0, 1] - y, corners[t, 0, 2] - z
-            bx, by, bz = corners[t, 1, 0] - x, corners[t, 1, 1] - y, corners[t, 1, 2] - z
-            cx, cy, cz = corners[t, 2, 0] - x, corners[t, 2, 1] - y, corners[t, 2, 2] - z
-            a = np.sqrt(ax * ax + ay * ay + az * az)
-            b = np.sqrt(bx * bx + by * by + bz * bz)
-            c = np.sqrt(cx * cx + cy * cy + cz * cz)
-            det = ax * (by * cz - bz * cy) - ay * (bx * cz - bz * cx) + az * (bx * cy - by * cx)
-            ab, bc, ca = ax * bx + ay * by + az * bz, bx * cx + by * cy + bz * cz, cx * ax + cy * ay + cz * az
-            total += sign[t] * np.arctan2(det, a * b * c + ab * c + bc * a + ca * b)
-        turns[p] = total / (2.0 * np.pi)

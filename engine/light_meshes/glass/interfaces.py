@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from ..rays.geometry import Hits, Surfaces
 from ..rays.stacks import stacks
 from ..scene.description import Scene
-from ..support.compiled import kernel
+from ..support.native import kernel
 from ..surface.textures import Texture
 from .bodies import around, bodies, facets
 from .media import Media, closed
 
+_cross = kernel("interfaces_cross")
 MEDIA = 32  # bodies that a ray can be in at once, at most; what it enters beyond that is forgotten
 
 
@@ -111,113 +112,11 @@ class Interfaces:
         n = len(hits.P)
         face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
                     np.empty((n, 3)), rays["media"].copy())
-        _interface(hits, rays["direction"], self._bodies.of, self._bodies.ior, self._bodies.rank, self._grazing,
-                   self._ior, self._fresnel, self._kt, self._mirror, face)
+        _cross(hits.Ng, hits.Ns, hits.material, hits.triangle, hits.front, rays["direction"], self._bodies.of,
+               self._bodies.ior, self._bodies.rank, self._grazing, self._ior, self._fresnel, self._kt, self._mirror,
+               *face)
         return face
 
     def around(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
         """What rays that begin at points (n,3) are in, as `Face.media`."""
         return around(self._surfaces, self._bodies, points, self._room)
-
-
-@kernel
-def _top(media, rank):
-    """The body of highest rank, −1: none."""
-    best = -1
-    for b in media:
-        if b >= 0 and (best < 0 or rank[b] > rank[best]):
-            best = b
-    return best
-
-
-@kernel
-def fresnel(eta, cosine):
-    """Unpolarised reflectance at an interface with relative index eta = n2/n1; 1 at total reflection."""
-    square = 1.0 - (1.0 - cosine * cosine) / (eta * eta)
-    if square <= 0.0:
-        return 1.0
-    t = np.sqrt(square)
-    s, p = (cosine - eta * t) / (cosine + eta * t), (eta * cosine - t) / (eta * cosine + t)
-    return (s * s + p * p) / 2.0
-
-
-@kernel
-def _interface(hits, direction, bodies, index, rank, grazing, ior, by_fresnel, kt, mirror, face):
-    # A ray that entered a round body can always leave it. Its facets err: a grazing ray may meet one whose normal looks
-    # away, and reflect totally at another. Both are taken for grazing, or single pixels would show what is elsewhere.
-    for n in range(len(hits.P)):
-        m = hits.material[n]
-        media = face.media[n]
-        n1, n2 = 1.0, 1.0
-        face.real[n] = True
-        face.bends[n] = False
-        body = bodies[hits.triangle[n]]
-        if body >= 0:
-            before = _top(media, rank)
-            if hits.front[n]:
-                slot = -1
-                for j in range(len(media)):
-                    if media[j] < 0:
-                        slot = j
-                        break
-                if slot >= 0:
-                    media[slot] = body
-            else:
-                if before < 0:
-                    before = body  # the ray began inside
-                for j in range(len(media)):
-                    if media[j] == body:
-                        for k in range(j, len(media) - 1):
-                            media[k] = media[k + 1]
-                        media[-1] = -1
-                        break
-            after = _top(media, rank)
-            n1 = index[before] if before >= 0 else 1.0
-            n2 = index[after] if after >= 0 else 1.0
-            face.real[n] = before != after
-            face.bends[n] = n1 != n2
-        d, N = direction[n], hits.Ns[n]
-        d0, d1, d2 = d[0], d[1], d[2]
-        cosine = -(d0 * N[0] + d1 * N[1] + d2 * N[2])
-        if cosine <= 0.0:
-            length = np.sqrt(1.0 - cosine * cosine)
-            d0, d1, d2 = (d0 + cosine * N[0]) / length, (d1 + cosine * N[1]) / length, (d2 + cosine * N[2]) / length
-            cosine = 0.0
-        eta = n1 / n2
-        square = 1.0 - eta * eta * (1.0 - cosine * cosine)
-        if square <= 0.0 and 1.0 - square <= grazing[hits.triangle[n]] and not by_fresnel[m]:
-            square = 1e-12
-        reflected = 0.0
-        if by_fresnel[m]:
-            if face.bends[n]:
-                reflected = fresnel(n2 / n1, cosine)
-            elif body < 0 and ior[m] != 1.0 and (kt[m, 0] > 0.0 or kt[m, 1] > 0.0 or kt[m, 2] > 0.0):
-                reflected = fresnel(ior[m], cosine)
-        for c in range(3):
-            face.refracted[n, c] = d[c]
-            if by_fresnel[m]:
-                face.mirror[n, c] = reflected
-                face.kt[n, c] = kt[m, c] * (1.0 - reflected)
-            else:
-                face.mirror[n, c] = mirror[m, c]
-                face.kt[n, c] = kt[m, c]
-        if not face.real[n]:
-            for c in range(3):
-                face.kt[n, c], face.mirror[n, c] = 0.0, 0.0
-        elif face.bends[n]:
-            if square <= 0.0:  # total internal reflection: what would pass comes back
-                for c in range(3):
-                    face.mirror[n, c] = max(face.mirror[n, c], kt[m, c])
-                    face.kt[n, c] = 0.0
-            else:
-                f = eta * cosine - np.sqrt(square)
-                r = face.refracted[n]
-                r[0], r[1], r[2] = eta * d0 + f * N[0], eta * d1 + f * N[1], eta * d2 + f * N[2]
-                G = hits.Ng[n]
-                into = r[0] * G[0] + r[1] * G[1] + r[2] * G[2]
-                if into >= 0.0:  # bent shading normals must not send it back out
-                    for c in range(3):
-                        face.refracted[n, c] -= (into + 1e-6) * G[c]
-                length = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
-                for c in range(3):
-                    face.refracted[n, c] /= length

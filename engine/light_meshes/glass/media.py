@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from ..rays.boxes import box_tree
 from ..rays.geometry import Surfaces
-from ..support.compiled import kernel, part
+from ..support.native import kernel, needs_memory
 from .bodies import FLAT, bodies
 
+_adjacent, _components = kernel("media_adjacent"), kernel("media_components")
+_smooth_edges = kernel("media_smooth_edges")
+
 CREASE = 5e-4  # radians: normals that differ by more across an edge end a patch
-TOUCHING = 1e-9  # surfaces nearer than this along a ray are in the same place
-INSIDE = 1e-10  # how far beyond [0, 1] barycentric coordinates still hit: no ray slips through an edge
 
 
 class Media(NamedTuple):
@@ -32,23 +33,12 @@ class Media(NamedTuple):
     priority: NDArray[np.int32]  # where bodies overlap the highest is the medium, see `bodies`
 
 
-# Columns of Glass.place: the hot kernels read single numbers of few arrays. A view of a shared array would cost an
-# atomic count of references, and threads would wait for each other.
-A = 0  # first vertex
-E1, E2 = 3, 6  # edges from it
-U, V = 9, 12  # dual to the edges: u = (P − A)·U
-NG = 15  # unit normal out of the body
-NS = 18  # three corner normals out of the body; interpolated, then normalised
-KT = 27  # t, RGB
-# Columns of Glass.link.
-BODY, OWNER, PATCH, FLAT_SHADED, NEIGHBOUR = 0, 1, 2, 3, 4
-
-
 class Glass(NamedTuple):
     """The semitransparent triangles in the order of their tree ("slots"), and the bodies that they bound."""
 
     triangle: NDArray[np.int32]  # (M,) of Surfaces
-    place: NDArray[np.float64]  # (M,30) columns A .. KT
+    place: NDArray[np.float64]  # (M,30) see media.h: a vertex, two edges from it and their duals, unit normal out of
+    #                            the body, three corner normals, t
     link: NDArray[np.int64]  # (M,7) body (−1: a sheet), instance, patch (triangles joined by edges without a crease;
     #                          −1: a sheet), whether the normal is NG, slots across AB, BC, CA in the patch (−1: none)
     planar: NDArray[np.int64]  # (patches,) a slot whose plane the patch lies in, −1: curved
@@ -73,7 +63,7 @@ def closed(surfaces: Surfaces, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
         neighbour = np.empty((len(index), 3), np.int32)
         label = np.empty(len(index), np.int32)
         _adjacent(corner, _edge_order(corner), neighbour)
-        _components(neighbour, np.ones_like(neighbour, np.bool_), label)
+        needs_memory(_components(neighbour, np.ones_like(neighbour, np.bool_), label))
         open_edges = np.bincount(label, weights=(neighbour < 0).any(1))
         out[index] = open_edges[label] == 0
     return out
@@ -97,73 +87,6 @@ def _edge_order(corner: NDArray[np.int64]) -> NDArray[np.intp]:
     """Order of the 3n edges (3·triangle + k: from corner k to k+1) that puts equal ones side by side."""
     a, b = corner.reshape(-1), np.roll(corner, -1, axis=1).reshape(-1)
     return np.argsort(np.minimum(a, b) * (corner.max(initial=0) + 1) + np.maximum(a, b), kind="stable")
-
-
-@kernel
-def _adjacent(corner, order, neighbour):
-    """Triangle across each edge, −1 unless exactly two triangles share it in opposite directions."""
-    neighbour[:] = -1
-    i = 0
-    while i < len(order):
-        a, b = corner[order[i] // 3, order[i] % 3], corner[order[i] // 3, (order[i] % 3 + 1) % 3]
-        j = i + 1
-        while j < len(order):
-            c, d = corner[order[j] // 3, order[j] % 3], corner[order[j] // 3, (order[j] % 3 + 1) % 3]
-            if min(a, b) != min(c, d) or max(a, b) != max(c, d):
-                break
-            j += 1
-        if j == i + 2:
-            s, r = order[i], order[i + 1]
-            if corner[r // 3, r % 3] == b and a != b:
-                neighbour[s // 3, s % 3] = r // 3
-                neighbour[r // 3, r % 3] = s // 3
-        i = j
-
-
-@kernel
-def _components(neighbour, joined, label):
-    """Numbers the components of triangles whose shared edges are `joined` (n,3), in order of appearance."""
-    parent = np.arange(len(neighbour))
-    for t in range(len(neighbour)):
-        for k in range(3):
-            if neighbour[t, k] >= 0 and joined[t, k]:
-                a, b = t, neighbour[t, k]
-                while parent[a] != a:
-                    parent[a] = parent[parent[a]]
-                    a = parent[a]
-                while parent[b] != b:
-                    parent[b] = parent[parent[b]]
-                    b = parent[b]
-                parent[max(a, b)] = min(a, b)
-    count = 0
-    for t in range(len(neighbour)):
-        a = t
-        while parent[a] != a:
-            a = parent[a]
-        if a == t:
-            label[t] = count
-            count += 1
-        else:
-            label[t] = label[a]
-
-
-@kernel
-def _smooth_edges(corner, neighbour, Ns, joined):
-    """Marks shared edges at both ends of which the two triangles have the same normals."""
-    limit = np.cos(CREASE)
-    for t in range(len(neighbour)):
-        for k in range(3):
-            o = neighbour[t, k]
-            joined[t, k] = o >= 0
-            if o < 0:
-                continue
-            for end in range(2):
-                i = (k + end) % 3
-                for j in range(3):
-                    if corner[o, j] == corner[t, i]:
-                        dot = (Ns[t, i] * Ns[o, j]).sum()
-                        if dot < limit * np.sqrt((Ns[t, i] ** 2).sum() * (Ns[o, j] ** 2).sum()):
-                            joined[t, k] = False
 
 
 def glass(surfaces: Surfaces, media: Media) -> Glass:
@@ -205,9 +128,9 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     joined = np.zeros((len(index), 3), np.bool_)
     label = np.empty(len(index), np.int32)
     _adjacent(corner, _edge_order(corner), neighbour)
-    _smooth_edges(corner, neighbour, Ns, joined)
+    _smooth_edges(corner, neighbour, np.ascontiguousarray(Ns), np.cos(CREASE), joined)
     joined &= (body[:, None] == body[neighbour]) & solid[:, None]
-    _components(neighbour, joined, label)
+    needs_memory(_components(neighbour, joined, label))
     names, patch = np.unique(label[solid], return_inverse=True)
     label[:] = -1
     label[solid] = patch
@@ -235,79 +158,3 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
         np.ascontiguousarray(link[order], np.int64), planar, patch_size, found.ior, found.rank,
         np.concatenate([middle, radius[:, None]], 1), box, child,
     )
-
-
-@part
-def closest(g, ray, t0, t1, skip, skips, patch, facing, stack, out):
-    """First slot that the ray (origin ray[0], direction ray[1]) meets with t0 < t < t1, −1: none; out = t, u, v.
-
-    skip[4 : 4+skips] are slots that do not count. patch ≥ 0: only that patch counts, and only faces whose outer
-    normal agrees with the direction in the sign `facing`. Of faces in one place those that let the ray in come first,
-    so that bodies that touch leave no gap between them.
-    """
-    found, best = np.int64(-1), np.inf
-    if not len(g.triangle):
-        return found
-    place, link, box = g.place, g.link, g.box
-    px, py, pz = ray[0, 0], ray[0, 1], ray[0, 2]
-    dx, dy, dz = ray[1, 0], ray[1, 1], ray[1, 2]
-    ix = 1.0 / dx if dx != 0.0 else 1e300
-    iy = 1.0 / dy if dy != 0.0 else 1e300
-    iz = 1.0 / dz if dz != 0.0 else 1e300
-    stack[0] = 0
-    top = 1
-    while top:
-        top -= 1
-        n = stack[top]
-        a = g.child[n, 0]
-        if g.child[n, 1]:
-            for s in range(a, a + g.child[n, 1]):
-                slope = dx * place[s, NG] + dy * place[s, NG + 1] + dz * place[s, NG + 2]
-                if slope == 0.0 or (patch >= 0 and (link[s, PATCH] != patch or slope * facing < 0.0)):
-                    continue
-                ax, ay, az = px - place[s, A], py - place[s, A + 1], pz - place[s, A + 2]
-                t = -(ax * place[s, NG] + ay * place[s, NG + 1] + az * place[s, NG + 2]) / slope
-                order = t if slope > 0.0 else t - TOUCHING
-                if not (t > t0 and t < t1 and order < best):
-                    continue
-                ax, ay, az = ax + t * dx, ay + t * dy, az + t * dz
-                u = ax * place[s, U] + ay * place[s, U + 1] + az * place[s, U + 2]
-                v = ax * place[s, V] + ay * place[s, V + 1] + az * place[s, V + 2]
-                if u < -INSIDE or v < -INSIDE or u + v > 1.0 + INSIDE:
-                    continue
-                known = False
-                for k in range(4, 4 + skips):
-                    known = known or skip[k] == s
-                if not known:
-                    found, best = np.int64(s), order
-                    out[0], out[1], out[2] = t, u, v
-            continue
-        limit = min(best + TOUCHING, t1)
-        near_a = _enter(box, a, px, py, pz, ix, iy, iz, t0, limit)
-        near_b = _enter(box, a + 1, px, py, pz, ix, iy, iz, t0, limit)
-        if near_a <= near_b:
-            if near_b < np.inf:
-                stack[top] = a + 1
-                top += 1
-            if near_a < np.inf:
-                stack[top] = a
-                top += 1
-        else:
-            if near_a < np.inf:
-                stack[top] = a
-                top += 1
-            stack[top] = a + 1
-            top += 1
-    return found
-
-
-@part
-def _enter(box, n, px, py, pz, ix, iy, iz, t0, t1):
-    """Where the ray enters the box of node n, infinity: it does not."""
-    a, b = (box[n, 0] - px) * ix, (box[n, 3] - px) * ix
-    t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-    a, b = (box[n, 1] - py) * iy, (box[n, 4] - py) * iy
-    t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-    a, b = (box[n, 2] - pz) * iz, (box[n, 5] - pz) * iz
-    t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
-    return t0 if t0 <= t1 else np.inf

@@ -18,33 +18,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rays.boxes import STACK
 from ..rays.geometry import Surfaces
 from ..rays.tracer import Targets, Tracer, leave, points
-from ..support.compiled import kernel, part
-from .beams import PAD, Beams, trace_beams
-from .media import BODY, E1, E2, A, Media, glass
-from .optics import (
-    BENDS,
-    ENDS,
-    NEWTON,
-    RAYS,
-    REJECTED,
-    SEEDS,
-    UNCONVERGED,
-    Scratch,
-    chain,
-    cross_section,
-    miss,
-    next_bend,
-    scratch,
-    set_out,
-)
-from .paths import newton
+from ..support.native import kernel
+from .beams import Beams, trace_beams
+from .media import Media, glass
+from .optics import NEWTON, RAYS, REJECTED, SEEDS, UNCONVERGED, Source, source
 
-MOST = 64  # paths from a light to a point that are told apart
-SAME = 1e-6  # of the first patch's radius: paths whose first points are nearer are one
-MISS = 1e-8  # of the same: how far from the point a path may end
+_straight, _solve = kernel("refraction_straight"), kernel("refraction_solve")
+MOST = 64  # paths from a light to a point that are told apart; the same in refraction.c
 
 
 class Paths(NamedTuple):
@@ -98,16 +80,16 @@ class RefractedPaths:
         self._beams: dict[int, Beams] = {}
         self._lock = threading.Lock()
 
-    def _scratch(self, light: int) -> Scratch:
+    def _source(self, light: int) -> Source:
         position = self._lights.position[light]
         sun = bool(self._lights.directional[light])
-        return scratch(self.glass, position if sun else (position - self._centre) / self._scale, sun, self._total)
+        return source(self.glass, position if sun else (position - self._centre) / self._scale, sun, self._total)
 
     def beams(self, light: int) -> Beams:
         """The light's beams."""
         with self._lock:
             if light not in self._beams:
-                self._beams[light] = trace_beams(self.glass, self._scratch(light), self._h)
+                self._beams[light] = trace_beams(self.glass, self._source(light), self._h)
             return self._beams[light]
 
     def lost(self, light: int) -> int:
@@ -120,17 +102,18 @@ class RefractedPaths:
 
         normal (n,3): unit, of the surface that the points are on, on the side that is looked at; None: free points.
         """
-        beams, s = self.beams(light), self._scratch(light)
+        beams, s = self.beams(light), self._source(light)
         local = np.ascontiguousarray((x - self._centre) / self._scale)
         if normal is not None:
             leave(local, np.ascontiguousarray(normal))
         count = np.zeros(len(x), np.int64)
         parts = [_room(0, beams.most)]
-        p = 0
-        while p < len(x) and len(beams.slot):
-            room = _room(len(x) - p + MOST, beams.most)
-            p, rows = _solve(self.glass, beams, s, local, p, count, *room)
-            parts.append(tuple(a[:rows] for a in room))
+        state = np.zeros(2, np.int64)
+        what = (*self.glass[1:], *s, *beams[:5], *beams[6:12], local)
+        while state[0] < len(x) and len(beams.slot):
+            room = _room(len(x) - int(state[0]) + MOST, beams.most)
+            _solve(*what, state, count, *room)
+            parts.append(tuple(a[:state[1]] for a in room))
         alpha, bends, k, arrival, spread, reach = (np.concatenate(a) for a in zip(*parts, strict=True))
         bends = self._centre + self._scale * bends
         row = np.repeat(np.arange(len(x), dtype=np.int32), count)
@@ -173,12 +156,12 @@ class RefractedPaths:
 
         beyond > 0: not 0 where it would bend so often and more. Opaque surfaces are not looked at.
         """
-        s = self._scratch(light)
+        s = self._source(light)
         local = np.ascontiguousarray((x - self._centre) / self._scale)
         if normal is not None:
             leave(local, np.ascontiguousarray(normal))
         out = np.zeros((len(x), 3))
-        _straight(self.glass, s, local, beyond or 1 << 30, out)
+        _straight(*self.glass[1:], *s, local, beyond or 1 << 30, out)
         return out
 
     def straight_on(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None,
@@ -202,166 +185,3 @@ class RefractedPaths:
 def _room(n: int, most: int) -> tuple[NDArray, ...]:
     return (np.empty((n, 3)), np.empty((n, most, 3)), np.empty(n, np.int64), np.empty((n, 3)), np.empty((n, 2)),
             np.empty(n))
-
-
-@kernel
-def _straight(g, s, x, beyond, out):
-    y = np.empty(3)
-    for p in range(len(x)):
-        for j in range(3):
-            y[j] = x[p, j]
-        set_out(s, y)
-        _, end = miss(s.ray, y)
-        bends, met = 0, next_bend(g, s, end)
-        while met == BENDS and beyond < 1 << 30:
-            for j in range(3):
-                s.ray[0, j] += s.out[0] * s.ray[1, j]
-            end -= s.out[0]
-            bends, met = bends + 1, next_bend(g, s, end)
-        if met == ENDS and (bends == 0 or bends >= beyond):
-            for j in range(3):
-                out[p, j] = s.alpha[j]
-
-
-@kernel
-def _solve(g, beams, s, points, p, count, alpha, bends, k_out, arrival, spread, reach):
-    """Paths to points from p on, until all are done or the room is; returns the next p and the rows filled."""
-    rows = np.int64(0)
-    stack = np.empty(STACK, np.int64)
-    known, known_beam = np.empty((MOST, 3)), np.empty(MOST, np.int64)
-    x, y = np.empty(3), np.empty(3)
-    o = beams.bounds
-    while p < len(points) and rows + MOST <= len(alpha):
-        first, tried = rows, np.int64(0)
-        for j in range(3):
-            x[j] = points[p, j]
-        for group in range(6):
-            top = 0
-            if beams.root[group] >= 0:
-                stack[0] = beams.root[group]
-                top = 1
-            axis = group >> 1
-            z = -x[axis] if group & 1 else x[axis]
-            a, b = x[(axis + 1) % 3], x[(axis + 2) % 3]
-            while top:
-                top -= 1
-                n = stack[top]
-                w = z - o[n, 0]
-                if not (z >= o[n, 1] and z <= o[n, 2] and a >= o[n, 3] + w * o[n, 7] and a <= o[n, 4] + w * o[n, 8]
-                        and b >= o[n, 5] + w * o[n, 9] and b <= o[n, 6] + w * o[n, 10]):
-                    continue
-                child = beams.child[n, 0]
-                if not beams.child[n, 1]:
-                    stack[top], stack[top + 1] = child + 1, child
-                    top += 2
-                    continue
-                for beam in range(child, child + beams.child[n, 1]):
-                    found, u, v = _inside(beams, beam, z, a, b)
-                    if not found or tried == MOST:
-                        continue
-                    s.work[SEEDS] += 1
-                    k = np.int64(beams.k[beam])
-                    for j in range(k):
-                        s.want[j], s.want_eta[j] = beams.code[beam, j], beams.eta[beam, j]
-                    along = _search(g, s, x, np.int64(beams.slot[beam]), u, v, k, y, beams, known, known_beam, tried)
-                    if along == _NOWHERE:
-                        s.work[UNCONVERGED] += 1
-                    elif along == _UNREAL:
-                        s.work[REJECTED] += 1
-                    if along < 0.0:
-                        continue
-                    _record(g, s, x, k, along, rows, alpha, bends, k_out, arrival, spread, reach)
-                    rows += 1
-                    for j in range(3):
-                        known[tried, j] = y[j]
-                    known_beam[tried] = beam
-                    tried += 1
-        count[p] = rows - first
-        p += 1
-    return p, rows
-
-
-_NOWHERE, _KNOWN, _UNREAL = -3.0, -2.0, -1.0
-
-
-@part
-def _inside(beams, i, z, a, b):
-    """Whether (a, b) at height z is in beam i, and (u, v) on its first triangle of the ray that is there."""
-    if not (z >= beams.z[i, 1] and z <= beams.z[i, 2]):
-        return False, 0.0, 0.0
-    w = z - beams.z[i, 0]
-    p, d, uv = beams.p, beams.d, beams.uv
-    x0, y0 = p[i, 0, 0] + w * d[i, 0, 0], p[i, 0, 1] + w * d[i, 0, 1]
-    x1, y1 = p[i, 1, 0] + w * d[i, 1, 0] - x0, p[i, 1, 1] + w * d[i, 1, 1] - y0
-    x2, y2 = p[i, 2, 0] + w * d[i, 2, 0] - x0, p[i, 2, 1] + w * d[i, 2, 1] - y0
-    det = x1 * y2 - x2 * y1
-    l1, l2 = ((a - x0) * y2 - x2 * (b - y0)) / det, (x1 * (b - y0) - (a - x0) * y1) / det
-    if not (l1 >= -PAD and l2 >= -PAD and l1 + l2 <= 1.0 + PAD):
-        return False, 0.0, 0.0
-    u = uv[i, 0, 0] + l1 * (uv[i, 1, 0] - uv[i, 0, 0]) + l2 * (uv[i, 2, 0] - uv[i, 0, 0])
-    v = uv[i, 0, 1] + l1 * (uv[i, 1, 1] - uv[i, 0, 1]) + l2 * (uv[i, 2, 1] - uv[i, 0, 1])
-    u, v = max(u, 0.0), max(v, 0.0)
-    if u + v > 1.0:
-        u, v = u / (u + v), v / (u + v)
-    return True, u, v
-
-
-@part
-def _search(g, s, x, slot, u, v, k, y, beams, known, known_beam, tried):
-    """The path that a seed leads to: its length behind the last bend, or _NOWHERE, _KNOWN, _UNREAL; y: its start."""
-    size = g.patch_size[s.want[0] >> 1]
-    for _ in range(2):
-        slot = newton(g, s, x, slot, u, v, k)
-        if slot < 0:
-            return _NOWHERE
-        u, v = s.out[5], s.out[6]
-        for j in range(3):
-            y[j] = g.place[slot, A + j] + u * g.place[slot, E1 + j] + v * g.place[slot, E2 + j]
-        for i in range(tried):
-            square = (y[0] - known[i, 0]) ** 2 + (y[1] - known[i, 1]) ** 2 + (y[2] - known[i, 2]) ** 2
-            same = square < (SAME * size) ** 2 and k == beams.k[known_beam[i]]
-            for j in range(k):
-                same = same and s.want[j] == beams.code[known_beam[i], j]
-            if same:
-                return _KNOWN
-        if chain(g, s, y, k, 0.0) < k:
-            return _UNREAL
-        for j in range(k):
-            if s.code[j, 0] != s.want[j] or s.bend[j, 0] != s.want_eta[j]:
-                return _UNREAL
-        distance, along = miss(s.ray, x)
-        if not along > 0.0:
-            return _UNREAL
-        if distance <= MISS * size:
-            if next_bend(g, s, along) != ENDS:
-                return _UNREAL
-            return along
-        # Planes of one patch that differ by rounding: once more from the triangles that are really met.
-        slot, u, v = s.code[0, 1], s.bend[0, 1], s.bend[0, 2]
-    return _UNREAL
-
-
-@part
-def _record(g, s, x, k, along, row, alpha, bends, k_out, arrival, spread, reach):
-    """Fill a row of the outputs with the path in s; reach in the frame."""
-    k_out[row] = k
-    for j in range(3):
-        alpha[row, j], arrival[row, j] = s.alpha[j], s.ray[1, j]
-        for i in range(bends.shape[1]):
-            bends[row, i, j] = s.rays[i, 0, j] if i < k else 0.0
-    cross_section(s.ray, x, along, s.section)
-    m = s.section
-    total = m[0, 0] ** 2 + m[0, 1] ** 2 + m[1, 0] ** 2 + m[1, 1] ** 2
-    skew = np.sqrt((m[0, 0] ** 2 + m[1, 0] ** 2 - m[0, 1] ** 2 - m[1, 1] ** 2) ** 2
-                   + 4.0 * (m[0, 0] * m[0, 1] + m[1, 0] * m[1, 1]) ** 2)
-    large = np.sqrt(0.5 * (total + skew))
-    small = abs(m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]) / large if large > 0.0 else 0.0
-    body = g.link[s.code[0, 1], BODY]
-    distance, off = 1.0, 1.0
-    if not s.sun:
-        distance = np.sqrt((x[0] - s.light[0]) ** 2 + (x[1] - s.light[1]) ** 2 + (x[2] - s.light[2]) ** 2)
-        off = np.sqrt((g.ball[body, 0] - s.light[0]) ** 2 + (g.ball[body, 1] - s.light[1]) ** 2
-                      + (g.ball[body, 2] - s.light[2]) ** 2)
-        off = max(off, g.ball[body, 3])
-    spread[row, 0], spread[row, 1] = large / distance, small / distance
-    reach[row] = distance * g.ball[body, 3] / off

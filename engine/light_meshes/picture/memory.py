@@ -17,20 +17,21 @@ import numpy as np
 from ..film.images import crop_of
 from ..film.passes import letters
 from ..rays.camera import depth
-from ..scene.description import Scene, SceneError
+from ..scene.description import Scene
+from ..scene.errors import SceneError
 from ..support import processors
 from ..surface import textures
 
 if TYPE_CHECKING:
     from .prepared import Prepared
 
-BASE = 180 << 20  # Python, its libraries, kernels
+BASE = 80 << 20  # Python and its libraries
 MESH = 60  # a triangle as the snapshot has it, once for all its instances; what nobody looks at stays in the file
 TRIANGLE, VERTEX = 60, 12  # of an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again in each accelerator
 RAYS = 1 << 15  # camera rays that a thread has under way
 LARGER = 4  # times as many where tiles compute the points at their edges twice (`sparse`)
-RAY, LIT, CANDIDATE = 700, 24, 24  # one of them; a receiver and a light; a receiver and a node
+RAY, LIT, CANDIDATE = 700, 8, 24  # one of them; a receiver and a light; a receiver and a node
 NODE = 16  # beside its values
 DOUBT, CLOSE = 1.25, 0.8  # of what there is: from here on refused, or warned of
 

@@ -221,7 +221,7 @@ class Prepared:
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32),
                     np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.bool_))
         rows = slice(None) if n == len(hit) else np.flatnonzero(hit)
-        surface(self.surfaces, triangle[rows], u[rows], v[rows], origin[rows], direction[rows], *hits)
+        surface(self.surfaces, triangle[rows], u[rows], v[rows], origin[rows], direction[rows], hits)
         return hit, hits
 
     def coarse_view(self) -> tuple[NDArray[np.float64], Hits]:
@@ -261,11 +261,10 @@ class Prepared:
                   work: NDArray | None = None, lights: NDArray[np.uint64] | None = None) -> None:
         """Add the light of some lights (W,), None: of all, to what `direct` returns."""
         colour, terms, shadows = sums
-        nothing = np.zeros((0, 3))
-        matt, gloss = (terms["Diffuse"], terms["Glossy"]) if terms else (nothing, nothing)
         for part, lit, _, S in self.lit(hits, direction, self.materials, Od, bool(shadows), check, work, lights):
             with self.stats.stage("shading"):
-                shading.gather(*lit, S, colour[part], matt[part], gloss[part])
+                both = (terms["Diffuse"][part], terms["Glossy"][part]) if terms else ()
+                shading.gather(lit, S, colour[part], *both)
                 for name, shadow in shadows.items():
                     shown = self._shadow_lights[name]
                     shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
@@ -281,18 +280,18 @@ class Prepared:
         lit = np.empty((len(hits.P), 3))
         lit[:] = self.scene.settings.ambient * np.array(self.scene.world_color)
         full = lit.copy()
-        nothing, unshadowed = np.zeros((0, 3)), Unshadowed(self.scene.lights)
+        unshadowed = Unshadowed(self.scene.lights)
         for part, some, active, S in self.lit(hits, direction, white, np.ones_like(lit), False, check, work):
             with self.stats.stage("shading"):
-                shading.gather(*some, S, lit[part], nothing, nothing)
+                shading.gather(some, S, lit[part])
                 V = unshadowed(hits.P[part], hits.Ng[part], active, check)
-                shading.gather(*some, V[..., None], full[part], nothing, nothing)
+                shading.gather(some, V[..., None], full[part])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
     def lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
             check: Callable[[], None], work: NDArray | None, lights: NDArray[np.uint64] | None = None,
-            visibility: Unshadowed | None = None) -> Iterator[tuple[slice, tuple, NDArray, NDArray]]:
+            visibility: Unshadowed | None = None) -> Iterator[tuple[slice, shading.Lit, NDArray, NDArray]]:
         """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of the hits, batch by batch.
 
         None without lights. lights (W,): those that count; None: all. visibility: another than the plan's.
@@ -303,12 +302,12 @@ class Prepared:
             check()
             part = slice(i, min(i + step, len(hits.P)))
             some = hits.at(part)
-            lit = self.lights, materials, some, direction[part], Od[part]
+            lit = shading.Lit(self.lights, materials, some, direction[part], Od[part])
             active = np.empty((len(some.P), (count + 63) // 64), np.uint64)
             with self.stats.stage("shading"):
                 lift = self.terminator.lift(some)
                 facing = some if lift is None else some._replace(Ng=lift.side)
-                shading.reaching(self.lights, materials, facing, direction[part], Od[part], unlit, active)
+                shading.reaching(lit._replace(hits=facing), unlit, active)
                 if self.linked is not None:
                     shading.unlink(self.linked, self.owner(some.triangle), active)
                 if lights is not None:

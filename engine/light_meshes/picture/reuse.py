@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 from ..glass.interfaces import Interfaces
 from ..glass.refraction import RefractedPaths
 from ..rays.geometry import Surfaces, same_frame
-from ..rays.tracer import ULPS, Targets, Tracer
+from ..rays.tracer import ULPS, Tracer
 from ..scene.description import Camera, Scene
 from ..shadows.meshes.certificate import Certificate
 from ..shadows.visibility import LightMeshes
-from ..support.compiled import kernel
+from ..support.native import kernel
 
 if TYPE_CHECKING:
     from .prepared import Prepared
 
+_forget = kernel("reuse_forget")
 KEPT_BYTES = 1 << 30  # nodes of more than that are dropped before the next picture: a flight must not fill the memory
 BOXES = 64  # changed casters that are told apart; of more there is one box
 PAD = 64 * ULPS  # round each box: far more than rays and triangles are rounded by in the frame
@@ -252,26 +253,4 @@ def _forget_near(old: Prepared, boxes: NDArray[np.float64], nodes: NDArray[np.in
         targets, centre, scale = old.lights.targets(), old.surfaces.centre, old.surfaces.scale
         place = np.where(targets.directional[:, None], targets.position, (targets.position - centre) / scale)
         x = (old.soft.lattice.position(nodes) - centre) / scale
-        _forget(x, Targets(place, targets.directional), boxes, known)
-
-
-@kernel
-def _forget(x, targets, boxes, known):
-    """Clear the bits of known (n,W) for segments from x (n,3) to targets that may meet a box; all in the frame."""
-    for n in range(len(x)):
-        for i in range(len(targets.directional)):
-            bit = np.uint64(1) << np.uint64(i & 63)
-            if not known[n, i >> 6] & bit:
-                continue
-            for b in range(len(boxes)):
-                near, far = 0.0, np.inf if targets.directional[i] else 1.0
-                for j in range(3):
-                    d = targets.position[i, j] if targets.directional[i] else targets.position[i, j] - x[n, j]
-                    low, high = boxes[b, 0, j] - x[n, j], boxes[b, 1, j] - x[n, j]
-                    if d != 0.0:
-                        near, far = max(near, min(low / d, high / d)), min(far, max(low / d, high / d))
-                    elif low > 0.0 or high < 0.0:
-                        far = -1.0
-                if near <= far:
-                    known[n, i >> 6] &= ~bit
-                    break
+        _forget(x, place, targets.directional, boxes, known)

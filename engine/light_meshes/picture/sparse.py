@@ -31,18 +31,18 @@ from ..rays.geometry import Hits
 from ..shadows.casters import smooth_lights
 from ..shadows.visibility import Check, Unshadowed
 from ..support.bits import mask_of
-from ..support.compiled import kernel
+from ..support.native import kernel
 from ..surface import shading
 
 if TYPE_CHECKING:
     from .prepared import Prepared
 
+_film, _ask, _agree = kernel("sparse_film"), kernel("sparse_ask"), kernel("sparse_agree")
+_between, _add = kernel("sparse_between"), kernel("sparse_add")
+
 TOLERANCE = 1 / 40  # of the picture's light, by which corners may differ
-NORMAL = 0.9  # cosine of the angle between normals, at least
-AWAY = 0.1  # how far a sample may be from where its corners have it, of the block's diagonal
 JUMP = {"UNIFORM": 1 / 8, "SMOOTH": 1 / 16}  # of S within a block, of a light that is seen in part, by the weights
 TOGETHER = 0.2  # angle between lights whose shadows have their edges at the same places, about
-LOBE = 0.2  # nShiny·(1 − cosine of the angle between directions that a mirror would look in), at most
 BLUR = 4.0  # pixels that a lens may move a sample by
 
 
@@ -100,10 +100,10 @@ class Sparse:
         ready, m = self._ready, self._ready.materials
         direction, hits = ready.coarse_view()
         matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
-        light, nothing = np.zeros((len(hits.P), 3)), np.zeros((0, 3))
+        light = np.zeros((len(hits.P), 3))
         for part, lit, _, S in ready.lit(hits, direction, matt, np.ones_like(light), False, lambda: None, None,
                                          visibility=Unshadowed(ready.scene.lights)):
-            shading.gather(*lit, S, light[part], nothing, nothing)
+            shading.gather(lit, S, light[part])
         brightest = light.max(1)
         return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
 
@@ -136,15 +136,14 @@ class Sparse:
                 corners = self._corners(step, film, left, box, check)
                 with ready.stats.stage("interpolation"):
                     before = len(left)
-                    left = _between(corners, self._blocks(corners), film, left, hits, ready.surfaces.instance, m, Od,
-                                    self._gloss, TOLERANCE * self.light, light, done)
+                    left = self._between(corners, film, left, hits, Od, light, done)
                     ready.stats.add(**{"refined" if k else "interpolated": before - len(left)})
         with ready.stats.stage("interpolation"):
             some, rest = np.flatnonzero(done), np.flatnonzero(~done)
             matt, glossy = (terms["Diffuse"], terms["Glossy"]) if terms else (colour, colour)
-            _add(some, hits.material, m.kd, Od, light[:, :3], matt)
+            _add(some, hits.material, m.kd, Od, light, 0, matt)
             if self._gloss:
-                _add(some, hits.material, m.ks, m.Os.take(hits.material, axis=0), light[:, 3:], glossy)
+                _add(some, hits.material, m.ks, m.Os.take(hits.material, axis=0), light, 3, glossy)
             if terms:
                 colour += matt + glossy
         ready.stats.add(computed=len(rest))
@@ -168,10 +167,12 @@ class Sparse:
     def _film(self, hits: Hits, pixel: NDArray, box: tuple[int, int, int, int]) -> tuple[NDArray, NDArray]:
         """Where hits are on the film (n,2), in pixels, and the rows of those that may be interpolated."""
         c, film = self._camera, np.empty((len(hits.P), 2))
-        receives = np.zeros(0, np.bool_) if self._receives is None else self._receives
-        left = _film(c.matrix, np.array(c.window), c.perspective, c.width, c.height, hits.P, hits.triangle, receives,
-                     pixel, len(self._ready.offsets), box[0], box[1], box[2] - box[0], self._reach, film)
-        return film, left
+        view = np.array([box[0], box[1], box[2] - box[0], len(self._ready.offsets)], np.int64)
+        left = np.empty(len(hits.P), np.int64)
+        matrix, window = np.ascontiguousarray(c.matrix, np.float64), np.array(c.window, np.float64)
+        count = _film(matrix, window, c.perspective, c.width,
+                      c.height, hits.P, hits.triangle, self._receives, pixel, view, self._reach, film, left)
+        return film, left[:count]
 
     def _corners(self, step: int, film: NDArray, left: NDArray, box: tuple[int, int, int, int],
                  check: Check) -> Corners:
@@ -182,7 +183,8 @@ class Sparse:
         x1, y1 = (int((high - 0.5 + self._reach) // step) + 3 for high in box[2:])
         row = np.full((y1 - y0, x1 - x0), -1, np.int32)
         with ready.stats.stage("interpolation"):
-            asked = _ask(film, left, step, x0, y0, row)
+            _ask(film, left, step, x0, y0, row)
+            asked = np.flatnonzero(row == 0)
         with ready.stats.stage("camera rays"):
             rays = camera_rays(dataclasses.replace(coarser(self._camera, step), lens_radius=0.0), (x0, y0, x1, y1),
                                np.zeros((1, 2)))
@@ -207,133 +209,26 @@ class Sparse:
         both, matt, gloss = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
         for part, lit, _, S in ready.lit(hits, direction, self._white, white, False, check, None, self._lights):
             with ready.stats.stage("shading"):
-                shading.gather(*lit, S, both[part], matt[part], gloss[part])
-                shading.steps(*lit, S, self._together, self._jump, self._step, *rough[:, part])
+                shading.gather(lit, S, both[part], matt[part], gloss[part])
+                shading.steps(lit, S, self._together, self._jump, self._step, *rough[:, part])
         light[:, :3] = matt
         if self._gloss:
             light[:, 3:] = gloss
-        return light, rough.T
+        return light, np.ascontiguousarray(rough.T)
 
     def _blocks(self, corners: Corners) -> Blocks:
         rows, columns = corners.row.shape
         shape = rows - 1, columns - 1
         blocks = Blocks(np.zeros(shape, np.bool_), np.empty(shape, np.int32), np.empty(shape), np.empty(shape),
                         np.empty((*shape, 2)))
-        _agree(corners, self._gloss, self._largest**2, *blocks)
+        _agree(*corners[3:], self._gloss, self._largest**2, *blocks)
         return blocks
 
-
-@kernel
-def _film(matrix, window, perspective, width, height, P, triangle, receives, pixel, per_pixel, x0, y0, wide, reach,
-          film):
-    """Fills film (n,2), pixels; returns the rows less than `reach` from their pixel's middle, on what `receives`."""
-    left, count = np.empty(len(P), np.int64), 0
-    for p in range(len(P)):
-        x, y, z = P[p, 0] - matrix[0, 3], P[p, 1] - matrix[1, 3], P[p, 2] - matrix[2, 3]
-        u = matrix[0, 0] * x + matrix[1, 0] * y + matrix[2, 0] * z
-        v = matrix[0, 1] * x + matrix[1, 1] * y + matrix[2, 1] * z
-        if perspective:
-            depth = -(matrix[0, 2] * x + matrix[1, 2] * y + matrix[2, 2] * z)
-            u, v = u / depth, v / depth
-        film[p, 0] = (u - window[0]) / (window[1] - window[0]) * width
-        film[p, 1] = (v - window[2]) / (window[3] - window[2]) * height
-        place = pixel[p] // per_pixel
-        near = (abs(film[p, 0] - (x0 + place % wide + 0.5)) < reach
-                and abs(film[p, 1] - (y0 + place // wide + 0.5)) < reach)
-        if near and (len(receives) == 0 or receives[triangle[p]]):
-            left[count] = p
-            count += 1
-    return left[:count]
-
-
-@kernel
-def _ask(film, left, step, x0, y0, row):
-    """The points (n,), as places in the flat grid, that are corners of the blocks that film[left] lies in."""
-    for p in left:
-        i, j = int(np.floor(film[p, 0] / step - 0.5)) - x0, int(np.floor(film[p, 1] / step - 0.5)) - y0
-        row[j, i] = row[j, i + 1] = row[j + 1, i] = row[j + 1, i + 1] = 0
-    return np.flatnonzero(row == 0)
-
-
-@kernel
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def _agree(corners, gloss, largest, usable, material, turn, size, spread):
-    """Fill Blocks; largest: square of the diagonal of a block that can be used."""
-    for j in range(usable.shape[0]):
-        for i in range(usable.shape[1]):
-            c = (corners.row[j, i], corners.row[j, i + 1], corners.row[j + 1, i], corners.row[j + 1, i + 1])
-            if min(min(c[0], c[1]), min(c[2], c[3])) < 0:
-                continue
-            first, good = c[0], True
-            material[j, i], turn[j, i], size[j, i] = corners.material[first], 0.0, 0.0
-            for k in c[1:]:
-                good &= (corners.instance[k] == corners.instance[first]
-                         and _dot(corners.Ng[k], corners.Ng[first]) > NORMAL
-                         and _dot(corners.Ns[k], corners.Ns[first]) > NORMAL)
-                if corners.material[k] != material[j, i]:
-                    material[j, i] = -1
-                turn[j, i] = max(turn[j, i], 1.0 - _dot(corners.turned[k], corners.turned[first]))
-            for a, b in ((c[0], c[3]), (c[1], c[2])):
-                d = corners.P[a] - corners.P[b]
-                size[j, i] = max(size[j, i], _dot(d, d))
-            usable[j, i] = good and size[j, i] <= largest
-            for kind in range(2 if gloss else 1):
-                spread[j, i, kind] = 0.0
-                for n in range(3 * kind, 3 * kind + 3):
-                    low, high = corners.light[first, n], corners.light[first, n]
-                    for k in c[1:]:
-                        low, high = min(low, corners.light[k, n]), max(high, corners.light[k, n])
-                    spread[j, i, kind] = max(spread[j, i, kind], high - low)
-                rough = 0.0
-                for k in c:
-                    rough = max(rough, corners.rough[k, kind])
-                spread[j, i, kind] += rough
-
-
-@kernel
-def _between(corners, blocks, film, left, hits, instance, materials, Od, gloss, tolerance, light, done):
-    """Fills light and done of the rows in `left` that their block serves; returns the others."""
-    rest, count = np.empty(len(left), np.int64), 0
-    for p in left:
-        x, y = film[p, 0] / corners.step - 0.5, film[p, 1] / corners.step - 0.5
-        i, j = int(np.floor(x)), int(np.floor(y))
-        x, y, i, j = x - i, y - j, i - corners.x, j - corners.y
-        good = blocks.usable[j, i]
-        if good:
-            m = hits.material[p]
-            a, b = corners.row[j, i], corners.row[j, i + 1]
-            c, d = corners.row[j + 1, i], corners.row[j + 1, i + 1]
-            wa, wb, wc, wd = (1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y
-            error = blocks.spread[j, i, 0] * materials.kd[m] * max(Od[p, 0], max(Od[p, 1], Od[p, 2]))
-            if gloss and materials.ks[m] > 0.0:
-                Os = materials.Os[m]
-                error += blocks.spread[j, i, 1] * materials.ks[m] * max(Os[0], max(Os[1], Os[2]))
-                good = blocks.material[j, i] == m and blocks.turn[j, i] * materials.nShiny[m] <= LOBE
-            off = 0.0
-            for k in range(3):
-                q = wa * corners.P[a, k] + wb * corners.P[b, k] + wc * corners.P[c, k] + wd * corners.P[d, k]
-                off += (q - hits.P[p, k]) ** 2
-            good = (good and error <= tolerance and off <= AWAY * AWAY * blocks.size[j, i]
-                    and instance[hits.triangle[p]] == corners.instance[a]
-                    and _dot(hits.Ng[p], corners.Ng[a]) > NORMAL and _dot(hits.Ns[p], corners.Ns[a]) > NORMAL)
-        if good:
-            for k in range(light.shape[1]):
-                light[p, k] = (wa * corners.light[a, k] + wb * corners.light[b, k]
-                               + wc * corners.light[c, k] + wd * corners.light[d, k])
-            done[p] = True
-        else:
-            rest[count] = p
-            count += 1
-    return rest[:count]
-
-
-@kernel
-def _add(rows, material, share, tint, light, colour):
-    """colour += share·tint·light, of some rows; share (M,) of each material."""
-    for p in rows:
-        for k in range(3):
-            colour[p, k] += share[material[p]] * tint[p, k] * light[p, k]
+    def _between(self, corners: Corners, film: NDArray, left: NDArray, hits: Hits, Od: NDArray, light: NDArray,
+                 done: NDArray[np.bool_]) -> NDArray:
+        """Fill light and done of the rows in `left` that their block serves; returns the others."""
+        m, rest = self._ready.materials, np.empty(len(left), np.int64)
+        count = _between(*corners[3:], *self._blocks(corners), *corners[:3], film, left, hits.P, hits.Ng, hits.Ns,
+                         hits.material, self._ready.surfaces.instance[hits.triangle], m.kd, m.ks, m.Os, m.nShiny, Od,
+                         self._gloss, TOLERANCE * self.light, light, done, rest)
+        return rest[:count]

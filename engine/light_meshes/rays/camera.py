@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.description import Camera
-from ..support.compiled import kernel
+from ..support.native import kernel
 
 
 def coarser(camera: Camera, divisor: int) -> Camera:
@@ -47,6 +47,7 @@ def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
     return offsets[np.argsort((offsets**2).sum(1), kind="stable")]
 
 
+_rays = kernel("camera_rays_of")
 GOLDEN = (5**0.5 - 1) / 2
 ORDERS = 16  # of the lens's points that are tried
 
@@ -81,36 +82,6 @@ def lens_points(camera: Camera, offsets: NDArray[np.float64]) -> NDArray[np.floa
     return points[min(orders, key=lambda order: np.linalg.norm(offsets.T @ points[order]))]
 
 
-@kernel
-def rays(matrix, window, perspective, near, width, height, x0, y0, x1, y1, offsets, lens, tilt,
-         origin, direction, stretch):
-    """Rays of the pixels x0..x1, y0..y1 (rows bottom-up), sample after sample within a pixel.
-
-    Fills origin and direction (n,3), from depth `near` on, and stretch (n,): length along the ray for a depth of 1.
-    A sample passes its point of the `lens`, and goes sideways by its `tilt` (n,2) less for a depth of 1, so that
-    all that aim at one place meet in focus.
-    """
-    n = 0
-    for y in range(y0, y1):
-        for x in range(x0, x1):
-            for s in range(len(offsets)):
-                u = window[0] + (window[1] - window[0]) * (x + 0.5 + offsets[s, 0]) / width
-                v = window[2] + (window[3] - window[2]) * (y + 0.5 + offsets[s, 1]) / height
-                ox, oy, dx, dy = lens[s, 0], lens[s, 1], -tilt[s, 0], -tilt[s, 1]
-                if perspective:
-                    dx, dy = dx + u, dy + v
-                else:
-                    ox, oy = ox + u, oy + v
-                ox, oy, oz = ox + near * dx, oy + near * dy, -near
-                length = np.sqrt(dx * dx + dy * dy + 1.0)
-                dx, dy, dz = dx / length, dy / length, -1.0 / length
-                for r in range(3):
-                    origin[n, r] = matrix[r, 0] * ox + matrix[r, 1] * oy + matrix[r, 2] * oz + matrix[r, 3]
-                    direction[n, r] = matrix[r, 0] * dx + matrix[r, 1] * dy + matrix[r, 2] * dz
-                stretch[n] = length
-                n += 1
-
-
 def camera_rays(
     camera: Camera, box: tuple[int, int, int, int], offsets: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -118,9 +89,10 @@ def camera_rays(
     x0, y0, x1, y1 = box
     n = (x1 - x0) * (y1 - y0) * len(offsets)
     origin, direction, stretch = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
-    lens = lens_points(camera, offsets)
-    rays(camera.matrix, np.array(camera.window), camera.perspective, camera.clip_start, camera.width, camera.height,
-         x0, y0, x1, y1, offsets, lens, lens / camera.focus_distance, origin, direction, stretch)
+    lens = np.ascontiguousarray(lens_points(camera, offsets))
+    _rays(np.ascontiguousarray(camera.matrix, np.float64), np.array(camera.window, np.float64), camera.perspective,
+          camera.clip_start, camera.width, camera.height, np.array(box, np.int64), offsets, lens,
+          lens / camera.focus_distance, origin, direction, stretch)
     return origin, direction, stretch * (camera.clip_end - camera.clip_start)
 
 

@@ -12,8 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.description import Camera, SceneError
-from ..support.compiled import kernel, part
+from ..scene.description import Camera
+from ..scene.errors import SceneError
+from ..support.native import kernel
+
+_first, _too_large, _long_edges = kernel("frame_first"), kernel("frame_too_large"), kernel("frame_long_edges")
 
 VIEWS = 16.0  # widths of the view: a scene with half a box of so many has its box as frame
 FAR = 2.0**38  # the farthest that triangles may be in the frame: products of three lengths are float32 in Embree
@@ -44,8 +47,10 @@ def frame(world: NDArray[np.float64], triangles: NDArray[np.int32], seen: NDArra
     if not np.isfinite(half) or half > 1e150:
         raise SceneError("the scene is more than 1e150 units across: look for an object far from all others")
     left, right, bottom, top = camera.window
-    depth = _first(world, triangles, seen, camera.matrix, np.array(camera.window, np.float64), camera.perspective,
-                   float(camera.clip_start))
+    first = np.empty(1)
+    _first(world, triangles, seen, np.ascontiguousarray(camera.matrix, np.float64), np.array(camera.window, np.float64),
+           camera.perspective, camera.clip_start, first)
+    depth = float(first[0])
     width = max(abs(right - left), abs(top - bottom)) * (depth if camera.perspective else 1.0)
     if not np.isfinite(depth) or not half > VIEWS * width > 0.0:
         # 2 % of room, so that rounding leaves nothing outside.
@@ -59,59 +64,6 @@ def frame(world: NDArray[np.float64], triangles: NDArray[np.int32], seen: NDArra
     centre = np.round(begin / scale) * scale
     reach = float(np.maximum(np.abs(low - centre), np.abs(high - centre)).max()) / scale
     return Frame(centre, scale, min(max(1.0, 1.02 * reach), FAR))
-
-
-@kernel
-def _first(world, triangles, seen, matrix, window, perspective, near):
-    """Depth at which the view begins: of the nearest part of a triangle in it. Infinity: nothing is in view."""
-    best = np.inf
-    piece, clipped = np.empty((9, 3)), np.empty((9, 3))
-    side = np.empty((5, 4))  # x, y, depth and 1 times these are at least 0 within the view
-    side[:] = 0.0
-    slope = 2 if perspective else 3
-    for k in range(4):
-        sign = 1.0 if k % 2 == 0 else -1.0
-        side[k, k // 2], side[k, slope] = sign, -sign * window[k]
-    side[4, 2], side[4, 3] = 1.0, -near
-    for t in range(len(triangles)):
-        if not seen[t]:
-            continue
-        nearest = np.inf
-        for k in range(3):
-            x, y, z = 0.0, 0.0, 0.0
-            for r in range(3):
-                away = world[triangles[t, k], r] - matrix[r, 3]
-                x, y, z = x + matrix[r, 0] * away, y + matrix[r, 1] * away, z - matrix[r, 2] * away
-            piece[k, 0], piece[k, 1], piece[k, 2] = x, y, z
-            nearest = min(nearest, z) if z == z else np.nan
-        if not nearest < best:
-            continue
-        count = 3
-        for k in range(5):
-            count = _clip(piece, count, side[k], clipped)
-            piece, clipped = clipped, piece
-        for k in range(count):
-            best = min(best, piece[k, 2])
-    return best
-
-
-@part
-def _clip(polygon, count, side, out):
-    """The part of a polygon (count,3) on one side of a plane, into `out`; returns its number of corners."""
-    n = 0
-    for k in range(count):
-        o = (k + 1) % count
-        a = side[0] * polygon[k, 0] + side[1] * polygon[k, 1] + side[2] * polygon[k, 2] + side[3]
-        b = side[0] * polygon[o, 0] + side[1] * polygon[o, 1] + side[2] * polygon[o, 2] + side[3]
-        if a >= 0.0:
-            for j in range(3):
-                out[n, j] = polygon[k, j]
-            n += 1
-        if (a >= 0.0) != (b >= 0.0):
-            for j in range(3):
-                out[n, j] = polygon[k, j] + a / (a - b) * (polygon[o, j] - polygon[k, j])
-            n += 1
-    return n
 
 
 def too_large(local: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -133,7 +85,7 @@ def cut(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.f
     count = 0
     while len(todo):
         long = np.empty((len(todo), 3), np.bool_)
-        _long_edges(todo, long)
+        _long_edges(np.ascontiguousarray(todo), long)
         edges = long.sum(1)
         if count + len(todo) > PIECES:
             edges[:] = 0
@@ -160,39 +112,3 @@ def cut(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.f
     pieces, source = pieces[near], source[near]
     order = np.argsort(source, kind="stable")
     return pieces[order, :, :3], pieces[order, :, 3:], source[order]
-
-
-@part
-def _long_edge(a, b):
-    """Whether an edge (a, b: 3 numbers or more) is longer than 1 and than its way past the centre; same for (b, a)."""
-    swap = a[0] > b[0] or (a[0] == b[0] and (a[1] > b[1] or (a[1] == b[1] and a[2] > b[2])))
-    along, square, distance = 0.0, 0.0, 0.0
-    for j in range(3):
-        begin, end = (b[j], a[j]) if swap else (a[j], b[j])
-        along -= begin * (end - begin)
-        square += (end - begin) ** 2
-    if not square > 1.0:
-        return False
-    along = min(max(along / square, 0.0), 1.0)
-    for j in range(3):
-        begin, end = (b[j], a[j]) if swap else (a[j], b[j])
-        distance += (begin + along * (end - begin)) ** 2
-    return square > distance
-
-
-@kernel
-def _too_large(local, triangles, out):
-    for t in range(len(triangles)):
-        a, b, c = local[triangles[t, 0]], local[triangles[t, 1]], local[triangles[t, 2]]
-        farthest = 0.0
-        for j in range(3):
-            farthest = max(farthest, abs(a[j]), abs(b[j]), abs(c[j]))
-        out[t] = farthest > 1.0 and (
-            farthest > FAR or _long_edge(a, b) or _long_edge(b, c) or _long_edge(c, a))
-
-
-@kernel
-def _long_edges(todo, long):
-    for n in range(len(todo)):
-        for k in range(3):
-            long[n, k] = _long_edge(todo[n, k], todo[n, (k + 1) % 3])

@@ -7,10 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.description import Camera, Scene, SceneError
-from ..support.compiled import kernel
+from ..scene.description import Camera, Scene
+from ..scene.errors import SceneError
+from ..support.native import kernel
 from .frame import FAR, Frame, cut, frame, too_large
 from .slivers import sliver_warnings
+
+_place, _usable, _surface = kernel("geometry_place"), kernel("geometry_usable"), kernel("geometry_surface")
 
 
 class Surfaces(NamedTuple):
@@ -58,30 +61,6 @@ class Hits(NamedTuple):
         return Hits(*(a[rows] for a in self))
 
 
-@kernel
-def _place(vertices, matrix, out):
-    for i in range(len(vertices)):
-        for r in range(3):
-            out[i, r] = (
-                matrix[r, 0] * vertices[i, 0] + matrix[r, 1] * vertices[i, 1]
-                + matrix[r, 2] * vertices[i, 2] + matrix[r, 3]
-            )
-
-
-@kernel
-def _usable(vertices, triangles, out):
-    """Marks triangles that have an area; NaN and infinity fail the comparison too."""
-    for t in range(len(triangles)):
-        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
-        e = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
-        f = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
-        x = e[1] * f[2] - e[2] * f[1]
-        y = e[2] * f[0] - e[0] * f[2]
-        z = e[0] * f[1] - e[1] * f[0]
-        s = x * x + y * y + z * z
-        out[t] = s > 0.0 and s < np.inf
-
-
 class Placed(NamedTuple):
     """All instances' triangles in the world."""
 
@@ -103,9 +82,11 @@ def _placed(scene: Scene) -> Placed:
     triangles = np.empty((first_triangle[-1], 3), np.int32)
     instance = np.empty(first_triangle[-1], np.int32)
     source = np.empty(first_triangle[-1], np.int32)
+    vertices = np.ascontiguousarray(g.vertices, np.float32)
+    matrix = np.ascontiguousarray(g.instance_matrix, np.float64)
     for i, (v0, nv, t0, nt) in enumerate(meshes.tolist()):
         v, t = first_vertex[i], first_triangle[i]
-        _place(g.vertices[v0:v0 + nv], g.instance_matrix[i], world[v:v + nv])
+        _place(vertices[v0:v0 + nv], matrix[i], world[v:v + nv])
         np.add(g.triangles[t0:t0 + nt], np.int32(v), out=triangles[t:t + nt])
         instance[t:t + nt] = i
         source[t:t + nt] = np.arange(t0, t0 + nt, dtype=np.int32)
@@ -156,7 +137,8 @@ def flatten(scene: Scene, camera: Camera | None = None) -> tuple[Surfaces, list[
     determinant, normal_matrix = _cofactors(linear)
     return Surfaces(
         frame.centre, frame.scale, frame.reach, vertices, triangles, instance, source, normal_matrix, determinant < 0,
-        np.asarray(g.corner_normals), np.asarray(g.uvs), np.asarray(g.triangle_materials), piece, corners,
+        np.ascontiguousarray(g.corner_normals, np.float32), np.ascontiguousarray(g.uvs, np.float32),
+        np.ascontiguousarray(g.triangle_materials, np.int32), piece, corners,
     ), warnings
 
 
@@ -214,67 +196,11 @@ def _beyond(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int3
             "out: look for a mistyped location or scale" for o in objects.tolist()]
 
 
-@kernel
-def surface(s, triangle, u, v, origin, direction, P, Ng, Ns, uv, material, hit, front):
-    """Fill P … material for the triangles that rays hit; u, v are Embree's, in float32.
+def surface(s: Surfaces, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],
+            origin: NDArray[np.float64], direction: NDArray[np.float64], hits: Hits) -> None:
+    """Fill `hits` for the triangles (n,) that rays hit; u, v (n,) are Embree's, in float32.
 
     The crossing is computed again in float64 (Möller and Trumbore, 1997) and held to the triangle, so that P lies in
     its plane and on the ray.
     """
-    for n in range(len(triangle)):
-        t = triangle[n]
-        i, k = s.instance[t], s.source[t]
-        a, b, c = s.vertices[s.triangles[t, 0]], s.vertices[s.triangles[t, 1]], s.vertices[s.triangles[t, 2]]
-        e0, e1, e2 = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
-        f0, f1, f2 = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
-        d0, d1, d2 = direction[n, 0], direction[n, 1], direction[n, 2]
-        q0 = (origin[n, 0] - s.centre[0]) / s.scale - a[0]
-        q1 = (origin[n, 1] - s.centre[1]) / s.scale - a[1]
-        q2 = (origin[n, 2] - s.centre[2]) / s.scale - a[2]
-        p0, p1, p2 = d1 * f2 - d2 * f1, d2 * f0 - d0 * f2, d0 * f1 - d1 * f0
-        r0, r1, r2 = q1 * e2 - q2 * e1, q2 * e0 - q0 * e2, q0 * e1 - q1 * e0
-        determinant = e0 * p0 + e1 * p1 + e2 * p2
-        ui = (q0 * p0 + q1 * p1 + q2 * p2) / determinant
-        vi = (d0 * r0 + d1 * r1 + d2 * r2) / determinant
-        if not (abs(ui) <= 2.0 and abs(vi) <= 2.0):  # the ray lies in the plane
-            ui, vi = np.float64(u[n]), np.float64(v[n])
-        ui = min(max(ui, 0.0), 1.0)
-        vi = min(max(vi, 0.0), 1.0)
-        if ui + vi > 1.0:
-            ui, vi = ui / (ui + vi), vi / (ui + vi)
-        wi = 1.0 - ui - vi
-        P[n, 0] = s.centre[0] + s.scale * (a[0] + ui * e0 + vi * f0)
-        P[n, 1] = s.centre[1] + s.scale * (a[1] + ui * e1 + vi * f1)
-        P[n, 2] = s.centre[2] + s.scale * (a[2] + ui * e2 + vi * f2)
-        x, y, z = e1 * f2 - e2 * f1, e2 * f0 - e0 * f2, e0 * f1 - e1 * f0
-        length = np.sqrt(x * x + y * y + z * z)
-        sign = -1.0 if s.mirrored[i] else 1.0
-        if sign * (x * direction[n, 0] + y * direction[n, 1] + z * direction[n, 2]) > 0.0:
-            turn = -1.0  # seen from behind: both normals are turned
-        else:
-            turn = 1.0
-        x, y, z = sign * turn * x / length, sign * turn * y / length, sign * turn * z / length
-        Ng[n, 0], Ng[n, 1], Ng[n, 2] = x, y, z
-        if len(s.piece) and s.piece[t] >= 0:  # from here on of the scene's triangle
-            b = s.cut[s.piece[t]]
-            ui, vi = wi * b[0, 0] + ui * b[1, 0] + vi * b[2, 0], wi * b[0, 1] + ui * b[1, 1] + vi * b[2, 1]
-            wi = 1.0 - ui - vi
-        c0 = s.corner_normals[k]
-        l0 = wi * c0[0, 0] + ui * c0[1, 0] + vi * c0[2, 0]
-        l1 = wi * c0[0, 1] + ui * c0[1, 1] + vi * c0[2, 1]
-        l2 = wi * c0[0, 2] + ui * c0[1, 2] + vi * c0[2, 2]
-        m = s.normal_matrix[i]
-        p = m[0, 0] * l0 + m[0, 1] * l1 + m[0, 2] * l2
-        q = m[1, 0] * l0 + m[1, 1] * l1 + m[1, 2] * l2
-        r = m[2, 0] * l0 + m[2, 1] * l1 + m[2, 2] * l2
-        length = np.sqrt(p * p + q * q + r * r)
-        if length > 0.0 and length < np.inf:
-            Ns[n, 0], Ns[n, 1], Ns[n, 2] = turn * p / length, turn * q / length, turn * r / length
-        else:  # no usable normal in the mesh
-            Ns[n, 0], Ns[n, 1], Ns[n, 2] = x, y, z
-        if len(s.uvs):
-            for j in range(2):
-                uv[n, j] = wi * s.uvs[k, 0, j] + ui * s.uvs[k, 1, j] + vi * s.uvs[k, 2, j]
-        material[n] = s.materials[k]
-        hit[n] = t
-        front[n] = turn > 0.0
+    _surface(s.centre, s.scale, *s[3:], triangle, u, v, origin, direction, *hits)

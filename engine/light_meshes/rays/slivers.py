@@ -11,31 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.description import Scene
-from ..support.compiled import kernel
+from ..support.native import kernel
 
+_needless = kernel("slivers_needless")
 THIN = 50.0  # a box with so many times the surface of its triangle: 2 to 6 where triangles are well shaped
 MANY = 300.0  # such boxes a ray: from here on rays are 5 to 50 times slower
-
-
-@kernel
-def _needless(vertices, triangles, owner, area, count, low, high):
-    """Adds up, for each object, the surface of the boxes of its slivers, counts them, and widens low, high (O,3)."""
-    for t in range(len(triangles)):
-        o = owner[t]
-        a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
-        e = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
-        f = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
-        x = max(e[0], f[0], 0.0) - min(e[0], f[0], 0.0)
-        y = max(e[1], f[1], 0.0) - min(e[1], f[1], 0.0)
-        z = max(e[2], f[2], 0.0) - min(e[2], f[2], 0.0)
-        box = 2.0 * (x * y + y * z + z * x)
-        u, v, w = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
-        if box * box > THIN * THIN * (u * u + v * v + w * w):
-            area[o] += box
-            count[o] += 1
-        for i in range(3):
-            low[o, i] = min(low[o, i], a[i], b[i], c[i])
-            high[o, i] = max(high[o, i], a[i], b[i], c[i])
 
 
 def sliver_warnings(scene: Scene, vertices: NDArray[np.float32], triangles: NDArray[np.int32],
@@ -47,7 +27,8 @@ def sliver_warnings(scene: Scene, vertices: NDArray[np.float32], triangles: NDAr
     objects = len(scene.objects)
     area, count = np.zeros(objects), np.zeros(objects, np.int64)
     low, high = np.full((objects, 3), np.inf), np.full((objects, 3), -np.inf)
-    _needless(vertices, triangles, scene.geometry.instance_object[instance], area, count, low, high)
+    owner = scene.geometry.instance_object[instance].astype(np.int32)
+    _needless(vertices, triangles, owner, THIN, area, count, low, high)
     slow = np.flatnonzero(count >= MANY)
     x, y, z = (high[slow] - low[slow]).T
     share = area[slow] / (2 * (x * y + y * z + z * x))

@@ -15,15 +15,18 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ..scene.description import Scene, SceneError
-from ..support.compiled import kernel, part
+from ..scene.description import Scene
+from ..scene.errors import SceneError
+from ..support.native import kernel
 from .geometry import Surfaces
-from .stacks import Stacks, also_crossed, first_of_all, place_of
+from .stacks import Stacks, place_of
 
 CHUNK = 16384  # rays a call: the best of what was measured, and a bound on the delay of a cancel
 ULPS = 16 * 2.0**-23  # how far a ray leaves its surface and how far a closed end reaches, in the frame's box
 BUILD_BYTES = 300  # a triangle, while Embree builds its tree. It crashes or hangs where it does not get them
-LIGHT_END = 1 - 1e-5  # a ray to a light stops short of it: a light on a surface is not shadowed by it
+
+_rays, _segments = kernel("tracer_rays"), kernel("tracer_segments")
+_cross, leave = kernel("tracer_cross"), kernel("tracer_leave")
 
 
 class Targets(NamedTuple):
@@ -101,11 +104,8 @@ class Tracer:
         for i in range(0, n, CHUNK):
             part = slice(i, min(i + CHUNK, n))
             o, d, t = _scratch(part.stop - i)
-            _rays(
-                self.centre, self.scale, self.reach, origin[part], direction[part],
-                origin[part] if normal is None else normal[part], normal is not None,
-                np.empty(0) if reach is None else reach[part], o, d, t,
-            )
+            _rays(self.centre, self.scale, self.reach, origin[part], direction[part],
+                  None if normal is None else normal[part], None if reach is None else reach[part], o, d, t)
             hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
             triangle[part], u[part], v[part] = hit["primID"], hit["u"], hit["v"]
         if original is not None:
@@ -113,7 +113,7 @@ class Tracer:
             triangle[hit] = original[triangle[hit]]
         if self.stacks is not None:
             start, last = passed or (origin, np.full(n, -1, np.int32))
-            first_of_all(self._surfaces, self.stacks, self._seen[kind, casters], start, direction, last, triangle, u, v)
+            self.stacks.first_of_all(self._surfaces, self._seen[kind, casters], start, direction, last, triangle, u, v)
         return triangle, u, v
 
     def occluded(
@@ -133,10 +133,8 @@ class Tracer:
         for i in range(0, n, CHUNK):
             part = slice(i, min(i + CHUNK, n))
             o, d, t = _scratch(part.stop - i)
-            _segments(
-                self.centre, self.scale, self.reach, origin, origin if normal is None else normal, normal is not None,
-                origin_of[part], targets, target_of[part], closed, o, d, t,
-            )
+            _segments(self.centre, self.scale, self.reach, origin, normal, origin_of[part], *targets, target_of[part],
+                      closed, o, d, t)
             np.equal(embree.run(o, d, dists=t, query="OCCLUDED"), 0, out=blocked[part])
         return blocked
 
@@ -164,10 +162,8 @@ class Tracer:
         for i in range(0, len(origin_of), CHUNK):
             alive = i + np.flatnonzero(~blocked[i:i + CHUNK])
             o, d, t = _scratch(len(alive))
-            _segments(
-                self.centre, self.scale, self.reach, origin, origin if normal is None else normal, normal is not None,
-                origin_of[alive], targets, target_of[alive], closed, o, d, t,
-            )
+            _segments(self.centre, self.scale, self.reach, origin, normal, origin_of[alive], *targets,
+                      target_of[alive], closed, o, d, t)
             start = o.astype(np.float64)
             end = start + d.astype(np.float64) * t[:, None].astype(np.float64)
             passed = np.zeros(len(alive))  # distance of the last crossing from the start
@@ -186,11 +182,11 @@ class Tracer:
                     a[on] for a in (alive, start, end, passed, last, near, done))
                 o, d, t = o[on], d[on], t[on]
                 new, until = np.empty(len(alive), np.bool_), np.empty(len(alive))
-                _cross(s, met, start, end, o, d, t, passed, last, near, new, until)
+                _cross(s.vertices, s.triangles, s.instance, met, start, end, o, d, t, passed, last, near, new, until)
                 if self.stacks is not None:
                     stacked = self.stacks.first[met + 1] > self.stacks.first[met]
                     share = np.empty(len(alive))
-                    place_of(s, met, start, end, share)
+                    place_of(s.vertices, s.triangles, met, start, end, share)
                     new = np.where(stacked, share > done, new)
                     others = np.where(stacked, met, np.int32(-1))
                     self._together(kind, casters, others, start, end, False, done, until, alive, factor, through)
@@ -205,64 +201,19 @@ class Tracer:
     def _together(self, kind: str, casters: int, triangle: NDArray[np.int32], start: NDArray, end: NDArray,
                   leaving: bool, done: NDArray, until: NDArray, alive: NDArray, factor: Callable,
                   through: NDArray[np.float32]) -> None:
-        """Multiply through[alive] by what segments cross in one place with `triangle`; see `also_crossed`."""
+        """Multiply through[alive] by what segments cross in one place with `triangle`; see `Stacks.also_crossed`."""
         assert self.stacks is not None
         room = len(triangle)
         while True:
             row, partner = np.empty(room, np.int32), np.empty(room, np.int32)
             u, v = np.empty(room, np.float32), np.empty(room, np.float32)
-            count = also_crossed(self._surfaces, self.stacks, self._seen[kind, casters], triangle, start, end, leaving,
-                                 done, until, row, partner, u, v)
+            count = self.stacks.also_crossed(self._surfaces, self._seen[kind, casters], triangle, start, end, leaving,
+                                             done, until, row, partner, u, v)
             if count <= room:
                 break
             room = count
         if count:
             np.multiply.at(through, alive[row[:count]], factor(partner[:count], u[:count], v[:count]))
-
-
-@kernel
-def _cross(s, triangle, start, end, o, d, t, passed, last, near, new, until):
-    """Tell real crossings from an edge's second triangle, and move the rays behind them (t = 0: at the end).
-
-    A ray that runs within a surface meets it again and again: after some such crossings its steps grow. until (n,):
-    the share of the segment that is then behind them, and a little more, as the rays' starts are rounded.
-    """
-    for n in range(len(triangle)):
-        k = triangle[n]
-        distance = 0.0
-        length = 0.0
-        for j in range(3):
-            x = np.float64(o[n, j]) + np.float64(d[n, j]) * t[n] - start[n, j]
-            distance += x * x
-            length += (end[n, j] - start[n, j]) ** 2
-        distance, length = np.sqrt(distance), np.sqrt(length)
-        new[n] = True
-        off = clearance(o[n, 0], o[n, 1], o[n, 2])
-        close = last[n] >= 0 and distance - passed[n] < 16 * off
-        if last[n] >= 0 and s.instance[last[n]] == s.instance[k]:
-            new[n] = last[n] != k and not (close and _facing(s, k, d[n]) == _facing(s, last[n], d[n]))
-        near[n] = near[n] + 1 if close else 0
-        passed[n] = max(passed[n], distance)
-        last[n] = k
-        step = off * 2.0 ** max(near[n] - 8, 0)
-        ahead = (passed[n] + step) / length
-        until[n] = ahead + 0.25 * off / length
-        if ahead < 1.0:
-            for j in range(3):
-                o[n, j] = start[n, j] + ahead * (end[n, j] - start[n, j])
-                d[n, j] = end[n, j] - np.float64(o[n, j])
-            passed[n] += step
-            t[n] = 1.0
-        else:
-            t[n] = 0.0
-
-
-@kernel
-def _facing(s, k, d):
-    a, b, c = s.vertices[s.triangles[k, 0]], s.vertices[s.triangles[k, 1]], s.vertices[s.triangles[k, 2]]
-    e0, e1, e2 = np.float64(b[0]) - a[0], np.float64(b[1]) - a[1], np.float64(b[2]) - a[2]
-    f0, f1, f2 = np.float64(c[0]) - a[0], np.float64(c[1]) - a[1], np.float64(c[2]) - a[2]
-    return (e1 * f2 - e2 * f1) * d[0] + (e2 * f0 - e0 * f2) * d[1] + (e0 * f1 - e1 * f0) * d[2] > 0.0
 
 
 def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[EmbreeScene, NDArray[np.int32] | None]:
@@ -283,79 +234,3 @@ def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[EmbreeScene, ND
 
 def _scratch(n: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     return np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, np.float32)
-
-
-@part
-def clearance(x, y, z):
-    """How far a ray at this place of the frame leaves its surface: as many ulps of the place, and at least of 1."""
-    return ULPS * max(1.0, abs(x), abs(y), abs(z))
-
-
-@kernel
-def leave(x, normal):
-    """Move points x (n,3) in the frame off their surface."""
-    for n in range(len(x)):
-        off = clearance(x[n, 0], x[n, 1], x[n, 2])
-        for j in range(3):
-            x[n, j] += off * normal[n, j]
-
-
-@kernel
-def _rays(centre, scale, reach, origin, direction, normal, has_normal, length, o, d, t):
-    for n in range(len(origin)):
-        x = (origin[n, 0] - centre[0]) / scale
-        y = (origin[n, 1] - centre[1]) / scale
-        z = (origin[n, 2] - centre[2]) / scale
-        if has_normal:
-            off = clearance(x, y, z) if reach > 1.0 else ULPS
-            x += normal[n, 0] * off
-            y += normal[n, 1] * off
-            z += normal[n, 2] * off
-        dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
-        # A far origin has no float32 digits left at the scene: start where the ray nears it.
-        distance = x * x + y * y + z * z
-        start = 0.0
-        if distance > 16.0 * reach * reach:
-            start = max(0.0, -(x * dx + y * dy + z * dz) - 2.0 * reach)
-            x, y, z = x + start * dx, y + start * dy, z + start * dz
-        o[n, 0], o[n, 1], o[n, 2] = x, y, z
-        d[n, 0], d[n, 1], d[n, 2] = dx, dy, dz
-        if len(length):
-            t[n] = min(max(length[n] / scale - start, 0.0), 1e30)
-        else:
-            t[n] = 1e30
-
-
-@kernel
-def _segments(centre, scale, reach, origin, normal, has_normal, origin_of, targets, target_of, closed, o, d, t):
-    for n in range(len(origin_of)):
-        p, q = origin_of[n], target_of[n]
-        off, at = ULPS, 1.0
-        if reach > 1.0:
-            off = clearance((origin[p, 0] - centre[0]) / scale, (origin[p, 1] - centre[1]) / scale,
-                            (origin[p, 2] - centre[2]) / scale)
-        for j in range(3):
-            x = (origin[p, j] - centre[j]) / scale
-            if has_normal:
-                x += normal[p, j] * off
-            o[n, j] = x
-        if targets.directional[q]:
-            # Everything lies in [−reach, reach]³: this length passes it from wherever the ray starts.
-            length = 4.0 * reach + abs(o[n, 0]) + abs(o[n, 1]) + abs(o[n, 2])
-            t[n] = 1.0
-            if reach > 1.0:  # long directions would leave float32 in Embree's products
-                length, t[n] = 1.0, length
-            for j in range(3):
-                d[n, j] = length * targets.position[q, j]
-        else:
-            square = 0.0
-            for j in range(3):
-                x = (targets.position[q, j] - centre[j]) / scale
-                if reach > 1.0:
-                    at = max(at, abs(x))
-                d[n, j] = x - np.float64(o[n, j])
-                square += np.float64(d[n, j]) * d[n, j]
-            if closed:
-                t[n] = 1.0 + ULPS * at / np.sqrt(square) if square > 0.0 else 1.0
-            else:
-                t[n] = LIGHT_END

@@ -17,7 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from .description import Geometry, SceneError, quoted
+from ..support.text import quoted
+from .description import Geometry
+from .errors import SceneError
 
 # Geometry field → (dtype, trailing shape)
 ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {

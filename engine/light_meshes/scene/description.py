@@ -6,7 +6,6 @@ on column vectors, angles are in radians. Nothing here knows of Blender, of file
 
 from __future__ import annotations
 
-import reprlib
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -27,28 +26,6 @@ IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
 RGB = tuple[float, float, float]
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-class SceneError(ValueError):
-    """Bad input: the message says what was wrong, where, and what to do. In one line, whatever names it quotes."""
-
-    def __str__(self) -> str:
-        return shown(super().__str__())[:600]
-
-
-def shown(text: str) -> str:
-    """`text` in one line, what is no letter or sign of it as escapes: they could steer a terminal, or turn its text."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
-_short = reprlib.Repr()
-_short.maxstring = _short.maxother = 80
-
-
-def quoted(value: Any) -> str:
-    """A value from outside as a message quotes it: in one line, and short whatever it is."""
-    text = _short.repr(value)
-    return text if len(text) <= 100 else f"{text[:97]}..."
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..support.text import quoted
 from .arrays import ARRAYS, check_geometry, read_geometry
 from .description import (
     CAUSTICS,
@@ -37,11 +38,10 @@ from .description import (
     Material,
     Object,
     Scene,
-    SceneError,
     Settings,
     names_of,
-    quoted,
 )
+from .errors import SceneError
 
 FORMAT = "light-meshes snapshot"
 VERSION = 1

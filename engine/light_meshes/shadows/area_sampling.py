@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 from ..rays.tracer import Targets, Tracer
 from ..scene.description import Light
-from ..support.compiled import kernel
+from ..support.native import kernel
 from ..support.statistics import Statistics
 from .casters import Casters, union
 from .meshes.semitransparent import SharpThrough
 from .terminator import Lift, starts
 from .visibility import Check, Sharp, blocks, dim
+
+_sample = kernel("area_sample")
 
 
 class AreaSampling:
@@ -62,63 +64,8 @@ class AreaSampling:
         origin, normal, of = starts(lift, P, N, self._targets, row, light)
         for s in range(self._samples):
             check()
-            _sample(s, self._samples, self._seed, P, row, self._targets, light, self._free, self._rectangle,
+            _sample(s, self._samples, self._seed, P, row, *self._targets, light, self._free, self._rectangle,
                     self._size, self._u, self._v, target)
             clear += self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
         self._stats.add(shadow_rays=len(row) * self._samples)
         return (clear / self._samples).astype(np.float32)
-
-
-@kernel
-def _random(x):
-    """A uniform number in [0,1) from 64 bits (SplitMix64's finaliser)."""
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    x ^= x >> np.uint64(31)
-    return np.float64(x >> np.uint64(11)) * 2.0**-53
-
-
-@kernel
-def _sample(s, samples, seed, P, row, targets, light, free, rectangle, size, u, v, out):
-    """Point s of `samples` on each pair's light: strata of equal area in one axis, van der Corput in the other.
-
-    Each pair turns the pattern at random, from its own position: the same for any tiles, threads and order.
-    """
-    inverse, digit, rest = 0.0, 0.5, s
-    while rest:
-        inverse += digit * (rest & 1)
-        digit *= 0.5
-        rest >>= 1
-    bits = P.view(np.uint64)
-    for n in range(len(row)):
-        p, i = row[n], light[n]
-        key = np.uint64(seed) + np.uint64(i) * np.uint64(0x9E3779B97F4A7C15)
-        for j in range(3):
-            key = (key ^ bits[p, j]) * np.uint64(0xD6E8FEB86659FD93)
-            key ^= key >> np.uint64(32)
-        a = (s + _random(key + np.uint64(s) * np.uint64(2))) / samples
-        b = (inverse + _random(key ^ np.uint64(0xA0761D6478BD642F))) % 1.0
-        c = targets.position[i]
-        if rectangle[i]:
-            for j in range(3):
-                out[n, j] = c[j] + (2.0 * a - 1.0) * u[i, j] + (2.0 * b - 1.0) * v[i, j]
-            continue
-        x, y = np.sqrt(a) * np.cos(2 * np.pi * b), np.sqrt(a) * np.sin(2 * np.pi * b)
-        if not free[i]:
-            for j in range(3):
-                out[n, j] = c[j] + x * u[i, j] + y * v[i, j]
-            continue
-        # The disc of a sphere (or of the sun) as the receiver sees it.
-        if targets.directional[i]:
-            d0, d1, d2 = c[0], c[1], c[2]
-        else:
-            d0, d1, d2 = c[0] - P[p, 0], c[1] - P[p, 1], c[2] - P[p, 2]
-            length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-            d0, d1, d2 = d0 / length, d1 / length, d2 / length
-        sign = 1.0 if d2 >= 0.0 else -1.0
-        f = -1.0 / (sign + d2)
-        g = d0 * d1 * f
-        x, y = x * size[i], y * size[i]
-        out[n, 0] = c[0] + x * (1.0 + sign * d0 * d0 * f) + y * g
-        out[n, 1] = c[1] + x * sign * g + y * (sign + d1 * d1 * f)
-        out[n, 2] = c[2] - x * sign * d0 - y * d1

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.geometry import Surfaces
-from ..scene.description import Light, Scene, SceneError, Settings
+from ..scene.description import Light, Scene, Settings
+from ..scene.errors import SceneError
 from ..support.bits import mask_of
 from .radius import extent
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.description import Light, SceneError, Settings
+from ..scene.description import Light, Settings
+from ..scene.errors import SceneError
 from ..support.bits import has
 from ..surface import shading
 from .meshes.averaging import VARIANCE
@@ -116,7 +117,7 @@ def _measured(ready: Prepared, numbers: list[int]) -> list[float | None]:
     direction, hits = ready.coarse_view()
     n, owner = len(hits.P), ready.owner(hits.triangle)
     shines = np.zeros((n, (len(lights) + 63) // 64), np.uint64)
-    shading.reaching(arrays, ready.materials, hits, direction, np.zeros((n, 3)), True, shines)
+    shading.reaching(shading.Lit(arrays, ready.materials, hits, direction, np.zeros((n, 3))), True, shines)
     found: list[float | None] = []
     for k, light in enumerate(lights):
         on = has(shines.T, k)

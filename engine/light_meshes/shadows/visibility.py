@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..rays.tracer import Targets, Tracer, points
 from ..scene.description import Light
 from ..support.bits import mask_of
-from ..support.compiled import kernel
+from ..support.native import kernel
 from ..support.statistics import Statistics
 from .casters import Casters, Group, union
 from .meshes.averaging import agreement, ask, certify, listed, mean, sizes, smooth_mean
@@ -30,26 +30,8 @@ Check = Callable[[], None]  # raises where the render was cancelled
 CANDIDATES = 1 << 20  # about so many candidates are held at once
 PAIRS = 1 << 19  # and so many rays
 
-
-@kernel
-def _set_bits(mask, first, last, value, S):
-    """S = value for each set bit among lights first..last."""
-    for p in range(len(mask)):
-        for i in range(first, last):
-            if mask[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                S[p, i] = value
-
-
-@kernel
-def _pairs(mask, first, last, row, light):
-    """(row, light) of each set bit, light by light so that neighbouring rays go the same way; returns how many."""
-    count = 0
-    for i in range(first, last):
-        for p in range(len(mask)):
-            if mask[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                row[count], light[count] = p, i
-                count += 1
-    return count
+set_pairs, _pairs = kernel("pairs_set"), kernel("pairs_listed")
+_drop_dark, _collect = kernel("pairs_drop_dark"), kernel("pairs_collect")
 
 
 def blocks(mask: NDArray[np.uint64], lights: int):
@@ -74,7 +56,7 @@ class Unshadowed:
                  triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         S = np.zeros((len(P), self.count), np.float32)
-        _set_bits(active, 0, self.count, 1.0, S)
+        set_pairs(active, self.count, 1.0, S)
         return S
 
 
@@ -90,7 +72,7 @@ class Sharp:
                  triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """S, see the module."""
         S = np.zeros((len(P), self.count), np.float32)
-        _set_bits(active & ~self._casting, 0, self.count, 1.0, S)
+        set_pairs(active & ~self._casting, self.count, 1.0, S)
         with self._stats.stage("sharp shadows"):
             for group in self._groups:
                 for row, light in blocks(active & group.lights, self.count):
@@ -138,7 +120,7 @@ class LightMeshes:
             soft[~self._receives[triangle]] = 0
         lifted = np.zeros_like(soft)
         if lift is not None:
-            split(lift, P, N, self._targets, soft, lifted)
+            split(*lift, P, N, *self._targets, soft, lifted)
         self._ask(P, N, triangle, soft, S, check, probe)
         if lift is not None and lifted.any():
             self._ask_above(lift, P, N, lifted, soft, S, check, probe)
@@ -174,7 +156,7 @@ class LightMeshes:
         work = None if probe is None else np.zeros((len(rows), probe.shape[1]))
         only = ~soft[rows].any(1)
         self._ask(P[rows] + lift.above[rows], lift.side[rows], None, answered, above, check, work)
-        merge(lift, P, N, self._targets, rows, lifted, answered, above.reshape(len(rows), self.count, -1), soft,
+        merge(*lift, P, N, *self._targets, rows, lifted, answered, above.reshape(len(rows), self.count, -1), soft,
               S.reshape(len(S), self.count, -1))
         if probe is not None and work is not None:
             probe[rows[only]] = work[only]
@@ -221,7 +203,7 @@ class LightMeshes:
             stats.add(short_rays=len(row))
         with stats.stage("average"):
             m = np.zeros((len(P), len(self._serve)), np.int32)
-            sizes(start, weight.reshape(-1, *(self._channels or (1,))), uniform, m)
+            sizes(start, _any(weight), uniform, m)
             self._mean(start, candidate, weight, uniform, values, soft, P, N, position, m, rows, S)
         # Of the classes with a set the one with the smallest ball serves them all.
         answered = soft & np.where(m[:, -1:] > 0, self._serve[(m > 0).argmax(1)], np.uint64(0))
@@ -290,27 +272,6 @@ def dim(S: NDArray[np.float32], soft: NDArray[np.uint64], edges: Any, P: NDArray
         S *= edges(P, N, lit, check, None, lift)
 
 
-@kernel
-def _drop_dark(S, lights, mask):
-    """Clears the bits of lights with S = 0: nothing can dim them. S (n, L·C)."""
-    channels = S.shape[1] // lights
-    for p in range(len(S)):
-        for i in range(lights):
-            dark = True
-            for k in range(i * channels, (i + 1) * channels):
-                dark = dark and S[p, k] == 0.0
-            if dark:
-                mask[p, i >> 6] &= ~(np.uint64(1) << np.uint64(i & 63))
-
-
 def _any(v: NDArray) -> NDArray[np.bool_]:
     """Which v(x_l,P), (n,) or (n,C), are not 0."""
     return v if v.ndim == 1 else (v > 0).any(1)
-
-
-@kernel
-def _collect(row, light, blocked, found):
-    for n in range(len(row)):
-        if not blocked[n]:
-            i = light[n]
-            found[row[n], i >> 6] |= np.uint64(1) << np.uint64(i & 63)

@@ -1,1 +1,1 @@
-"""What every room uses: compiled kernels, sets of bits, counts and times."""
+"""What every room uses: the call of kernels, sets of bits, counts and times."""

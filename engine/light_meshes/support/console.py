@@ -10,7 +10,7 @@ import re
 import sys
 from typing import TextIO
 
-from ..scene.description import shown
+from ..support.text import shown
 
 # As libraries and the system's loader say it.
 OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment|"

@@ -18,6 +18,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from . import interrupts
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -56,11 +58,14 @@ def remove(folder: Path) -> None:
 @contextlib.contextmanager
 def made(parent: Path, hidden: bool = False) -> Iterator[Path]:
     """As `make`, and removed at the end."""
-    folder = make(parent, hidden)
+    folder = None
     try:
+        with interrupts.waiting():
+            folder = make(parent, hidden)
         yield folder
     finally:
-        remove(folder)
+        if folder is not None:
+            remove(folder)
 
 
 def sweep(parent: Path) -> None:

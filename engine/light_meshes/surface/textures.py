@@ -14,11 +14,14 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from ..scene.description import COLORSPACES, IDENTITY, Image, Scene, SceneError
-from ..support.compiled import kernel
+from ..scene.description import COLORSPACES, IDENTITY, Image, Scene
+from ..scene.errors import SceneError
+from ..support.native import kernel
 
 _EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
 _KINDS = {oiio.UINT8: np.uint8, oiio.UINT16: np.uint16}  # kept as they are; all others become float32
+_LOOK = {np.dtype(kind): kernel(f"textures_look_{name}")
+         for kind, name in ((np.uint8, "u8"), (np.uint16, "u16"), (np.float32, "f32"))}
 _SYSTEM = ("/proc", "/sys", "/dev")  # what looks like a file there is none
 _CONVERTED = 1 << 22  # texels at once: OpenColorIO takes its time to begin
 
@@ -63,7 +66,7 @@ class Texture:
         self._first, self._step = layout.first, min(layout.colours - 1, 1)
         self._closest = image.interpolation == "CLOSEST"
         self._extension = _EXTENSIONS.index(image.extension)
-        self._matrix = np.array(image.matrix if image.matrix != IDENTITY else [], np.float64).reshape(-1, 3)
+        self._matrix = np.array(image.matrix, np.float64).reshape(3, 3) if image.matrix != IDENTITY else None
         most = 0 if self._texels.dtype == np.float32 else np.iinfo(self._texels.dtype).max
         self._straight = self._linear = np.linspace(0, 1, most + 1, dtype=np.float32)[:most and most + 1]
         self.warning = ""
@@ -115,15 +118,17 @@ class Texture:
 
     def lookup(self, uv: NDArray[np.float32], rows: NDArray[np.int64], colour: NDArray[np.float64]) -> None:
         """colour[rows] = the texture at uv[rows]; v points up."""
-        _lookup(self._texels, self._first, self._step, self._linear, self._weight, self._divides, self._straight,
-                self._matrix, self._closest, self._extension, uv, rows, colour)
+        _LOOK[self._texels.dtype](
+            self._texels, self._first, self._step, self._linear, self._weight, self._divides, self._straight,
+            self._matrix, self._closest, self._extension, np.ascontiguousarray(uv), rows, colour)
 
     def alpha(self, uv: NDArray[np.float32]) -> NDArray[np.float64]:
         """Its alpha (n,) at uv (n,2); 1 where it has none."""
         alpha = np.ones((len(uv), 1))
         if self._alpha >= 0:
-            _lookup(self._texels, self._alpha, 0, self._straight, -1, False, self._straight, np.zeros((0, 3)),
-                    self._closest, self._extension, uv, np.arange(len(uv)), alpha)
+            _LOOK[self._texels.dtype](
+                self._texels, self._alpha, 0, self._straight, -1, False, self._straight, None, self._closest,
+                self._extension, np.ascontiguousarray(uv), np.arange(len(uv)), alpha)
         return alpha[:, 0]
 
 
@@ -246,65 +251,3 @@ def _key(image: Image, alpha: bool) -> tuple:
 
 def _srgb_to_linear(x: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0) + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
-@kernel
-def _wrap(x, size, extension):
-    """Texel index of x, or −1 outside a clipped image."""
-    if extension == 0:
-        return x % size
-    if extension == 3:
-        x %= 2 * size
-        return x if x < size else 2 * size - 1 - x
-    if extension == 2 and (x < 0 or x >= size):
-        return -1
-    return min(max(x, 0), size - 1)
-
-
-@kernel
-def _lookup(texels, first, step, linear, weighing, divides, straight, matrix, closest, extension, uv, rows, colour):
-    """Texels are indices into `linear`, or where that is empty linear themselves.
-
-    first, step: the channels of the colours; a grey image has one channel for all. weighing: the channel (in numbers
-    as `straight` has them) that weighs texels which are blended, −1: none; `divides`: by the sum of the weights.
-    matrix: (3,3), or (0,3) for none.
-    """
-    height, width, coded = texels.shape[0], texels.shape[1], len(linear) > 0
-    for row in rows:
-        x, y = np.float64(uv[row, 0]) * width, (1.0 - np.float64(uv[row, 1])) * height
-        if not (abs(x) < 1e9 and abs(y) < 1e9):
-            x, y = 0.0, 0.0
-        if closest:
-            x, y = np.floor(x), np.floor(y)
-        else:
-            x, y = x - 0.5, y - 0.5
-        x0, y0 = int(np.floor(x)), int(np.floor(y))
-        fx, fy = x - x0, y - y0
-        for c in range(colour.shape[1]):
-            colour[row, c] = 0.0
-        total = 0.0
-        for corner in range(4):
-            dx, dy = corner & 1, corner >> 1
-            weight = (fx if dx else 1.0 - fx) * (fy if dy else 1.0 - fy)
-            if weight == 0.0:
-                continue
-            i, j = _wrap(x0 + dx, width, extension), _wrap(y0 + dy, height, extension)
-            if i < 0 or j < 0:
-                continue
-            if weighing >= 0:
-                a = texels[j, i, weighing]
-                weight *= straight[int(a)] if coded else a
-                total += weight
-            for c in range(colour.shape[1]):
-                t = texels[j, i, first + step * c]
-                colour[row, c] += weight * (linear[int(t)] if coded else t)
-        if divides and total > 0.0:
-            for c in range(colour.shape[1]):
-                colour[row, c] /= total
-        if len(matrix):
-            r, g, b = colour[row, 0], colour[row, 1], colour[row, 2]
-            for c in range(3):
-                colour[row, c] = matrix[c, 0] * r + matrix[c, 1] * g + matrix[c, 2] * b
-        for c in range(colour.shape[1]):
-            if not colour[row, c] > 0.0:  # as outside of the scene's gamut; or not a number
-                colour[row, c] = 0.0

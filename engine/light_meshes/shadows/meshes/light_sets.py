@@ -11,7 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...support.compiled import kernel, part
+from ...support.native import kernel
+
+_fill, _expanded = kernel("sets_fill"), kernel("sets_expanded")
+_mark, _renumber = kernel("sets_mark"), kernel("sets_renumber")
 
 LEAST = 16  # sets that there is room for
 
@@ -32,7 +35,7 @@ class LightSets(NamedTuple):
     def of(self, first: int, last: int) -> NDArray[np.uint64]:
         """The sets (n,W) of these rows."""
         out = np.empty((last - first, self.words.shape[1]), np.uint64)
-        _expanded(self, first, out)
+        _expanded(self.words, self.number, first, out)
         return out
 
     def resize(self, rows: int) -> None:
@@ -43,7 +46,7 @@ class LightSets(NamedTuple):
         """With room for new sets, and without those that no row has any more."""
         used = np.zeros(self.size[0], np.bool_)
         used[0] = True
-        _mark(self, used)
+        _mark(self.number, used)
         new = light_sets(self.words[:len(used)][used], self.number)
         _renumber(self.number, np.cumsum(used) - 1, new.number)
         return new
@@ -57,83 +60,6 @@ def light_sets(sets: NDArray[np.uint64], number: NDArray[np.uint8]) -> LightSets
     width = ((room - 1).bit_length() + 7) // 8
     if number.shape[1] != width:
         number = np.zeros((len(number), width), np.uint8)
-    new = LightSets(words, np.array([len(sets)]), np.full(1 << (2 * room).bit_length(), -1, np.int32), number)
-    _fill(new)
+    new = LightSets(words, np.array([len(sets)], np.int64), np.full(1 << (2 * room).bit_length(), -1, np.int32), number)
+    _fill(new.words, new.size, new.table)
     return new
-
-
-@part
-def number_of(sets, row):
-    """Which set a row has."""
-    number = np.int64(0)
-    for b in range(sets.number.shape[1]):
-        number |= np.int64(sets.number[row, b]) << np.int64(8 * b)
-    return number
-
-
-@part
-def give(sets, row, number):
-    """Let a row have another set."""
-    for b in range(sets.number.shape[1]):
-        sets.number[row, b] = np.uint8(number >> np.int64(8 * b) & np.int64(0xFF))
-
-
-@part
-def number_for(sets, lights):
-    """The number of the set with these words (W,), a new one if need be: then there must be room."""
-    place = _search(sets, lights)
-    number = np.int64(sets.table[place])
-    if number < 0:
-        number = sets.size[0]
-        sets.words[number] = lights
-        sets.table[place] = number
-        sets.size[0] += 1
-    return number
-
-
-@part
-def _search(sets, lights):
-    """The place of a set in the table, or the empty one where it belongs."""
-    x = np.uint64(0)
-    for w in range(len(lights)):
-        x = (x ^ lights[w]) * np.uint64(0x9E3779B185EBCA87)
-        x ^= x >> np.uint64(29)
-    mask = np.uint64(len(sets.table) - 1)
-    place = (x ^ x >> np.uint64(32)) & mask
-    while True:
-        number = sets.table[place]
-        same = number >= 0
-        for w in range(len(lights)):
-            same = same and sets.words[number, w] == lights[w]
-        if number < 0 or same:
-            return place
-        place = (place + np.uint64(1)) & mask
-
-
-@kernel
-def _fill(sets):
-    for number in range(sets.size[0]):
-        sets.table[_search(sets, sets.words[number])] = number
-
-
-@kernel
-def _expanded(sets, first, out):
-    for n in range(len(out)):
-        out[n] = sets.words[number_of(sets, first + n)]
-
-
-@kernel
-def _mark(sets, used):
-    for row in range(len(sets.number)):
-        used[number_of(sets, row)] = True
-
-
-@kernel
-def _renumber(old, new_number, new):
-    for row in range(len(old)):
-        number = np.int64(0)
-        for b in range(old.shape[1]):
-            number |= np.int64(old[row, b]) << np.int64(8 * b)
-        number = new_number[number]
-        for b in range(new.shape[1]):
-            new[row, b] = np.uint8(number >> np.int64(8 * b) & np.int64(0xFF))

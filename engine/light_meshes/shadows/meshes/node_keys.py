@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...support.compiled import kernel, part
+from ...support.native import kernel
 
 FULL, FILLED = 0.88, 0.74  # a table is filled up to FULL, and then made anew, FILLED
 EMPTY = np.uint32(0xFFFFFFFF)
 MOST = 0xFFFFFFFE  # rows
-_BITS = np.uint64(21)  # of a coordinate that are in the key
-_LOW = np.uint64((1 << 21) - 1)
-_HIGH = np.uint64(11)  # bits of it that are left
+
+_unpacked, _fill = kernel("keys_unpacked"), kernel("keys_fill")
 
 
 class Keys(NamedTuple):
@@ -59,7 +58,7 @@ class Keys(NamedTuple):
         elif bits == self.bits:
             return self
         new = self._replace(table=np.full(size, EMPTY), bits=bits)
-        _fill(new, count)
+        _fill(new.base, new.near, new.far, new.table, int(bits), count)
         return new
 
     def widened(self) -> Keys:
@@ -70,73 +69,3 @@ class Keys(NamedTuple):
 def keys() -> Keys:
     """Without rows."""
     return Keys(np.zeros(3, np.int64), np.zeros(0, np.uint64), np.zeros(0, np.uint64), np.full(1, EMPTY), np.uint64(1))
-
-
-@part
-def key_of(base, i, j, k):
-    """The node's (near, far)."""
-    every = np.uint64(0xFFFFFFFF)
-    a = np.uint64(np.int64(i) - base[0]) & every
-    b = np.uint64(np.int64(j) - base[1]) & every
-    c = np.uint64(np.int64(k) - base[2]) & every
-    near = a & _LOW | (b & _LOW) << _BITS | (c & _LOW) << (_BITS + _BITS)
-    far = a >> _BITS | b >> _BITS << _HIGH | c >> _BITS << (_HIGH + _HIGH)
-    return near, far
-
-
-@kernel
-def _unpacked(base, near, far, out):
-    for n in range(len(near)):
-        for axis in range(3):
-            x = near[n] >> (_BITS * np.uint64(axis)) & _LOW
-            if len(far):
-                x |= (far[n] >> (_HIGH * np.uint64(axis)) & np.uint64((1 << 11) - 1)) << _BITS
-            out[n, axis] = np.int32(np.int64(x) + base[axis])  # modulo 2³², as key_of
-
-
-@part
-def _place(near, far, size):
-    """Where a search begins, and the bits of the hash that the table keeps beside a row."""
-    x = (near ^ far * np.uint64(0xC2B2AE3D27D4EB4F)) * np.uint64(0x9E3779B185EBCA87)
-    x ^= x >> np.uint64(32)
-    x *= np.uint64(0xBF58476D1CE4E5B9)
-    x ^= x >> np.uint64(29)
-    return (x >> np.uint64(32)) * np.uint64(size) >> np.uint64(32), x & np.uint64(0xFFFFFFFF)
-
-
-@part
-def find(keys, near, far):
-    """(place, row) of a node; row −1: it has none, and place is where it belongs."""
-    size = np.uint64(len(keys.table))
-    place, mark = _place(near, far, size)
-    mark = mark << keys.bits & np.uint64(0xFFFFFFFF)
-    below = np.uint64(1) << keys.bits
-    while True:
-        entry = keys.table[place]
-        row = np.uint64(entry) ^ mark  # the row, where the bits of the hash are equal
-        if entry == EMPTY:
-            return place, np.int64(-1)
-        if row < below and keys.near[row] == near and (len(keys.far) == 0 or keys.far[row] == far):
-            return place, np.int64(row)
-        place += np.uint64(1)
-        if place == size:
-            place = np.uint64(0)
-
-
-@part
-def enter(keys, place, near, far, row):
-    """Give the node that belongs in `place` a row."""
-    _, mark = _place(near, far, len(keys.table))
-    keys.near[row] = near
-    if len(keys.far):
-        keys.far[row] = far
-    keys.table[place] = np.uint32((mark << keys.bits | np.uint64(row)) & np.uint64(0xFFFFFFFF))
-
-
-@kernel
-def _fill(keys, count):
-    """Enter the first `count` rows into an empty table."""
-    for row in range(count):
-        near, far = keys.near[row], keys.far[row] if len(keys.far) else np.uint64(0)
-        place, _ = find(keys, near, far)
-        enter(keys, place, near, far, row)

@@ -9,11 +9,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ...support.compiled import kernel, part
-from .light_sets import give, light_sets, number_for, number_of
-from .node_keys import enter, find, key_of, keys
+from ...support.native import kernel
+from .light_sets import light_sets
+from .node_keys import keys
 
 BLOCK = 1 << 16  # rows that pass from one store to another at once
+
+
+_claim, _put, _learn = kernel("store_claim"), kernel("store_put"), kernel("store_learn")
+_settled, _gather = kernel("store_settled"), kernel("store_gather")
+_drop_begun, _moved_bits = kernel("store_drop_begun"), kernel("store_moved_bits")
 
 
 class SharedNodesError(RuntimeError):
@@ -59,7 +64,7 @@ class NodeStore:
     def mend(self) -> None:
         """Be as if what was begun when a render was cancelled, or failed, had never been asked for."""
         self._broken = False
-        _drop_begun(self._bits, self._known, self.count)
+        _drop_begun(self._bits, self._known.words, self._known.number, self.count)
 
     def inherit(self, old: NodeStore, source: NDArray[np.int32],
                 forget: Callable[[NDArray[np.int32], NDArray[np.uint64]], None]) -> None:
@@ -109,7 +114,7 @@ class NodeStore:
                 if found is not None:
                     self._settle(rows[wanted], todo, found)
                     self._ready.notify_all()
-                while not _settled(self._known, rows, need):
+                while not _settled(self._known.words, self._known.number, rows, need):
                     if self._broken:
                         raise SharedNodesError
                     self._ready.wait()
@@ -134,13 +139,14 @@ class NodeStore:
 
         Returns whether all that is needed is known.
         """
-        done, settled = 0, True
+        state = np.array([0, self.count, 1], np.int64)
         while True:
             room = min(self._keys.room, len(self._bits))
-            done, self.count, settled = _claim(self._keys, self._known, self._bits, self.count, room, nodes, need,
-                                               done, settled, rows, todo)
+            k, known = self._keys, self._known
+            _claim(*k, known.words, known.number, self._bits, room, nodes, need, state, rows, todo)
+            done, self.count, settled = state.tolist()
             if done == len(nodes):
-                return settled
+                return bool(settled)
             if self.count < room:
                 self._keys = self._keys.widened()
                 continue
@@ -159,114 +165,10 @@ class NodeStore:
             self._numbers[rows] += found.astype(self._numbers.dtype, copy=False)  # each is found once, and was 0
         else:
             _put(self._bits, rows, todo.view(np.uint8), found.view(np.uint8))
-        done = 0
+        done, lights = 0, np.empty(self.words, np.uint64)
         while True:
-            done = _learn(self._known, rows, todo, done)
+            k = self._known
+            done = _learn(k.words, k.size, k.table, k.number, rows, todo, lights, done)
             if done == len(rows):
                 return
             self._known = self._known.renewed()
-
-
-@part
-def _word(bits, row, w):
-    """Lights 64w… of a row."""
-    word = np.uint64(0)
-    for b in range(8 * w, min(8 * w + 8, bits.shape[1])):
-        word |= np.uint64(bits[row, b]) << np.uint64(8 * (b - 8 * w))
-    return word
-
-
-@part
-def _put_word(bits, row, w, word):
-    for b in range(8 * w, min(8 * w + 8, bits.shape[1])):
-        bits[row, b] = np.uint8(word >> np.uint64(8 * (b - 8 * w)) & np.uint64(0xFF))
-
-
-@kernel
-def _claim(keys, known, bits, count, room, nodes, need, done, settled, rows, todo):
-    """Nodes from `done` on, until all are done or some array is too short; returns done, the rows, and settled."""
-    for n in range(done, len(nodes)):
-        near, far = key_of(keys.base, nodes[n, 0], nodes[n, 1], nodes[n, 2])
-        if far and len(keys.far) == 0:
-            return n, count, settled
-        place, row = find(keys, near, far)
-        if row < 0:
-            if count == room:
-                return n, count, settled
-            row = np.int64(count)
-            enter(keys, place, near, far, row)
-            count += 1
-        rows[n] = row
-        number = number_of(known, row)
-        for w in range(need.shape[1]):
-            missing = need[n, w] & ~known.words[number, w]
-            todo[n, w] = missing
-            if missing:
-                settled = False
-                word = _word(bits, row, w)
-                todo[n, w] = missing & ~word
-                _put_word(bits, row, w, word | missing)
-    return len(nodes), count, settled
-
-
-@kernel
-def _put(bits, rows, todo, found):
-    """The bits (n,B) that were found; all in bytes."""
-    for n in range(len(rows)):
-        for b in range(bits.shape[1]):
-            bits[rows[n], b] = bits[rows[n], b] & ~todo[n, b] | found[n, b]
-
-
-@kernel
-def _learn(known, rows, todo, done):
-    """Rows from `done` on know the lights in todo, until there is no room for a new set; returns the next."""
-    lights, before, now = np.empty(todo.shape[1], np.uint64), np.int64(-1), np.int64(-1)
-    for n in range(done, len(rows)):
-        if known.size[0] == len(known.words):
-            return n
-        number = number_of(known, rows[n])
-        same = number == before  # mostly as it was with the row before
-        before = number
-        for w in range(len(lights)):
-            word = known.words[number, w] | todo[n, w]
-            same = same and word == lights[w]
-            lights[w] = word
-        if not same:
-            now = number_for(known, lights)
-        give(known, rows[n], now)
-    return len(rows)
-
-
-@kernel
-def _settled(known, rows, need):
-    for n in range(len(rows)):
-        number = number_of(known, rows[n])
-        for w in range(need.shape[1]):
-            if need[n, w] & ~known.words[number, w]:
-                return False
-    return True
-
-
-@kernel
-def _gather(bits, rows, out):
-    for n in range(len(rows)):
-        for b in range(bits.shape[1]):
-            out[n, b] = bits[rows[n], b]
-
-
-@kernel
-def _drop_begun(bits, known, count):
-    for row in range(count):
-        number = number_of(known, row)
-        for w in range(known.words.shape[1]):
-            _put_word(bits, row, w, _word(bits, row, w) & known.words[number, w])
-
-
-@kernel
-def _moved_bits(old, source, out):
-    """out (n,W): bit i is bit source[i] of old (n,V); 0 where source[i] is −1."""
-    for i in range(len(source)):
-        j = source[i]
-        if j >= 0:
-            for n in range(len(old)):
-                out[n, i >> 6] |= (old[n, j >> 6] >> np.uint64(j & 63) & np.uint64(1)) << np.uint64(i & 63)

@@ -16,15 +16,17 @@ from ...glass.refraction import RefractedPaths
 from ...rays.tracer import Targets, Tracer
 from ...scene.description import Light
 from ...support.bits import has
-from ...support.compiled import kernel
+from ...support.native import kernel
 from ...support.statistics import Statistics
 from ..casters import Casters, Group, union
 from ..terminator import Lift, starts
-from ..visibility import Check, LightMeshes, blocks
-from .averaging import falloff, squared
+from ..visibility import Check, LightMeshes, blocks, set_pairs
 from .certificate import Certificate
 from .lattice import Lattice
 from .node_store import NodeStore
+
+_uniform, _add_paths = kernel("through_uniform"), kernel("through_add_paths")
+_mean, _mean_apart = kernel("through_mean"), kernel("through_mean_apart")
 
 Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
 
@@ -54,14 +56,14 @@ class Straight:
         focus = self._refraction is not None and self._refraction.footprint is not None
         for wanted, light, start, alpha, ends in self.paths(P, N, active, check, lift):
             _add_paths(wanted, start, alpha, ends, light, focus and N is not None, P,
-                       P if N is None else N if lift is None else lift.side, self._targets, S)
+                       P if N is None else N if lift is None else lift.side, *self._targets, S)
         return S
 
     def straight(self, P: NDArray, N: NDArray | None, active: NDArray[np.uint64], check: Check,
                  triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
         """V (n,L,C): Π t of the straight segments, in FULL only where nothing bends them."""
         S = np.zeros((len(P), self.count, self.channels), np.float32)
-        _set_one(active & ~self._casting, self.count, S)
+        set_pairs(active & ~self._casting, self.count, 1.0, S.reshape(len(S), -1))
         for group in self._groups:
             for row, light in blocks(active & group.lights, self.count):
                 check()
@@ -155,13 +157,15 @@ class SemitransparentMeshes(LightMeshes):
         self.store, self._apart = old.store, old._apart
 
     def _agree(self, start: NDArray, candidate: NDArray, values: NDArray, soft: NDArray, uniform: NDArray) -> None:
-        _uniform_values(start, candidate, values, soft, self._ring, self.channels, uniform)
+        assert not self._apart  # then the plan has no uniform skip: what paths are worth depends on the receiver
+        _uniform(start, candidate, values, soft, self._ring, self.channels, uniform)
 
     def _mean(self, start: NDArray, candidate: NDArray, weight: NDArray, uniform: NDArray, values: NDArray,
               soft: NDArray, P: NDArray, N: NDArray, position: NDArray, m: NDArray, rows: NDArray, S: NDArray) -> None:
         alpha, ends = self._apart.rows if self._apart else PathTable.NONE
-        _mean(start, candidate, weight, uniform, values, soft, self._ring, self._smooth, self._radius, self.channels,
-              P, N, self._targets, position, alpha, ends, self._focus, m, rows, S)
+        average = _mean_apart if self._apart else _mean
+        average(start, candidate, weight, (weight > 0).any(1), uniform, values, soft, self._ring, self._smooth,
+                self._radius, P, N, *self._targets, position, alpha, ends, self._focus, m, rows, S)
 
     def _partial(self, P: NDArray, row: NDArray, target: Targets, node: NDArray, N: NDArray) -> NDArray[np.float32]:
         """v(x_l,P) (n,C): 0 for nodes that step 3 drops."""
@@ -212,109 +216,3 @@ class PathTable:
             for array, new in zip(self.rows, (alpha, ends), strict=True):
                 array[first:self._count] = new
             return first
-
-
-@kernel
-def _set_one(mask, lights, S):
-    for p in range(len(mask)):
-        for i in range(lights):
-            if mask[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                S[p, i, :] = 1.0
-
-
-@kernel
-def _cosine(targets, i, P, N):
-    """N·L_i at P."""
-    x, y, z = targets.position[i, 0], targets.position[i, 1], targets.position[i, 2]
-    if targets.directional[i]:
-        return x * N[0] + y * N[1] + z * N[2]
-    return _toward(targets.position[i], P, N)
-
-
-@kernel
-def _toward(end, x, N):
-    """N·ω of the unit vector ω from x towards `end`."""
-    a, b, c = end[0] - x[0], end[1] - x[1], end[2] - x[2]
-    return (a * N[0] + b * N[1] + c * N[2]) / np.sqrt(a * a + b * b + c * c)
-
-
-@kernel
-def _add_paths(rows, start, alpha, ends, i, focus, P, N, targets, S):
-    """S += Σ_j α_j; with focus times (N·ω_j)/(N·L_i), as Ω has the cosine of the straight way."""
-    for n in range(len(rows)):
-        p = rows[n]
-        for j in range(start[n], start[n + 1]):
-            share = 1.0
-            if focus:
-                share = max(_toward(ends[j], P[p], N[p]), 0.0) / _cosine(targets, i, P[p], N[p])
-            for c in range(S.shape[2]):
-                S[p, i, c] += share * alpha[j, c]
-
-
-@kernel
-def _uniform_values(start, candidate, values, soft, ring, channels, uniform):
-    for p in range(len(soft)):
-        begin, agree, any_soft = start[p, 0], True, False
-        for i in range(values.shape[1] // channels):
-            end = start[p, ring[i] + 1]
-            if end == begin or not soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                continue
-            any_soft = True
-            for k in range(i * channels, (i + 1) * channels):
-                first = values[candidate[begin], k]
-                c = begin + 1
-                while agree and c < end:
-                    agree = values[candidate[c], k] == first
-                    c += 1
-        uniform[p] = agree and any_soft
-
-
-@kernel
-def _mean(start, candidate, weight, uniform, values, soft, ring, smooth, radius, channels, P, N, targets, position,
-          alpha, ends, focus, m, rows, S):
-    """Eq. (7) without Ω: S[rows] = (1/m) Σ_l v(x_l,P)·v(i,x_l) over m nodes with v(x_l,P) > 0; smooth: Σ w_l…/Σ w_l.
-
-    With the paths apart v(i,x_l) = V + Σ_j α_j·ξ(P_j,P), the end of paper §5. With focus each counts with its own
-    cosine at P: α_j·(N·ω_j)/(N·L_i), as Ω has that of the straight way.
-    """
-    stride = values.shape[1] // S.shape[1]
-    for p in range(len(soft)):
-        first = start[p, 0]
-        for i in range(S.shape[1]):
-            if m[p, ring[i]] == 0 or not soft[p, i >> 6] >> np.uint64(i & 63) & np.uint64(1):
-                continue
-            last = first + 1 if uniform[p] else start[p, ring[i] + 1]  # uniform: all have the value of the first
-            cosine = _cosine(targets, i, P[p], N[p])
-            for k in range(channels):
-                total, share_of_all, base = 0.0, 0.0, 0.0
-                for c in range(first, last):
-                    w = 1.0 if uniform[p] else np.float64(weight[c, k])
-                    value = np.float64(values[candidate[c], i * stride + k])
-                    if stride > channels:
-                        row = int(values[candidate[c], i * stride + channels])
-                        for j in range(row, row + int(values[candidate[c], i * stride + channels + 1])):
-                            if focus:
-                                share = max(_toward(ends[j], position[candidate[c]], N[p]), 0.0) / cosine
-                            else:
-                                share = 1.0 if _toward(ends[j], P[p], N[p]) > 0.0 else 0.0
-                            value += share * alpha[j, k]
-                    if not smooth:
-                        total += w * value
-                        continue
-                    if not (uniform[p] or _kept(weight, c)):
-                        continue
-                    value *= w
-                    if share_of_all == 0.0:
-                        base = value
-                    w = falloff(squared(position[candidate[c]], P[p]) / (radius[ring[i]] * radius[ring[i]]))
-                    share_of_all += w
-                    total += w * (value - base)  # where all agree exactly 0
-                S[rows[p], i, k] = np.float32(base + total / share_of_all if smooth else total / m[p, ring[i]])
-
-
-@kernel
-def _kept(weight, c):
-    some = False
-    for k in range(weight.shape[1]):
-        some = some or weight[c, k] > 0.0
-    return some

@@ -1,0 +1,106 @@
+/* What happens at a surface that lets light through (interfaces.py). */
+#include "../rays/triangles.h"
+
+/* Unpolarised reflectance at an interface with relative index eta = n2/n1; 1 at total reflection. */
+static f64 fresnel(f64 eta, f64 cosine) {
+    f64 square_of = 1.0 - (1.0 - cosine * cosine) / (eta * eta);
+    if (square_of <= 0.0) return 1.0;
+    f64 t = sqrt(square_of);
+    f64 s = (cosine - eta * t) / (cosine + eta * t), p = (eta * cosine - t) / (eta * cosine + t);
+    return (s * s + p * p) / 2.0;
+}
+
+/* The body of highest rank, −1: none. */
+static i32 top(i64 count, const i32 *media, const i64 *rank) {
+    i32 best = -1;
+    for (i64 j = 0; j < count; j++)
+        if (media[j] >= 0 && (best < 0 || rank[media[j]] > rank[best])) best = media[j];
+    return best;
+}
+
+static void enter(i64 count, i32 *media, i32 m) {
+    for (i64 j = 0; j < count; j++)
+        if (media[j] < 0) {
+            media[j] = m;
+            return;
+        }
+}
+
+static void leave(i64 count, i32 *media, i32 m) {
+    for (i64 j = 0; j < count; j++) {
+        if (media[j] != m) continue;
+        for (; j < count - 1; j++) media[j] = media[j + 1];
+        media[count - 1] = -1;
+    }
+}
+
+/* The unit direction d behind a surface with the normals N and G, by Snell's law; `out` has d. */
+static void refract(const f64 *d, const f64 *N, const f64 *G, f64 eta, f64 cosine, f64 square_of, f64 *out) {
+    f64 f = eta * cosine - sqrt(square_of);
+    for (int c = 0; c < 3; c++) out[c] = eta * d[c] + f * N[c];
+    f64 into = dot(out, G);
+    if (into >= 0.0)  /* bent shading normals must not send it back out */
+        for (int c = 0; c < 3; c++) out[c] -= (into + 1e-6) * G[c];
+    f64 length = sqrt(dot(out, out));
+    for (int c = 0; c < 3; c++) out[c] /= length;
+}
+
+/* A ray that entered a round body can always leave it. Its facets err: a grazing ray may meet one whose normal looks away,
+   and reflect totally at another. Both are taken for grazing (grazing: bodies.py, facets), or single pixels would show what
+   is elsewhere. media: what each ray is in, changed to what it is in behind the surface. The other outputs are those of Face. */
+KERNEL(interfaces_cross,
+       "Ng f64[n,3]  Ns f64[n,3]  material i32[n]  triangle i32[n]  front bool[n]  way f64[n,3]  bodies i32[t]  "
+       "index f64[b]  rank i64[b]  grazing f64[t]  ior f64[M]  by_fresnel bool[M]  kt f64[M,3]  mirror f64[M,3]  real bool[n]!  bends bool[n]!  "
+       "passed f64[n,3]!  mirrored f64[n,3]!  refracted f64[n,3]!  media i32[n,d]!")
+i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const f64 *Ns, const i32 *material,
+                     const i32 *triangle, const u8 *front, const f64 *way, const i32 *bodies,
+                     const f64 *index, const i64 *rank, const f64 *grazing, const f64 *ior, const u8 *by_fresnel, const f64 *kt, const f64 *mirror, u8 *real, u8 *bends,
+                     f64 *passed, f64 *mirrored, f64 *refracted, i32 *media) {
+    (void)t, (void)b, (void)M;
+    for (i64 k = 0; k < n; k++) {
+        i32 m = material[k], *own = media + depth * k;
+        const f64 *d = way + 3 * k, *N = Ns + 3 * k, *G = Ng + 3 * k, *through = kt + 3 * (i64)m;
+        f64 n1 = 1.0, n2 = 1.0, reflected = 0.0, *pass = passed + 3 * k, *back = mirrored + 3 * k, *on = refracted + 3 * k;
+        real[k] = 1, bends[k] = 0;
+        i32 body = bodies[triangle[k]];
+        if (body >= 0) {
+            i32 before = top(depth, own, rank);
+            if (front[k]) {
+                enter(depth, own, body);
+            } else {
+                if (before < 0) before = body;  /* the ray began inside */
+                leave(depth, own, body);
+            }
+            i32 after = top(depth, own, rank);
+            n1 = before >= 0 ? index[before] : 1.0, n2 = after >= 0 ? index[after] : 1.0;
+            real[k] = before != after, bends[k] = n1 != n2;
+        }
+        f64 cosine = -dot(d, N), along[3] = {d[0], d[1], d[2]};
+        if (cosine <= 0.0) {
+            f64 length = sqrt(1.0 - cosine * cosine);
+            for (int c = 0; c < 3; c++) along[c] = (along[c] + cosine * N[c]) / length;
+            cosine = 0.0;
+        }
+        f64 eta = n1 / n2, square_of = 1.0 - eta * eta * (1.0 - cosine * cosine);
+        if (square_of <= 0.0 && 1.0 - square_of <= grazing[triangle[k]] && !by_fresnel[m]) square_of = 1e-12;
+        if (by_fresnel[m]) {
+            if (bends[k]) reflected = fresnel(n2 / n1, cosine);
+            else if (body < 0 && ior[m] != 1.0 && (through[0] > 0.0 || through[1] > 0.0 || through[2] > 0.0)) reflected = fresnel(ior[m], cosine);
+        }
+        for (int c = 0; c < 3; c++) {
+            on[c] = d[c];
+            back[c] = !real[k] ? 0.0 : by_fresnel[m] ? reflected : mirror[3 * (i64)m + c];
+            pass[c] = !real[k] ? 0.0 : by_fresnel[m] ? through[c] * (1.0 - reflected) : through[c];
+        }
+        if (!real[k] || !bends[k]) continue;
+        if (square_of > 0.0) {
+            refract(along, N, G, eta, cosine, square_of, on);
+            continue;
+        }
+        for (int c = 0; c < 3; c++) {  /* total internal reflection: what would pass comes back */
+            back[c] = back[c] > through[c] ? back[c] : through[c];
+            pass[c] = 0.0;
+        }
+    }
+    return 0;
+}

@@ -1,0 +1,234 @@
+/* Steps 4 and 5 of Ψ for a batch of receivers (averaging.py says what start, serve, ring and m are). */
+#include <stdlib.h>
+
+#include "averaging.h"
+
+KERNEL(psi_ask, "start i64[n,s]  candidate i32[c]  soft u64[n,W]  serve u64[K,W]  need u64[u,W]!")
+i64 psi_ask(i64 n, i64 s, i64 c, i64 W, i64 K, i64 u, const i64 *start, const i32 *candidate, const u64 *soft,
+            const u64 *serve, u64 *need) {
+    (void)c, (void)u;
+    for (i64 p = 0; p < n; p++)
+        for (i64 w = 0; w < W; w++)
+            for (i64 g = 0; g < K; g++) {
+                u64 lights = soft[p * W + w] & serve[g * W + w];
+                if (!lights) continue;
+                for (i64 at = start[p * s + g]; at < start[p * s + g + 1]; at++) need[candidate[at] * W + w] |= lights;
+            }
+    return 0;
+}
+
+/* Whether all candidates of a receiver agree, for every soft light that counts them. */
+static int agree(const i64 *start, const i32 *candidate, const u64 *values, const u64 *soft, const u64 *serve, i64 K,
+                 i64 W) {
+    int any_soft = 0;
+    if (start[K] == start[0]) return 0;
+    for (i64 w = 0; w < W; w++)
+        for (i64 g = 0; g < K; g++) {
+            u64 lights = soft[w] & serve[g * W + w];
+            if (!lights || start[g + 1] == start[g]) continue;
+            any_soft = 1;
+            /* Of the innermost ring that has any: all lights with a set count it. */
+            u64 first = values[candidate[start[0]] * W + w] & lights;
+            for (i64 at = start[g]; at < start[g + 1]; at++)
+                if ((values[candidate[at] * W + w] & lights) != first) return 0;
+        }
+    return any_soft;
+}
+
+KERNEL(psi_agreement, "start i64[n,s]  candidate i32[c]  values u64[u,W]  soft u64[n,W]  serve u64[K,W]  uniform bool[n]!")
+i64 psi_agreement(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, const i64 *start, const i32 *candidate, const u64 *values,
+                  const u64 *soft, const u64 *serve, u8 *uniform) {
+    (void)c, (void)u;
+    for (i64 p = 0; p < n; p++)
+        uniform[p] = (u8)agree(start + p * s, candidate, values, soft + p * W, serve, K, W);
+    return 0;
+}
+
+/* Marks candidates of receivers with a certificate: those more than `margin` above P's plane. Returns how many.
+   Of a uniform receiver the first only: more are not asked for. */
+KERNEL(psi_certify,
+       "start i64[n,s]  candidate i32[c]  holds bool[n]  uniform bool[n]  P f64[n,3]  N f64[n,3]  position f64[u,3]  "
+       "margin f64  seen bool[c]!")
+i64 psi_certify(i64 n, i64 s, i64 c, i64 u, const i64 *start, const i32 *candidate, const u8 *holds, const u8 *uniform,
+                const f64 *P, const f64 *N, const f64 *position, f64 margin, u8 *seen) {
+    i64 count = 0;
+    (void)c, (void)u;
+    for (i64 p = 0; p < n; p++) {
+        if (!holds[p]) continue;
+        i64 first = start[p * s], last = uniform[p] ? first + 1 : start[p * s + s - 1];
+        for (i64 at = first; at < last; at++) {
+            const f64 *x = position + 3 * (i64)candidate[at], *o = P + 3 * p, *normal = N + 3 * p;
+            f64 above = (x[0] - o[0]) * normal[0] + (x[1] - o[1]) * normal[1] + (x[2] - o[2]) * normal[2];
+            seen[at] = above > margin;
+            count += seen[at];
+        }
+    }
+    return count;
+}
+
+/* Which candidates of a receiver need a short ray: those before the returned place. */
+static i64 end_of(const i64 *start, const u64 *soft, const u64 *serve, i64 K, i64 W) {
+    for (i64 g = K - 1; g >= 0; g--)
+        for (i64 w = 0; w < W; w++)
+            if (soft[w] & serve[g * W + w]) return start[g + 1];
+    return start[0];
+}
+
+/* (receiver, index into candidate) of every short ray that is needed: of those not `seen` anyway. Returns how many;
+   with row and index None it only counts. */
+KERNEL(psi_listed,
+       "start i64[n,s]  soft u64[n,W]  serve u64[K,W]  uniform bool[n]  seen bool[c]  row i32[r]?!  index i64[r]?!")
+i64 psi_listed(i64 n, i64 s, i64 W, i64 K, i64 c, i64 r, const i64 *start, const u64 *soft, const u64 *serve,
+               const u8 *uniform, const u8 *seen, i32 *row, i64 *index) {
+    i64 count = 0;
+    (void)c, (void)r;
+    for (i64 p = 0; p < n; p++) {
+        if (uniform[p]) continue;
+        i64 last = end_of(start + p * s, soft + p * W, serve, K, W);
+        for (i64 at = start[p * s]; at < last; at++) {
+            if (seen[at]) continue;
+            if (row) row[count] = (i32)p, index[count] = at;
+            count++;
+        }
+    }
+    return count;
+}
+
+/* m: how many nodes step 3 keeps in each class's ball. */
+KERNEL(psi_sizes, "start i64[n,s]  kept bool[c]  uniform bool[n]  m i32[n,K]!")
+i64 psi_sizes(i64 n, i64 s, i64 c, i64 K, const i64 *start, const u8 *kept, const u8 *uniform, i32 *m) {
+    (void)c;
+    for (i64 p = 0; p < n; p++) {
+        const i64 *begin = start + p * s;
+        i64 total = 0;
+        for (i64 g = 0; g < K; g++) {
+            if (uniform[p])  /* all agree, and the first is seen: any m gives the same quotients */
+                total = begin[g + 1] > begin[0];
+            else
+                for (i64 at = begin[g]; at < begin[g + 1]; at++) total += kept[at];
+            m[p * K + g] = (i32)total;
+        }
+    }
+    return 0;
+}
+
+/* S (L) += 1 for each light of word w that is in `lights`; without a branch. */
+static void spread(u64 lights, i64 w, i64 L, f32 *S) {
+    i64 count = L - 64 * w < 64 ? L - 64 * w : 64;
+    for (i64 i = 0; i < count; i++) S[64 * w + i] += (f32)(lights >> i & 1);
+}
+
+/* S[rows] = (number of kept nodes that see the light)/m, eq. (4). Returns 1 where memory is lacking. */
+KERNEL(psi_mean,
+       "start i64[n,s]  candidate i32[c]  kept bool[c]  uniform bool[n]  values u64[u,W]  soft u64[n,W]  "
+       "serve u64[K,W]  ring i64[L]  m i32[n,K]  rows i64[n]  S f32[r,L]!")
+i64 psi_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 L, i64 r, const i64 *start, const i32 *candidate,
+             const u8 *kept, const u8 *uniform, const u64 *values, const u64 *soft, const u64 *serve, const i64 *ring,
+             const i32 *m, const i64 *rows, f32 *S) {
+    i64 most = 1;
+    (void)c, (void)u, (void)r;
+    for (i64 p = 0; p < n; p++) {
+        i64 all = start[p * s + K] - start[p * s];
+        most = all > most ? all : most;
+    }
+    u64 *column = malloc((size_t)most * sizeof *column);
+    if (!column) return 1;
+    for (i64 p = 0; p < n; p++) {
+        const i64 *begin = start + p * s;
+        const i32 *size = m + p * K;
+        f32 *out = S + rows[p] * L;
+        if (!size[K - 1]) continue;
+        i64 inner = 0;  /* the innermost ring with a kept node: lights that count no further one have no set */
+        while (!size[inner]) inner++;
+        for (i64 w = 0; w < W; w++) {
+            u64 lit = soft[p * W + w] & serve[inner * W + w], every = lit, some = 0;
+            i64 count = 0;
+            if (!lit) continue;
+            if (uniform[p]) {
+                every &= values[candidate[begin[0]] * W + w];
+                some = every;
+            } else {
+                for (i64 g = 0; g < K; g++) {
+                    u64 lights = lit & serve[g * W + w];
+                    if (!lights) break;
+                    for (i64 at = begin[g]; at < begin[g + 1]; at++) {
+                        if (!kept[at]) continue;
+                        u64 seen = values[candidate[at] * W + w];
+                        column[count++] = seen;
+                        every &= seen | ~lights;
+                        some |= seen & lights;
+                    }
+                }
+            }
+            spread(every, w, L, out);
+            for (u64 mixed = some & ~every; mixed; mixed &= mixed - 1) {  /* on all others the nodes agree, as mostly */
+                int at = lowest(mixed);
+                i64 i = 64 * w + at, of = size[ring[i]];
+                u64 number = 0;
+                for (i64 k = 0; k < of; k++) number += column[k] >> at & 1;
+                out[i] = (f32)((f64)number / of);
+            }
+        }
+    }
+    free(column);
+    return 0;
+}
+
+/* S[rows] = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius: of the classes, world. own: the lights of
+   each class. Returns 1 where memory is lacking. */
+KERNEL(psi_smooth_mean,
+       "start i64[n,s]  candidate i32[c]  kept bool[c]  uniform bool[n]  values u64[u,W]  soft u64[n,W]  own u64[K,W]  "
+       "radius f64[K]  P f64[n,3]  position f64[u,3]  m i32[n,K]  rows i64[n]  S f32[r,L]!")
+i64 psi_smooth_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 r, i64 L, const i64 *start, const i32 *candidate,
+                    const u8 *kept, const u8 *uniform, const u64 *values, const u64 *soft, const u64 *own,
+                    const f64 *radius, const f64 *P, const f64 *position, const i32 *m, const i64 *rows, f32 *S) {
+    i64 *lights = malloc((size_t)(L + W + 1) * sizeof *lights);  /* to add up; those of word w end at ends[w+1] */
+    f64 *seen = malloc((size_t)L * sizeof *seen);
+    u64 *every = malloc((size_t)(2 * W) * sizeof *every);
+    if (!lights || !seen || !every) {
+        free(lights), free(seen), free(every);
+        return 1;
+    }
+    i64 *ends = lights + L;
+    u64 *some = every + W;
+    (void)c, (void)u, (void)r;
+    ends[0] = 0;
+    for (i64 p = 0; p < n; p++)
+        for (i64 k = 0; k < K; k++) {
+            f32 *out = S + rows[p] * L;
+            i64 first = start[p * s], last = uniform[p] ? first + 1 : start[p * s + k + 1], count = 0;
+            if (!m[p * K + k]) continue;
+            for (i64 w = 0; w < W; w++) every[w] = soft[p * W + w] & own[k * W + w], some[w] = 0;
+            for (i64 at = first; at < last; at++) {
+                if (!uniform[p] && !kept[at]) continue;
+                for (i64 w = 0; w < W; w++) {
+                    every[w] &= values[candidate[at] * W + w];
+                    some[w] |= values[candidate[at] * W + w];
+                }
+            }
+            for (i64 w = 0; w < W; w++) {
+                spread(every[w], w, L, out);  /* what none of the kept nodes sees has S = 0: sums are for the others */
+                u64 mixed = some[w] & ~every[w] & soft[p * W + w] & own[k * W + w];
+                for (; mixed; mixed &= mixed - 1) {
+                    lights[count] = 64 * w + lowest(mixed);
+                    seen[count++] = 0.0;
+                }
+                ends[w + 1] = count;
+            }
+            if (!count) continue;
+            f64 total = 0.0;
+            for (i64 at = first; at < last; at++) {
+                if (!uniform[p] && !kept[at]) continue;
+                i64 node = candidate[at];
+                f64 weight = falloff(squared_distance(position + 3 * node, P + 3 * p) / (radius[k] * radius[k]));
+                total += weight;
+                for (i64 w = 0; w < W; w++) {
+                    u64 v = values[node * W + w];
+                    for (i64 j = ends[w]; j < ends[w + 1]; j++) seen[j] += weight * (f64)(v >> (lights[j] & 63) & 1);
+                }
+            }
+            for (i64 j = 0; j < count; j++) out[lights[j]] = (f32)(seen[j] / total);
+        }
+    free(lights), free(seen), free(every);
+    return 0;
+}

@@ -1,0 +1,134 @@
+/* Nodes near receivers: steps 1 and 2 of Ψ, as lattice.py describes them. */
+#include <stdlib.h>
+
+#include "native.h"
+
+KERNEL(lattice_positions, "h f64  rotation f64[3,3]  origin f64[3]  nodes i32[n,3]  out f64[n,3]!")
+i64 lattice_positions(i64 n, f64 h, const f64 *R, const f64 *origin, const i32 *nodes, f64 *out) {
+    for (i64 k = 0; k < n; k++) {
+        f64 a = nodes[3 * k], b = nodes[3 * k + 1], c = nodes[3 * k + 2];
+        for (int r = 0; r < 3; r++)
+            out[3 * k + r] = origin[r] + h * (R[3 * r] * a + R[3 * r + 1] * b + R[3 * r + 2] * c);
+    }
+    return 0;
+}
+
+static inline u64 hash(i32 i, i32 j, i32 k) {
+    u64 x = (u64)(u32)i * 0x9E3779B185EBCA87u;
+    x ^= (u64)(u32)j * 0xC2B2AE3D27D4EB4Fu;
+    x ^= (u64)(u32)k * 0x165667B19E3779F9u;
+    x ^= x >> 29;
+    x *= 0xBF58476D1CE4E5B9u;
+    return x ^ x >> 32;
+}
+
+/* The slot of the hash table that holds node (i,j,k), or the empty one where it belongs. */
+static inline i64 find(i64 size, const i32 *table, const i32 *keys, i32 i, i32 j, i32 k) {
+    u64 mask = (u64)size - 1, slot = hash(i, j, k) & mask;
+    for (;; slot = (slot + 1) & mask) {
+        i64 row = table[slot];
+        const i32 *key = keys + 3 * row;
+        if (row < 0 || (key[0] == i && key[1] == j && key[2] == k)) return (i64)slot;
+    }
+}
+
+KERNEL(lattice_fill, "table i32[t]!  keys i32[n,3]  count i64")
+i64 lattice_fill(i64 t, i64 n, i32 *table, const i32 *keys, i64 count) {
+    (void)n;
+    for (i64 row = 0; row < count; row++)
+        table[find(t, table, keys, keys[3 * row], keys[3 * row + 1], keys[3 * row + 2])] = (i32)row;
+    return 0;
+}
+
+/* Sorts a receiver's candidates by ring; within one they keep their order. */
+static void by_ring(i64 rings, const i64 *start, i64 count, const i32 *ring, i32 *candidate, i32 *unsorted, i64 *place) {
+    memcpy(unsorted, candidate, (size_t)count * sizeof *candidate);
+    for (i64 g = 0; g < rings; g++) place[g] = start[g] - start[0];
+    for (i64 c = 0; c < count; c++) candidate[place[ring[c]]++] = unsorted[c];
+}
+
+/* Receivers from state[0] on, until all are done or an array may be too short. state: the next receiver, and how many
+   cells, nodes and candidates there are. rows (cells, offsets): which node is at an offset from the cell; −1: nobody
+   has asked yet. Returns 1 where memory is lacking. */
+KERNEL(lattice_candidates,
+       "h f64  reach f64[K]  rotation f64[3,3]  origin f64[3]  offsets f64[3,c]  tau f64  P f64[n,3]  N f64[n,3]  "
+       "state i64[4]!  start i64[n,s]!  candidate i32[a]!  nodes i32[u,3]!  table i32[t]!  cells i32[n,3]!  "
+       "rows i32[n,c]!  cell_table i32[e]!")
+i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, i64 e, f64 h, const f64 *reach,
+                       const f64 *R, const f64 *origin, const f64 *offsets, f64 tau, const f64 *P, const f64 *N,
+                       i64 *state, i64 *start, i32 *candidate, i32 *nodes, i32 *table, i32 *cells, i32 *rows,
+                       i32 *cell_table) {
+    const f64 *off0 = offsets, *off1 = offsets + most, *off2 = offsets + 2 * most;
+    i64 p = state[0], cell_count = state[1], count = state[2], total = state[3];
+    f64 largest = reach[K - 1] * reach[K - 1];
+    u8 *taken = malloc((size_t)most);
+    i32 *passed = malloc((size_t)most * sizeof *passed), *ring = malloc((size_t)most * sizeof *ring);
+    i32 *unsorted = malloc((size_t)most * sizeof *unsorted);
+    i64 *place = malloc((size_t)K * sizeof *place);
+    if (!taken || !passed || !ring || !unsorted || !place) goto end;
+    for (; p < n && total + most <= a && count + most <= u; p++) {
+        const f64 *normal = N + 3 * p;
+        f64 x = (P[3 * p] - origin[0]) / h, y = (P[3 * p + 1] - origin[1]) / h, z = (P[3 * p + 2] - origin[2]) / h;
+        f64 q[3], m[3], base[3];  /* in lattice coordinates */
+        for (int r = 0; r < 3; r++) {
+            q[r] = R[r] * x + R[3 + r] * y + R[6 + r] * z;
+            m[r] = R[r] * normal[0] + R[3 + r] * normal[1] + R[6 + r] * normal[2];
+            base[r] = floor(q[r]);
+        }
+        i64 *begin = start + stride * p;
+        begin[0] = total;
+        /* Beyond 32 bits there are no nodes: such a receiver gets an empty set, and a sharp shadow. */
+        if (fabs(base[0]) < 2e9 && fabs(base[1]) < 2e9 && fabs(base[2]) < 2e9) {
+            f64 f0 = q[0] - base[0], f1 = q[1] - base[1], f2 = q[2] - base[2];
+            i32 i0 = (i32)base[0], i1 = (i32)base[1], i2 = (i32)base[2];
+            i64 slot = find(e, cell_table, cells, i0, i1, i2);
+            i64 cell = cell_table[slot];
+            if (cell < 0) {
+                cell = cell_count++;
+                cells[3 * cell] = i0, cells[3 * cell + 1] = i1, cells[3 * cell + 2] = i2;
+                cell_table[slot] = (i32)cell;
+                for (i64 c = 0; c < most; c++) rows[cell * most + c] = -1;
+            }
+            i32 *row_at = rows + cell * most;
+            for (i64 c = 0; c < most; c++) {  /* without a branch, which no processor could foretell */
+                f64 d0 = off0[c] - f0, d1 = off1[c] - f1, d2 = off2[c] - f2;
+                taken[c] = (d0 * d0 + d1 * d1 + d2 * d2 <= largest) & (d0 * m[0] + d1 * m[1] + d2 * m[2] > tau);
+            }
+            i64 kept = 0;
+            for (i64 c = 0; c < most; c++) {
+                passed[kept] = (i32)c;
+                kept += taken[c];
+            }
+            for (i64 w = 0; w < kept; w++) {
+                i64 c = passed[w], row = row_at[c];
+                if (row < 0) {
+                    i32 i = i0 + (i32)off0[c], j = i1 + (i32)off1[c], k = i2 + (i32)off2[c];
+                    i64 at = find(t, table, nodes, i, j, k);
+                    row = table[at];
+                    if (row < 0) {
+                        row = count++;
+                        nodes[3 * row] = i, nodes[3 * row + 1] = j, nodes[3 * row + 2] = k;
+                        table[at] = (i32)row;
+                    }
+                    row_at[c] = (i32)row;
+                }
+                i64 g = 0;
+                if (K > 1) {
+                    f64 d0 = off0[c] - f0, d1 = off1[c] - f1, d2 = off2[c] - f2;
+                    f64 d = d0 * d0 + d1 * d1 + d2 * d2;
+                    while (d > reach[g] * reach[g]) g++;
+                    ring[total - begin[0]] = (i32)g;
+                }
+                candidate[total++] = (i32)row;
+                begin[g + 1]++;
+            }
+        }
+        for (i64 g = 0; g < K; g++) begin[g + 1] += begin[g];
+        if (K > 1) by_ring(K, begin, total - begin[0], ring, candidate + begin[0], unsorted, place);
+    }
+    state[0] = p, state[1] = cell_count, state[2] = count, state[3] = total;
+end:;
+    i64 failed = !taken || !passed || !ring || !unsorted || !place;
+    free(taken), free(passed), free(ring), free(unsorted), free(place);
+    return failed;
+}

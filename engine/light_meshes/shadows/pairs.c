@@ -1,0 +1,48 @@
+/* Pairs of receiver and light, and what is known of them, as sets of bits. */
+#include "native.h"
+
+/* S = value for each set bit among lights first..last; S (n, L·C). */
+KERNEL(pairs_set, "mask u64[n,W]  lights i64  value f64  S f32[n,s]!")
+i64 pairs_set(i64 n, i64 W, i64 s, const u64 *mask, i64 lights, f64 value, f32 *S) {
+    i64 C = lights ? s / lights : 0;
+    for (i64 p = 0; p < n; p++)
+        for (i64 i = 0; i < lights; i++)
+            if (has(mask + p * W, i))
+                for (i64 k = 0; k < C; k++) S[p * s + i * C + k] = (f32)value;
+    return 0;
+}
+
+/* (row, light) of each set bit, light by light so that neighbouring rays go the same way; returns how many. */
+KERNEL(pairs_listed, "mask u64[n,W]  first i64  last i64  row i32[r]!  light i32[r]!")
+i64 pairs_listed(i64 n, i64 W, i64 r, const u64 *mask, i64 first, i64 last, i32 *row, i32 *light) {
+    i64 count = 0;
+    for (i64 i = first; i < last; i++)
+        for (i64 p = 0; p < n && count < r; p++)
+            if (has(mask + p * W, i)) {
+                row[count] = (i32)p, light[count] = (i32)i;
+                count++;
+            }
+    return count;
+}
+
+/* Clears the bits of lights with S = 0: nothing can dim them. S (n, L·C). */
+KERNEL(pairs_drop_dark, "S f32[n,s]  lights i64  mask u64[n,W]!")
+i64 pairs_drop_dark(i64 n, i64 s, i64 W, const f32 *S, i64 lights, u64 *mask) {
+    i64 C = lights ? s / lights : 0;
+    for (i64 p = 0; p < n; p++)
+        for (i64 i = 0; i < lights; i++) {
+            int dark = 1;
+            for (i64 k = i * C; k < (i + 1) * C; k++) dark &= S[p * s + k] == 0;
+            if (dark) mask[p * W + (i >> 6)] &= ~bit(i);
+        }
+    return 0;
+}
+
+/* Sets the bits (n,W) of the pairs that are not blocked. */
+KERNEL(pairs_collect, "row i32[r]  light i32[r]  blocked bool[r]  found u64[n,W]!")
+i64 pairs_collect(i64 r, i64 n, i64 W, const i32 *row, const i32 *light, const u8 *blocked, u64 *found) {
+    (void)n;
+    for (i64 k = 0; k < r; k++)
+        if (!blocked[k]) found[row[k] * W + (light[k] >> 6)] |= bit(light[k]);
+    return 0;
+}

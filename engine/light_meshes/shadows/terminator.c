@@ -1,0 +1,203 @@
+/* Receivers on smooth surfaces that are made of facets (terminator.py). */
+#include "targets.h"
+
+/* N·(a − b). */
+static f64 along(const f64 *a, const f64 *b, const f64 *N) {
+    return N[0] * (a[0] - b[0]) + N[1] * (a[1] - b[1]) + N[2] * (a[2] - b[2]);
+}
+
+static f64 clamped(f64 x, f64 low, f64 high) { return x < low ? low : x > high ? high : x; }
+
+/* The weights of the corners V at q, which lies in their plane. */
+static void barycentric(const f64 V[3][3], const f64 *q, f64 *weight) {
+    f64 ee = 0, ef = 0, ff = 0, de = 0, df = 0;
+    for (int j = 0; j < 3; j++) {
+        f64 e = V[1][j] - V[0][j], f = V[2][j] - V[0][j], d = q[j] - V[0][j];
+        ee += e * e, ef += e * f, ff += f * f, de += d * e, df += d * f;
+    }
+    f64 area = ee * ff - ef * ef;
+    weight[1] = clamped((ff * de - ef * df) / area, 0.0, 1.0);
+    weight[2] = clamped((ee * df - ef * de) / area, 0.0, 1.0 - weight[1]);
+    weight[0] = 1.0 - weight[1] - weight[2];
+}
+
+/* How high the smooth surface is above q: a parabola through the vertices with their normals, at least half as high as it
+   and as high as the planes of all three normals. */
+static f64 height_of(const f64 V[3][3], const f64 N[3][3], const f64 *q, const f64 *weight) {
+    f64 u = weight[0], v = weight[1], least = INFINITY;
+    for (int c = 0; c < 3; c++) {
+        f64 height = 0.0;
+        for (int d = 0; d < 3; d++) {
+            f64 above = along(V[d], V[c], N[c]);
+            height = above > height ? above : height;
+        }
+        f64 plane = height + along(V[c], q, N[c]);
+        plane = plane > 0.0 ? plane : 0.0;
+        least = plane < least ? plane : least;
+    }
+    f64 a = along(V[0], V[2], N[2]) - along(V[0], V[2], N[0]);
+    f64 b = along(V[1], V[2], N[2]) - along(V[1], V[2], N[1]);
+    f64 c = along(V[1], V[0], N[1]) - along(V[1], V[0], N[0]);
+    f64 height = 0.5 * (a * u * (u - 1.0) + (a + b + c) * u * v + b * v * (v - 1.0));
+    return least > height ? least : height;
+}
+
+/* Fills the arrays of Lift; returns how many receivers have one. */
+KERNEL(terminator_lift,
+       "centre f64[3]  scale f64  vertices f32[v,3]  triangles i32[t,3]  instance i32[t]  source i32[t]  "
+       "normal_matrix f64[I,3,3]  corner_normals f32[s,3,3]  piece i32[y]  cut f64[z,3,2]  "
+       "smooth bool[s]  owner i32[I]  geometry f64[O]  normal f64[O]  "
+       "P f64[n,3]  Ns f64[n,3]  triangle i32[n]  front bool[n]  above f64[n,3]!  side f64[n,3]!  cutoff f64[n]!")
+i64 terminator_lift(i64 nv, i64 t, i64 I, i64 s, i64 y, i64 z, i64 O, i64 n, const f64 *centre, f64 scale, const f32 *vertices,
+                    const i32 *triangles, const i32 *instance, const i32 *source, const f64 *normal_matrix,
+                    const f32 *corner_normals, const i32 *piece, const f64 *cut, const u8 *smooth, const i32 *owner, const f64 *geometry,
+                    const f64 *normal, const f64 *P, const f64 *Ns, const i32 *triangle, const u8 *front, f64 *above,
+                    f64 *side, f64 *cutoff) {
+    i64 some = 0;
+    (void)nv, (void)t, (void)I, (void)s, (void)z, (void)O;
+    for (i64 p = 0; p < n; p++) {
+        i64 hit = triangle[p], i = instance[hit], k = source[hit], object = owner[i];
+        const f64 *m = normal_matrix + 9 * i;
+        f64 V[3][3], N[3][3], q[3], weight[3], turn = front[p] ? 1.0 : -1.0;
+        int whole = 1;
+        if (!smooth[k] || geometry[object] == 0.0) continue;
+        for (int c = 0; c < 3; c++) {
+            const f32 *normals = corner_normals + 9 * k, *corner = vertices + 3 * (i64)triangles[3 * hit + c];
+            f64 length = 0.0, a = c == 1, b = c == 2, local[3];
+            if (y && piece[hit] >= 0) a = cut[6 * (i64)piece[hit] + 2 * c], b = cut[6 * (i64)piece[hit] + 2 * c + 1];
+            for (int j = 0; j < 3; j++) local[j] = (1.0 - a - b) * normals[j] + a * normals[3 + j] + b * normals[6 + j];
+            for (int j = 0; j < 3; j++) {
+                V[c][j] = corner[j];
+                N[c][j] = m[3 * j] * local[0] + m[3 * j + 1] * local[1] + m[3 * j + 2] * local[2];
+                length += N[c][j] * N[c][j];
+            }
+            length = sqrt(length);
+            whole &= length > 0.0 && length < INFINITY;
+            for (int j = 0; j < 3; j++) N[c][j] *= turn / length;
+        }
+        if (!whole) continue;  /* no usable normal in the mesh */
+        for (int j = 0; j < 3; j++) q[j] = (P[3 * p + j] - centre[j]) / scale;
+        barycentric(V, q, weight);
+        f64 height = scale * height_of(V, N, q, weight);
+        for (int j = 0; j < 3; j++) {
+            f64 up = weight[0] * N[0][j] + weight[1] * N[1][j] + weight[2] * N[2][j];
+            above[3 * p + j] = height * up + normal[object] * Ns[3 * p + j];
+            side[3 * p + j] = Ns[3 * p + j];
+        }
+        cutoff[p] = geometry[object];
+        some++;
+    }
+    return some;
+}
+
+#define LIFT "above f64[n,3]  side f64[n,3]  cutoff f64[n]  P f64[n,3]  N f64[n,3]  position f64[L,3]  directional bool[L]  "
+
+/* Receivers that may be lifted, and the lights. */
+typedef struct {
+    const f64 *side, *cutoff, *P, *N;
+    Targets targets;
+} Lifts;
+
+/* How far receiver p is lifted for light i, 0 to 1: wholly where its facet turns away from it. */
+static f64 amount(const Lifts *l, i64 p, i64 i) {
+    f64 cutoff = l->cutoff[p], way[3];
+    if (cutoff == 0.0) return 0.0;
+    way_to(&l->targets, i, l->P + 3 * p, way);
+    f64 length = sqrt(dot(way, way)), facet = dot(way, l->N + 3 * p) / length, smooth = dot(way, l->side + 3 * p) / length;
+    f64 most = smooth < cutoff ? 2.0 - (facet + smooth) / cutoff : 1.0 - facet / cutoff;
+    return clamped(most, 0.0, 1.0);
+}
+
+/* The receivers that some active light lifts; returns how many. */
+KERNEL(terminator_grazing, LIFT "active u64[n,W]  rows i64[n]!")
+i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
+                       const f64 *N, const f64 *position, const u8 *directional, const u64 *active, i64 *rows) {
+    Lifts lifts = {side, cutoff, P, N, {position, directional}};
+    i64 count = 0;
+    (void)above;
+    for (i64 p = 0; p < n; p++) {
+        int some = 0;
+        for (i64 i = 0; cutoff[p] > 0.0 && i < L && !some; i++) some = has(active + p * W, i) && amount(&lifts, p, i) > 0.0;
+        if (some) rows[count++] = p;
+    }
+    return count;
+}
+
+/* Where the rays of pairs (row, light) start. */
+KERNEL(terminator_starts, LIFT "row i32[k]  light i32[k]  origin f64[k,3]!")
+i64 terminator_starts(i64 n, i64 L, i64 k, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
+                      const f64 *N, const f64 *position, const u8 *directional, const i32 *row, const i32 *light,
+                      f64 *origin) {
+    Lifts lifts = {side, cutoff, P, N, {position, directional}};
+    (void)n, (void)L;
+    for (i64 at = 0; at < k; at++) {
+        i64 p = row[at];
+        f64 share = amount(&lifts, p, light[at]);
+        for (int j = 0; j < 3; j++)
+            origin[3 * at + j] = share > 0.0 ? P[3 * p + j] + share * above[3 * p + j] : P[3 * p + j];
+    }
+    return 0;
+}
+
+/* Moves lights of soft to lifted where P is lifted wholly; where in part, they are then in both. */
+KERNEL(terminator_split, LIFT "soft u64[n,W]!  lifted u64[n,W]!")
+i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
+                     const f64 *N, const f64 *position, const u8 *directional, u64 *soft, u64 *lifted) {
+    Lifts lifts = {side, cutoff, P, N, {position, directional}};
+    (void)above;
+    for (i64 p = 0; p < n; p++)
+        for (i64 i = 0; cutoff[p] > 0.0 && i < L; i++) {
+            if (!has(soft + p * W, i)) continue;
+            f64 share = amount(&lifts, p, i);
+            if (share > 0.0) lifted[p * W + (i >> 6)] |= bit(i);
+            if (share == 1.0) soft[p * W + (i >> 6)] &= ~bit(i);
+        }
+    return 0;
+}
+
+/* S of the lights in lifted, of receivers `rows`, where what P and the lifted P see is known. answered: where S_lifted is
+   known. soft: where S is; made true of the result. */
+KERNEL(terminator_merge,
+       LIFT "rows i64[m]  lifted u64[m,W]  answered u64[m,W]  S_lifted f32[m,L,C]  soft u64[n,W]!  S f32[n,L,C]!")
+i64 terminator_merge(i64 n, i64 L, i64 m, i64 W, i64 C, const f64 *above, const f64 *side, const f64 *cutoff,
+                     const f64 *P, const f64 *N, const f64 *position, const u8 *directional, const i64 *rows,
+                     const u64 *lifted, const u64 *answered, const f32 *S_lifted, u64 *soft, f32 *S) {
+    Lifts lifts = {side, cutoff, P, N, {position, directional}};
+    (void)n, (void)above;
+    for (i64 at = 0; at < m; at++) {
+        i64 p = rows[at];
+        u64 *own = soft + p * W;
+        for (i64 i = 0; i < L; i++) {
+            if (!has(lifted + at * W, i)) continue;
+            f64 share = amount(&lifts, p, i);
+            int known = has(answered + at * W, i) && (share == 1.0 || has(own, i));
+            for (i64 c = 0; c < C; c++) {
+                f32 *value = S + (p * L + i) * C + c;
+                *value = known ? (f32)((1.0 - share) * *value + share * S_lifted[(at * L + i) * C + c]) : 0;
+            }
+            if (known) own[i >> 6] |= bit(i);
+            else own[i >> 6] &= ~bit(i);
+        }
+    }
+    return 0;
+}
+
+/* S times cos(faster·angle)/cos(angle), the angle between N and a light. */
+KERNEL(terminator_fade, "faster f64[n]  P f64[n,3]  N f64[n,3]  position f64[L,3]  directional bool[L]  S f32[n,L,C]!")
+i64 terminator_fade(i64 n, i64 L, i64 C, const f64 *faster, const f64 *P, const f64 *N, const f64 *position,
+                    const u8 *directional, f32 *S) {
+    Targets targets = {position, directional};
+    for (i64 p = 0; p < n; p++)
+        for (i64 i = 0; faster[p] > 1.0 && i < L; i++) {
+            f64 way[3], share = 0.0;
+            way_to(&targets, i, P + 3 * p, way);
+            f64 cosine = dot(way, N + 3 * p) / sqrt(dot(way, way));
+            cosine = cosine < 1.0 ? cosine : 1.0;
+            if (cosine > 0.0) {
+                f64 faded = cos(acos(cosine) * faster[p]);
+                share = (faded > 0.0 ? faded : 0.0) / cosine;
+            }
+            for (i64 c = 0; c < C; c++) S[(p * L + i) * C + c] = (f32)(S[(p * L + i) * C + c] * share);
+        }
+    return 0;
+}

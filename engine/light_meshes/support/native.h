@@ -1,0 +1,41 @@
+/* What all kernels share: short names of types, and how a kernel tells Python what it takes.
+
+   KERNEL(name, "P f64[n,3]  h f64  S f32[n,L]!") precedes i64 name(…). native.py reads the text from the library and
+   checks every call by it: names, types, shapes (a letter is one length wherever it stands), ! for what is written,
+   ? for an array that may be None. The function takes first the lengths, in the order in which their letters appear,
+   as i64, and then the arguments in order, arrays as pointers to contiguous memory. It returns an i64. */
+#pragma once
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+typedef int8_t i8;
+typedef int32_t i32;
+typedef int64_t i64;
+typedef uint8_t u8;
+typedef uint16_t u16;
+typedef uint32_t u32;
+typedef uint64_t u64;
+typedef float f32;
+typedef double f64;
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+#define PI 3.14159265358979323846
+#define JOINED(a, b) a##b
+#define TAKES(name) JOINED(name, _takes)
+#define KERNEL(name, takes) EXPORT const char TAKES(name)[] = takes; EXPORT
+
+/* Sets of lights as words of 64 bits: light i is bit i & 63 of word i >> 6 (bits.py). */
+static inline u64 has(const u64 *words, i64 i) { return words[i >> 6] >> (i & 63) & 1; }
+static inline u64 bit(i64 i) { return (u64)1 << (i & 63); }
+static inline int lowest(u64 word) { return __builtin_ctzll(word); }
+
+static inline f64 square(f64 x) { return x * x; }
+static inline f64 squared_distance(const f64 *a, const f64 *b) {
+    return square(a[0] - b[0]) + square(a[1] - b[1]) + square(a[2] - b[2]);
+}

@@ -1,0 +1,123 @@
+"""The native kernels: compiled C that came with the package, called with numpy arrays.
+
+`kernel("name")` is the function of that name. What it takes stands above it in its C source (`native.h` says how) and
+is checked at every call, so that a wrong call is a TypeError or a ValueError here and no crash there. While a kernel
+runs, other Python threads run too.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .sources import KernelError, digest, library, sources
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+_TYPES: dict[str, Any] = {
+    "i8": np.int8, "i32": np.int32, "i64": np.int64, "u8": np.uint8, "u16": np.uint16, "u32": np.uint32,
+    "u64": np.uint64, "f32": np.float32, "f64": np.float64, "bool": np.bool_,
+}
+_SCALARS = {"i64": (ctypes.c_int64, int), "u64": (ctypes.c_uint64, int), "f64": (ctypes.c_double, float)}
+_ARGUMENT = re.compile(r"(\w+) (\w+)(?:\[([\w,]+)\])?([!?]*)")
+
+
+def _load() -> ctypes.CDLL:
+    """The library that suits the processor. LIGHT_MESHES_KERNELS=kernels takes the one for all."""
+    found = _open("kernels")
+    level = os.environ.get("LIGHT_MESHES_KERNELS")
+    if level is None and found.processor_has_avx2() and (_PACKAGE / library(sys.platform, "kernels-avx2")).is_file():
+        level = "kernels-avx2"
+    return _open(level) if level else found
+
+
+def _open(level: str) -> ctypes.CDLL:
+    again = "install the package again (in a checkout: pip install -e .)"
+    try:
+        found = ctypes.CDLL(str(_PACKAGE / library(sys.platform, level)))
+    except OSError as e:
+        raise KernelError(f"the engine's kernels cannot be loaded: {e}. To have them built, {again}") from e
+    if sources(_PACKAGE):  # a checkout: they may have been edited since
+        built = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(found, "sources_digest"))).decode()
+        if built != digest(_PACKAGE):
+            raise KernelError(f"the engine's kernels are older than their C sources: {again}")
+    return found
+
+
+_LIBRARY = _load()
+
+
+class Kernel:
+    """A compiled function. `takes` says what, as its C source does."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._call = getattr(_LIBRARY, name)
+        text = ctypes.c_char.in_dll(_LIBRARY, f"{name}_takes")
+        self.takes = ctypes.string_at(ctypes.addressof(text)).decode()
+        self._lengths: list[str] = []
+        self._arguments = [self._argument(*match) for match in _ARGUMENT.findall(self.takes)]
+        scalars = [_SCALARS[kind][0] if shape is None else ctypes.c_void_p for _, kind, shape, *_ in self._arguments]
+        self._call.argtypes = [ctypes.c_int64] * len(self._lengths) + scalars
+        self._call.restype = ctypes.c_int64
+
+    def _argument(self, name: str, kind: str, shape: str, marks: str) -> tuple:
+        """(name, kind, lengths, dtype, written, optional) of one argument; a length is a number or an index."""
+        if not shape:
+            return name, kind, None, None, False, False
+        lengths: list[tuple[bool, int]] = []
+        for letter in shape.split(","):
+            if letter.isdigit():
+                lengths.append((False, int(letter)))
+            else:
+                if letter not in self._lengths:
+                    self._lengths.append(letter)
+                lengths.append((True, self._lengths.index(letter)))
+        return name, kind, tuple(lengths), np.dtype(_TYPES[kind]), "!" in marks, "?" in marks
+
+    def __call__(self, *arguments: Any) -> int:
+        """What the kernel returns; arrays are read and written where they lie."""
+        if len(arguments) != len(self._arguments):
+            raise TypeError(f"kernel {self.name} takes {len(self._arguments)} arguments, not {len(arguments)}: "
+                            f"{self.takes}")
+        known: list[int] = [-1] * len(self._lengths)
+        passed: list[Any] = []
+        for value, (name, kind, shape, dtype, written, optional) in zip(arguments, self._arguments, strict=True):
+            if shape is None:
+                passed.append(_SCALARS[kind][1](value))
+                continue
+            if value is None and optional:
+                passed.append(None)
+                continue
+            if not isinstance(value, np.ndarray) or value.dtype != dtype or value.ndim != len(shape):
+                raise TypeError(f"kernel {self.name}: {name} must be {kind} with {len(shape)} axes, not {_what(value)}")
+            flags = value.flags
+            if not flags.c_contiguous or not flags.aligned or (written and not flags.writeable):
+                raise ValueError(f"kernel {self.name}: {name} must be contiguous{' and writable' * written}")
+            for (free, wanted), length in zip(shape, value.shape, strict=True):
+                if free and known[wanted] < 0:
+                    known[wanted] = length
+                elif length != (known[wanted] if free else wanted):
+                    raise ValueError(f"kernel {self.name}: the shape {value.shape} of {name} does not fit {self.takes}")
+            passed.append(value.ctypes.data)
+        return self._call(*(max(length, 0) for length in known), *passed)  # type: ignore[no-any-return]
+
+
+def _what(value: Any) -> str:
+    return f"{value.dtype}{list(value.shape)}" if isinstance(value, np.ndarray) else type(value).__name__
+
+
+def kernel(name: str) -> Kernel:
+    """The compiled function of this name."""
+    return Kernel(name)
+
+
+def needs_memory(failed: int) -> None:
+    """Raise MemoryError where a kernel says, by returning 1, that it got no memory to work in."""
+    if failed:
+        raise MemoryError("out of memory in a kernel")

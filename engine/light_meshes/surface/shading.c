@@ -1,0 +1,332 @@
+/* Ω, what light i brings to a receiver where nothing stands between (shading.py), for receivers side by side.
+
+   Loops over the receivers of a block have no branch that depends on one, so that compilers make vectors of them. Each
+   is written once for all types of light: the type is a constant wherever `arriving` stands, and what others need of it
+   is left out. */
+#include "native.h"
+
+enum { POINT, SUN, SPOT, AREA, SKEWED_SPOT, SKEWED_AREA };  /* the last two have axes of their own */
+enum { SIDE = 32 };  /* receivers that are lit side by side */
+#define INLINE static inline __attribute__((always_inline))
+
+/* Receivers side by side. Bits 0..2 of `returns`: channels in which matt is not 0, 3..5 those of gloss. */
+typedef struct {
+    f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
+    u64 returns[SIDE];
+} Block;
+
+/* All lights and materials, and the hits of rays with `direction`, as shading.py has them. */
+typedef struct {
+    const i8 *type;
+    const f64 *position, *direction, *intensity, *edge, *slope, *axes;
+    const u8 *diffuse, *glossy;
+} Lights;
+
+typedef struct {
+    const f64 *kd, *ks, *Os, *nShiny;
+} Materials;
+
+typedef struct {
+    i64 n;
+    const f64 *P, *Ng, *Ns, *direction, *Od;
+    const i32 *material;
+} Receivers;
+
+/* One light. */
+typedef struct {
+    int kind, diffuse, glossy;
+    f64 x, y, z, u, v, w, edge, slope, colour[3];
+    const f64 *axes;
+} Source;
+
+#define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
+               "axes f64[L,3,3]  diffuse bool[L]  glossy bool[L]  "
+#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  "
+#define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  "
+#define TAKEN                                                                                                   \
+    const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,          \
+        const f64 *slope, const f64 *axes, const u8 *diffuse, const u8 *glossy, const f64 *kd, const f64 *ks, const f64 *Os, const f64 *nShiny, const f64 *P,        \
+        const f64 *Ng, const f64 *Ns, const f64 *way, const f64 *Od, const i32 *material
+#define GATHERED                                                              \
+    Lights lights = {type, position, direction, intensity, edge, slope, axes, diffuse, glossy};     \
+    Materials materials = {kd, ks, Os, nShiny};                              \
+    Receivers hits = {n, P, Ng, Ns, way, Od, material};                      \
+    (void)M
+
+static Source source_of(const Lights *l, i64 i) {
+    const f64 *a = l->position + 3 * i, *d = l->direction + 3 * i, *c = l->intensity + 3 * i;
+    return (Source){l->type[i], l->diffuse[i], l->glossy[i], a[0], a[1], a[2], d[0], d[1], d[2], l->edge[i], l->slope[i],
+                    {c[0], c[1], c[2]}, l->axes + 9 * i};
+}
+
+/* Takes the receivers from `first` on; the last also fills the places that are left. Returns whether any shines. */
+static int fill(Block *b, i64 first, const Materials *materials, const Receivers *hits) {
+    int glossy = 0;
+    for (int k = 0; k < SIDE; k++) {
+        i64 p = first + k < hits->n - 1 ? first + k : hits->n - 1, m = hits->material[p];
+        b->facing[k] = 0.0, b->returns[k] = 0;
+        for (int j = 0; j < 3; j++) {
+            f64 way = hits->direction[3 * p + j];
+            b->P[j][k] = hits->P[3 * p + j], b->Ng[j][k] = hits->Ng[3 * p + j], b->Ns[j][k] = hits->Ns[3 * p + j];
+            b->eye[j][k] = -way;
+            b->facing[k] -= hits->Ns[3 * p + j] * way;
+            b->matt[j][k] = materials->kd[m] * hits->Od[3 * p + j];
+            b->gloss[j][k] = materials->ks[m] * materials->Os[3 * m + j];
+            b->returns[k] |= (u64)(b->matt[j][k] != 0.0) << j | (u64)(b->gloss[j][k] != 0.0) << (3 + j);
+        }
+        glossy |= b->returns[k] > 7;
+    }
+    return glossy;
+}
+
+/* What of a light arrives at a receiver: ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both times |L − P|. */
+typedef struct {
+    int lit;
+    f64 power, inverse, cosine, lobe;
+} Arriving;
+
+INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
+    f64 x, y, z, inverse = 1.0, power = 1.0;
+    int lit = 1;
+    if (kind == SUN) {
+        x = -s->u, y = -s->v, z = -s->w;
+    } else {
+        x = s->x - b->P[0][k], y = s->y - b->P[1][k], z = s->z - b->P[2][k];
+        f64 square = x * x + y * y + z * z;
+        inverse = 1.0 / sqrt(square);
+        power = inverse * inverse;
+        lit = square > 0.0;  /* else the light is on the very point */
+    }
+    f64 axis = -(x * s->u + y * s->v + z * s->w) * inverse;
+    if (kind == SKEWED_SPOT || kind == SKEWED_AREA) {
+        const f64 *a = s->axes, *c = s->axes + 3, *e = s->axes + 6;
+        f64 p = x * a[0] + y * a[1] + z * a[2], q = x * c[0] + y * c[1] + z * c[2], r = x * e[0] + y * e[1] + z * e[2];
+        f64 turned = 1.0 / sqrt(p * p + q * q + r * r);
+        if (kind == SKEWED_SPOT) {
+            axis = -r * turned;
+        } else {
+            /* Cycles samples a rectangle as if its axes were perpendicular: the light comes from another direction. */
+            lit &= axis > 0.0;
+            x = p * a[0] + q * c[0] + r * e[0], y = p * a[1] + q * c[1] + r * e[1], z = p * a[2] + q * c[2] + r * e[2];
+            inverse = 1.0 / sqrt(x * x + y * y + z * z);
+            axis = -(x * s->u + y * s->v + z * s->w) * inverse;
+            power = turned * turned * turned * fabs(r);
+            lit &= power > 0.0;
+        }
+    }
+    if (kind == SPOT || kind == SKEWED_SPOT) {
+        f64 t = (axis - s->edge) * s->slope;
+        t = t > 0.0 ? t : 0.0;
+        t = t < 1.0 ? t : 1.0;
+        lit &= t > 0.0;
+        power *= t * t * (3.0 - 2.0 * t);
+    }
+    if (kind == AREA) power *= axis > 0.0 ? axis : 0.0;
+    if (kind == AREA || kind == SKEWED_AREA) {
+        f64 sine = 1.0 - axis * axis;
+        f64 spread = (s->edge - sqrt(sine > 0.0 ? sine : 0.0) / axis) * s->slope;
+        spread = s->slope > 0.0 ? spread : 1.0;
+        lit &= (axis > 0.0) & (spread > 0.0);  /* else behind the lamp, or beside its spread */
+        power *= spread > 0.0 ? spread : 0.0;
+    }
+    lit &= b->Ng[0][k] * x + b->Ng[1][k] * y + b->Ng[2][k] * z > 0.0;
+    f64 cosine = b->Ns[0][k] * x + b->Ns[1][k] * y + b->Ns[2][k] * z;
+    /* R·V with R = 2(N·L)N − L */
+    f64 lobe = 2.0 * cosine * b->facing[k] - (x * b->eye[0][k] + y * b->eye[1][k] + z * b->eye[2][k]);
+    return (Arriving){lit, power, inverse, cosine, lobe};
+}
+
+/* `what` for the light's type, which thereby is a constant in it. */
+#define FOR_KIND(what, kind, ...)                      \
+    switch (kind) {                                    \
+    case POINT: what(POINT, __VA_ARGS__); break;       \
+    case SUN: what(SUN, __VA_ARGS__); break;           \
+    case SPOT: what(SPOT, __VA_ARGS__); break;         \
+    case AREA: what(AREA, __VA_ARGS__); break;         \
+    case SKEWED_SPOT: what(SKEWED_SPOT, __VA_ARGS__); break; \
+    default: what(SKEWED_AREA, __VA_ARGS__);           \
+    }
+
+/* Sets the light's bit of the receivers that it reaches. */
+INLINE void mark(int kind, const Source *s, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
+    for (int k = 0; k < SIDE; k++) {
+        Arriving a = arriving(kind, s, b, k);
+        int matt = s->diffuse & ((b->returns[k] & colour) != 0), gloss = s->glossy & ((b->returns[k] & colour << 3) != 0);
+        int lit = a.lit & (unlit | (matt & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
+        bits[k] |= lit ? own : 0;
+    }
+}
+
+/* Fills active: the bits of ξ_i·Ω_i ≠ 0. unlit: lights that reach P (ξ_i·I_i·f_att ≠ 0) count even where the material
+   returns nothing (the shadow passes want them). */
+KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
+i64 shading_reaching(i64 L, i64 M, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
+    GATHERED;
+    Block block;
+    for (i64 first = 0; first < n; first += SIDE) {
+        fill(&block, first, &materials, &hits);
+        for (i64 w = 0; w < W; w++) {
+            u64 bits[SIDE] = {0};
+            for (i64 i = 64 * w; i < L && i < 64 * w + 64; i++) {
+                Source s = source_of(&lights, i);
+                u64 colour = (u64)(s.colour[0] != 0.0) | (u64)(s.colour[1] != 0.0) << 1 | (u64)(s.colour[2] != 0.0) << 2;
+                if (colour) FOR_KIND(mark, s.kind, &s, bit(i), colour, unlit != 0, &block, bits)
+            }
+            for (i64 k = 0; k < SIDE && first + k < n; k++) active[(first + k) * W + w] = bits[k];
+        }
+    }
+    return 0;
+}
+
+/* total += S·f_att·I·(N·L); S is 0 where ξ is. */
+INLINE void add(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b, f64 (*total)[SIDE]) {
+    const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
+    for (int k = 0; k < SIDE; k++) {
+        Arriving a = arriving(kind, s, b, k);
+        f64 power = a.power * (a.cosine * a.inverse);
+        power = a.cosine > 0.0 ? power : 0.0;
+        total[0][k] += red[k] * (power * s->colour[0]);
+        total[1][k] += green[k] * (power * s->colour[1]);
+        total[2][k] += blue[k] * (power * s->colour[2]);
+    }
+}
+
+static f64 lobe_power(Arriving a, f64 nShiny) {
+    f64 base = a.lobe * a.inverse;
+    return pow(base < 1.0 ? base : 1.0, nShiny);
+}
+
+/* total += S·f_att·I·(R·V)^nShiny. */
+INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b, int count,
+                      const f64 *nShiny, f64 (*total)[SIDE]) {
+    const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
+    for (int k = 0; k < count; k++) {
+        Arriving a = arriving(kind, s, b, k);
+        if (b->returns[k] <= 7 || a.lobe <= 0.0 || (red[k] == 0.0 && green[k] == 0.0 && blue[k] == 0.0)) continue;
+        f64 power = a.power * lobe_power(a, nShiny[k]);
+        total[0][k] += red[k] * (power * s->colour[0]);
+        total[1][k] += green[k] * (power * s->colour[1]);
+        total[2][k] += blue[k] * (power * s->colour[2]);
+    }
+}
+
+/* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour; to matt and gloss, where there are any, its two terms. S is 0
+   where ξ_i·Ω_i is, which is not asked again. */
+KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
+i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour, f64 *matt, f64 *gloss) {
+    GATHERED;
+    Block block;
+    const int channel[3] = {0, (int)(C / 2), (int)(C - 1)};
+    for (i64 first = 0; first < n; first += SIDE) {
+        f64 share[3][SIDE], total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}}, power[SIDE];
+        int shines = fill(&block, first, &materials, &hits), count = n - first < SIDE ? (int)(n - first) : SIDE;
+        for (int k = 0; k < count; k++) power[k] = nShiny[material[first + k]];
+        for (i64 i = 0; i < L; i++) {
+            Source s = source_of(&lights, i);
+            for (i64 c = 0; c < C; c++)
+                for (int k = 0; k < SIDE; k++) {
+                    i64 p = k < count ? first + k : n - 1;
+                    share[c][k] = S[(p * L + i) * C + c];
+                }
+            if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
+            if (shines && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
+        }
+        for (int k = 0; k < count; k++)
+            for (int j = 0; j < 3; j++) {
+                i64 at = 3 * (first + k) + j;
+                colour[at] += total[j][k] * block.matt[j][k] + shine[j][k] * block.gloss[j][k];
+                if (matt) matt[at] += total[j][k] * block.matt[j][k];
+                if (gloss) gloss[at] += shine[j][k] * block.gloss[j][k];
+            }
+    }
+    return 0;
+}
+
+/* Adds to one, matt and gloss, what a light would give a white surface if it were seen; most: S where that is above 1. */
+static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
+    Arriving a = arriving(s->kind, s, b, k);
+    f64 power = a.power * (most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])));
+    if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
+    if (s->glossy && b->returns[k] > 7 && a.lobe > 0.0 && a.cosine > 0.0) one[1] += power * lobe_power(a, nShiny);
+}
+
+/* By how much the light of a white surface may change nearby: by the share `jump` of lights seen in part, by `step` of all
+   others. order: lights whose numbers in `group` are equal stand side by side. They stand together in the scene and count
+   as one, in part where one is; groups go their own ways, and so the root of their squares' sum counts. Where S > 1,
+   focused light, S times that. */
+KERNEL(shading_steps,
+       LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  jump f64  step f64  matt f64[n]!  gloss f64[n]!")
+i64 shading_steps(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, const i64 *group, const i64 *order, f64 jump,
+                  f64 step, f64 *matt, f64 *gloss) {
+    GATHERED;
+    Block block;
+    for (i64 first = 0; first < n; first += SIDE) {
+        f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of a group, and the squares' sum: matt and gloss */
+        int some[SIDE] = {0};                            /* a light of the group is seen in part */
+        fill(&block, first, &materials, &hits);
+        for (i64 at = 0; at < L; at++) {
+            i64 i = order[at];
+            Source s = source_of(&lights, i);
+            int ends = at + 1 == L || group[order[at + 1]] != group[i];
+            int alone = ends && (at == 0 || group[order[at - 1]] != group[i]);
+            for (int k = 0; k < SIDE && first + k < n; k++) {
+                f64 most = 1.0;
+                for (i64 c = 0; c < C; c++) {
+                    f64 share = S[((first + k) * L + i) * C + c];
+                    some[k] |= share != 0.0 && share != 1.0;
+                    most = share > most ? share : most;
+                }
+                if (step > 0.0 || some[k] || !alone)
+                    add_white(&s, &block, k, most, nShiny[material[first + k]], one[k]);
+                if (!ends) continue;
+                for (int j = 0; j < 2; j++) all[k][j] += square((some[k] ? jump : step) * one[k][j]), one[k][j] = 0.0;
+                some[k] = 0;
+            }
+        }
+        for (int k = 0; k < SIDE && first + k < n; k++) matt[first + k] = sqrt(all[k][0]), gloss[first + k] = sqrt(all[k][1]);
+    }
+    return 0;
+}
+
+/* Emission + Ia·ka·Od, and the second term alone. */
+KERNEL(shading_unlit,
+       "ka f64[M]  emission f64[M,3]  material i32[n]  Ia f64[3]  Od f64[n,3]  colour f64[n,3]!  ambient f64[n,3]!")
+i64 shading_unlit(i64 M, i64 n, const f64 *ka, const f64 *emission, const i32 *material, const f64 *Ia, const f64 *Od,
+                  f64 *colour, f64 *ambient) {
+    (void)M;
+    for (i64 p = 0; p < n; p++) {
+        i64 m = material[p];
+        for (int j = 0; j < 3; j++) {
+            ambient[3 * p + j] = ka[m] * Od[3 * p + j] * Ia[j];
+            colour[3 * p + j] = emission[3 * m + j] + ambient[3 * p + j];
+        }
+    }
+    return 0;
+}
+
+/* Clears the bits of lights that do not light the object owner[p]. */
+KERNEL(shading_unlink, "linked u64[o,W]  owner i32[n]  active u64[n,W]!")
+i64 shading_unlink(i64 o, i64 W, i64 n, const u64 *linked, const i32 *owner, u64 *active) {
+    (void)o;
+    for (i64 p = 0; p < n; p++)
+        for (i64 w = 0; w < W; w++) active[p * W + w] &= linked[owner[p] * W + w];
+    return 0;
+}
+
+/* R = d − 2(d·N)N by the shading normal; by the geometric one where that would enter the surface. */
+KERNEL(shading_mirrored, "way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  out f64[n,3]!")
+i64 shading_mirrored(i64 n, const f64 *way, const f64 *Ng, const f64 *Ns, f64 *out) {
+    for (i64 p = 0; p < n; p++) {
+        const f64 *d = way + 3 * p, *g = Ng + 3 * p;
+        f64 x = 0, y = 0, z = 0;
+        for (int attempt = 0; attempt < 2; attempt++) {
+            const f64 *N = attempt ? g : Ns + 3 * p;
+            f64 twice = 2.0 * (d[0] * N[0] + d[1] * N[1] + d[2] * N[2]);
+            x = d[0] - twice * N[0], y = d[1] - twice * N[1], z = d[2] - twice * N[2];
+            if (x * g[0] + y * g[1] + z * g[2] > 0.0) break;
+        }
+        f64 length = sqrt(x * x + y * y + z * z);
+        out[3 * p] = x / length, out[3 * p + 1] = y / length, out[3 * p + 2] = z / length;
+    }
+    return 0;
+}

@@ -1,0 +1,74 @@
+"""Compiles the engine's kernels, all C sources of the package, into shared libraries inside it.
+
+The compiler is zig's, a wheel that pip brings for the build, so that no machine needs one of its own. What is built is
+plain C that ctypes loads: one wheel a platform serves every Python. LIGHT_MESHES_TARGET names another platform to build
+for (a key of TARGETS in `engine/light_meshes/support/sources.py`); without it the wheel is for this machine.
+"""
+
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+from setuptools import Extension, setup
+from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools.command.build_ext import build_ext
+
+HERE = Path(__file__).resolve().parent
+PACKAGE = HERE / "engine" / "light_meshes"
+sys.path.insert(0, str(PACKAGE / "support"))  # a module that imports nothing of the package, which is not built yet
+from sources import TARGETS, Target, digest, library, sources  # noqa: E402
+
+FLAGS = [
+    "-shared", "-fPIC", "-O3", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden", "-s",
+    # IEEE arithmetic, operation by operation: the same bits whatever the processor.
+    "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
+]
+
+
+def target() -> Target:
+    """The platform to build for."""
+    machine = {"amd64": "x86_64", "aarch64": "arm64"}.get(platform.machine().lower(), platform.machine().lower())
+    return TARGETS[os.environ.get("LIGHT_MESHES_TARGET") or f"{sys.platform}-{machine}"]
+
+
+class Kernels(build_ext):
+    """Libraries of all C sources, one for each level of the platform's processors."""
+
+    def get_ext_filename(self, name: str) -> str:
+        """The library's place. No Python's version is in its name, as it knows nothing of Python."""
+        *folders, level = name.split(".")
+        return str(Path(*folders, library(target().system, level)))
+
+    def build_extension(self, extension: Extension) -> None:
+        """Compile and link in one call."""
+        out = Path(self.get_ext_fullpath(extension.name))
+        out.parent.mkdir(parents=True, exist_ok=True)
+        flags = target().levels[extension.name.split(".")[-1]]
+        subprocess.run([
+            sys.executable, "-m", "ziglang", "cc", "-target", target().zig, *flags, *FLAGS,
+            f'-DSOURCES="{digest(PACKAGE)}"', f"-I{PACKAGE / 'support'}", "-o", str(out), *extension.sources,
+            *([] if target().system == "win32" else ["-lm"]),
+        ], check=True, cwd=HERE)
+        for extra in out.parent.glob("*.pdb"), out.parent.glob("*.lib"):  # what Windows' linker leaves
+            for path in extra:
+                path.unlink()
+
+
+class AnyPython(bdist_wheel):
+    """A wheel for one platform and all Pythons."""
+
+    def get_tag(self) -> tuple[str, str, str]:
+        """The tags in the wheel's name."""
+        return "py3", "none", target().wheel
+
+
+setup(
+    ext_modules=[
+        Extension(f"light_meshes.{level}", [path.relative_to(HERE).as_posix() for path in sources(PACKAGE)],
+                  depends=[path.relative_to(HERE).as_posix() for path in PACKAGE.rglob("*.h")])
+        for level in target().levels
+    ],
+    cmdclass={"build_ext": Kernels, "bdist_wheel": AnyPython},
+)
