@@ -37,6 +37,7 @@ def test_the_engines_wheel_holds_the_engine_alone_and_is_reproducible(build):
     assert (name, data) == build.engine_wheel("linux-x64")
     names = set(zipfile.ZipFile(BytesIO(data)).namelist())
     sources = {p.relative_to(ROOT / "engine").as_posix() for p in (ROOT / "engine").rglob("*.py")}
+    sources.add("light_meshes/py.typed")
     info = name.removesuffix("-py3-none-manylinux2014_x86_64.whl") + ".dist-info"
     kernels = {f"light_meshes/{level}.so" for level in ("kernels", "kernels-avx2")}
     assert names == sources | kernels | {f"{info}/{file}" for file in ("METADATA", "WHEEL", "RECORD")}
