@@ -96,9 +96,40 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     corners = surfaces.vertices[surfaces.triangles[index]].astype(np.float64)
     ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     owner = surfaces.instance[index]
-    normal = np.cross(ab, ac) * np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
+    sign = np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
+    normal = np.cross(ab, ac) * sign
+    Ng, Ns, flat = _unit_normals(surfaces, index, normal)
+
+    found = bodies(surfaces, media.solid & media.transparent, media.ior, media.priority)
+    body = found.of[index]
+    if len(found.rank):
+        inside_out = solid & found.inside_out[body]
+        Ng[inside_out] *= -1
+        Ns[inside_out] *= -1
+    label, patches, neighbour = _patches(surfaces, index, body, solid, Ns)
+
+    order, box, child = box_tree(np.concatenate([corners.min(1), corners.max(1)], 1))
+    back = np.empty(len(order), np.int32)
+    back[order] = np.arange(len(order))
+    planar = np.full(patches, -1, np.int64)
+    planar[label[solid]] = back[solid]
+    planar[label[solid & ~flat]] = -1
+    square = (normal**2).sum(1, keepdims=True)
+    u, v = np.cross(ac, sign * normal) / square, np.cross(sign * normal, ab) / square
+    link = np.concatenate([np.stack([body, owner, label, flat], 1), np.where(neighbour >= 0, back[neighbour], -1)], 1)
+    place = np.concatenate([corners[:, 0], ab, ac, u, v, Ng, Ns.reshape(-1, 9), media.t[index]], 1)
+    return Glass(
+        index[order].astype(np.int32), np.ascontiguousarray(place[order], np.float64),
+        np.ascontiguousarray(link[order], np.int64), planar, _radii(corners[solid], label[solid], patches), found.ior,
+        found.rank, _balls(corners[solid], body[solid], len(found.rank)), box, child,
+    )
+
+
+def _unit_normals(surfaces: Surfaces, index: NDArray[np.intp], normal: NDArray[np.float64],
+                  ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """NG (n,3), NS at the corners (n,3,3) and whether the triangle is flat (n,): there NS is NG."""
     Ng = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    Ns = np.einsum("nij,nkj->nki", surfaces.normal_matrix[owner],
+    Ns = np.einsum("nij,nkj->nki", surfaces.normal_matrix[surfaces.instance[index]],
                    surfaces.at_corners(surfaces.corner_normals, index))
     # Lengths are kept, as `geometry.surface` does, but for one common factor.
     length = np.linalg.norm(Ns, axis=2)
@@ -110,19 +141,12 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
         sine = np.linalg.norm(np.cross(Ns, Ng[:, None]), axis=2) / np.linalg.norm(Ns, axis=2)
     flat = ~((sine > FLAT) | (cosine < 0)).any(1)
     Ns[flat] = Ng[flat][:, None]
+    return Ng, Ns, flat
 
-    found = bodies(surfaces, media.solid & media.transparent, media.ior, media.priority)
-    body, size = found.of[index], len(found.rank)
-    middle, radius = np.zeros((size, 3)), np.zeros(size)
-    for j in range(3):
-        middle[:, j] = np.bincount(body[solid], corners[solid, 0, j], size)
-    middle /= np.maximum(np.bincount(body[solid], None, size), 1)[:, None]
-    if size:
-        np.maximum.at(radius, body[solid], np.linalg.norm(corners[solid] - middle[body[solid]][:, None], axis=2).max(1))
-        inside_out = solid & found.inside_out[body]
-        Ng[inside_out] *= -1
-        Ns[inside_out] *= -1
 
+def _patches(surfaces: Surfaces, index: NDArray[np.intp], body: NDArray[np.int32], solid: NDArray[np.bool_],
+             Ns: NDArray[np.float64]) -> tuple[NDArray[np.int32], int, NDArray[np.int32]]:
+    """Each triangle's patch (n,), −1: a sheet; how many there are; and the triangles across its edges in it (n,3)."""
     corner = _merged(surfaces, index) if len(index) else np.zeros((0, 3), np.int64)
     neighbour = np.empty((len(index), 3), np.int32)
     joined = np.zeros((len(index), 3), np.bool_)
@@ -135,26 +159,23 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
     label[:] = -1
     label[solid] = patch
     neighbour[~joined] = -1
+    return label, len(names), neighbour
 
-    order, box, child = box_tree(np.concatenate([corners.min(1), corners.max(1)], 1))
-    back = np.empty(len(order), np.int32)
-    back[order] = np.arange(len(order))
-    planar = np.full(len(names), -1, np.int64)
-    planar[label[solid]] = back[solid]
-    planar[label[solid & ~flat]] = -1
-    patch_size = np.zeros(len(names))
-    if len(names):
-        lower, upper = np.full((len(names), 3), np.inf), np.full((len(names), 3), -np.inf)
-        np.minimum.at(lower, label[solid], corners[solid].min(1))
-        np.maximum.at(upper, label[solid], corners[solid].max(1))
-        patch_size = np.linalg.norm(upper - lower, axis=1) / 2
-    square = (normal**2).sum(1, keepdims=True)
-    sign = np.where(surfaces.mirrored[owner], -1.0, 1.0)[:, None]
-    u, v = np.cross(ac, sign * normal) / square, np.cross(sign * normal, ab) / square
-    link = np.concatenate([np.stack([body, owner, label, flat], 1), np.where(neighbour >= 0, back[neighbour], -1)], 1)
-    place = np.concatenate([corners[:, 0], ab, ac, u, v, Ng, Ns.reshape(-1, 9), media.t[index]], 1)
-    return Glass(
-        index[order].astype(np.int32), np.ascontiguousarray(place[order], np.float64),
-        np.ascontiguousarray(link[order], np.int64), planar, patch_size, found.ior, found.rank,
-        np.concatenate([middle, radius[:, None]], 1), box, child,
-    )
+
+def _balls(corners: NDArray[np.float64], body: NDArray[np.integer], size: int) -> NDArray[np.float64]:
+    """Centre and radius (size,4) of a ball around each body, of its triangles' corners (n,3,3)."""
+    middle, radius = np.zeros((size, 3)), np.zeros(size)
+    for j in range(3):
+        middle[:, j] = np.bincount(body, corners[:, 0, j], size)
+    middle /= np.maximum(np.bincount(body, None, size), 1)[:, None]
+    if size:
+        np.maximum.at(radius, body, np.linalg.norm(corners - middle[body][:, None], axis=2).max(1))
+    return np.concatenate([middle, radius[:, None]], 1)
+
+
+def _radii(corners: NDArray[np.float64], patch: NDArray[np.integer], size: int) -> NDArray[np.float64]:
+    """Half the diagonal (size,) of each patch's box."""
+    lower, upper = np.full((size, 3), np.inf), np.full((size, 3), -np.inf)
+    np.minimum.at(lower, patch, corners.min(1))
+    np.maximum.at(upper, patch, corners.max(1))
+    return np.linalg.norm(upper - lower, axis=1) / 2

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..film.passes import DEBUG
 from ..glass.interfaces import Interfaces
-from ..scene.description import Scene
+from ..scene.description import Light, Material, Scene
 from ..shadows.casters import Casters, smooth_lights, union
 
 
@@ -33,6 +33,10 @@ class Plan:
     catchers: bool = False  # the camera sees some surfaces by the shadows on them only
     reasons: dict[str, str] = field(default_factory=dict)
 
+    def decide(self, what: str, value: object, why: str) -> None:
+        """Notes a decision with its reason, for the statistics."""
+        self.reasons[what] = f"{value}: {why}"
+
 
 def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, ...] = ("Combined",),
          step: str = "") -> Plan:
@@ -45,110 +49,151 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
     count = np.bincount(used, minlength=len(scene.materials)) if len(used) else np.zeros(len(scene.materials))
     materials = [m for m, n in zip(scene.materials, count, strict=True) if n]
     lights = [light for light in scene.lights if any(light.intensity)]
+    _shadows(p, scene, casters, lights)
+    if p.shadows not in ("NONE", "SHARP"):
+        _soft_lights(p, scene, casters, len(lights), step)
+    if any(light.receivers is not None for light in lights):
+        p.decide("light linking", "yes", f"{sum(light.receivers is not None for light in lights)} lights light some "
+                 "objects only")
+    _transparency(p, scene, glass)
+    if p.shadows == "LIGHT_MESHES":
+        words = (len(scene.lights) + 63) // 64
+        values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
+                  3: ("RGB a light", "coloured glass")}[p.channels]
+        p.decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
+    if s.shadow_rate > 1:
+        _shadow_rate(p, scene, casters, passes)
+    if p.shadows == "LIGHT_MESHES":
+        _short_rays(p, scene)
+    _reflections(p, scene, glass, materials)
+    p.textures = any(m.image >= 0 for m in materials)
+    p.decide("textures", "yes" if p.textures else "no",
+             f"{sum(m.image >= 0 for m in materials)} materials have an image")
+    ambient = any(scene.world_color) and s.ambient > 0
+    p.decide("ambient light", "yes" if ambient else "no", "world colour × ambient × ka")
+    hidden = sum(not (o.visible_camera and o.visible_reflection and o.visible_shadow) for o in scene.objects)
+    p.decide("accelerators", "one" if not hidden else "one a kind of ray",
+             f"{hidden} objects are hidden from some rays")
+    if len(lights) < len(scene.lights):
+        p.decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
+    _holes(p, scene)
+    if any(name.startswith("Shadow") for name in passes) and p.shadows == "NONE":
+        p.decide("shadow passes", "lit sides", "nothing casts a shadow")
+    if any(name in passes for name in DEBUG) and p.shadows != "LIGHT_MESHES":
+        p.decide("debug passes", "empty", "without light meshes nothing is counted")
+    return replace(p, **(_forced.get() or {}))
 
-    def decide(what: str, value: object, why: str) -> None:
-        p.reasons[what] = f"{value}: {why}"
 
+def _shadows(p: Plan, scene: Scene, casters: Casters, lights: list[Light]) -> None:
+    """Which kind of shadows: none, sharp, or as set."""
+    s = scene.settings
     if s.mode == "LOCAL":
-        decide("shadows", "none", "local illumination has none")
+        p.decide("shadows", "none", "local illumination has none")
     elif not any(light.cast_shadow for light in lights):
-        decide("shadows", "none", "no light casts any")
+        p.decide("shadows", "none", "no light casts any")
     elif s.shadows != "SHARP" and not casters.soft:
         p.shadows = "SHARP"
         sharp = not any(light.soft_shadows and light.cast_shadow for light in lights)
         nowhere = casters.receives is not None and not casters.receives.any()
-        decide("shadows", "sharp", "no light has soft shadows" if sharp else "no surface receives soft shadows"
-               if nowhere else "no light with a size has a caster of soft shadows")
+        p.decide("shadows", "sharp", "no light has soft shadows" if sharp else "no surface receives soft shadows"
+                 if nowhere else "no light with a size has a caster of soft shadows")
     else:
         p.shadows = s.shadows
-        decide("shadows", s.shadows.lower().replace("_", " "), "as set")
-    if p.shadows not in ("NONE", "SHARP"):
-        soft = sum(int(word).bit_count() for word in union(casters.soft, len(scene.lights)))
-        if step and p.shadows == "LIGHT_MESHES":
-            decide("step", f"{s.h:.3g}", step)
-        if soft < len(lights):
-            decide("soft lights", soft, f"the other {len(lights) - soft} need no column in the nodes")
-        if len(casters.sets) > 1:
-            decide("casters", f"{len(casters.sets)} sets", "soft and sharp casters, or lights' blockers, come apart")
-        else:
-            decide("casters", "one set", "all that cast shadows do so alike, in every light")
-        if casters.receives is not None:
-            decide("receivers", f"{int(casters.receives.sum()):,} triangles",
-                   f"shadows on the other {int((~casters.receives).sum()):,} are sharp")
-    if any(light.receivers is not None for light in lights):
-        decide("light linking", "yes", f"{sum(light.receivers is not None for light in lights)} lights light some "
-               "objects only")
+        p.decide("shadows", s.shadows.lower().replace("_", " "), "as set")
+
+
+def _soft_lights(p: Plan, scene: Scene, casters: Casters, lights: int, step: str) -> None:
+    """Which lights and surfaces have soft shadows, and the step between nodes.
+
+    lights: how many shine.
+    """
+    soft = sum(int(word).bit_count() for word in union(casters.soft, len(scene.lights)))
+    if step and p.shadows == "LIGHT_MESHES":
+        p.decide("step", f"{scene.settings.h:.3g}", step)
+    if soft < lights:
+        p.decide("soft lights", soft, f"the other {lights - soft} need no column in the nodes")
+    if len(casters.sets) > 1:
+        p.decide("casters", f"{len(casters.sets)} sets", "soft and sharp casters, or lights' blockers, come apart")
+    else:
+        p.decide("casters", "one set", "all that cast shadows do so alike, in every light")
+    if casters.receives is not None:
+        p.decide("receivers", f"{int(casters.receives.sum()):,} triangles",
+                 f"shadows on the other {int((~casters.receives).sum()):,} are sharp")
+
+
+def _transparency(p: Plan, scene: Scene, glass: Interfaces) -> None:
+    """What lets light through, with how many channels, and whether its paths bend."""
+    s = scene.settings
     p.transparent = glass.transparent
     if glass.lets_through.any() and p.shadows != "NONE":
         p.channels = 3 if glass.coloured else 1
     if p.transparent:
         bent = int(glass.bending.sum())
-        decide("transparency", "yes", f"{'with' if bent else 'without'} refraction, {bent} triangles bend rays")
+        p.decide("transparency", "yes", f"{'with' if bent else 'without'} refraction, {bent} triangles bend rays")
         sampled = p.shadows == "AREA_SAMPLING"
         p.paths = s.refraction == "FULL" and p.channels > 0 and glass.bends_shadows and not sampled
-        decide("refracted shadow paths", "yes" if p.paths else "no",
-               f"refraction is {s.refraction.lower()}" if p.paths or s.refraction != "FULL" else
-               "no closed mesh of glass bends" if not glass.bends_shadows else
-               "area sampling has straight rays" if sampled else "nothing casts a shadow")
+        p.decide("refracted shadow paths", "yes" if p.paths else "no",
+                 f"refraction is {s.refraction.lower()}" if p.paths or s.refraction != "FULL" else
+                 "no closed mesh of glass bends" if not glass.bends_shadows else
+                 "area sampling has straight rays" if sampled else "nothing casts a shadow")
     else:
-        decide("transparency", "no", "all surfaces are opaque")
-    if p.shadows == "LIGHT_MESHES":
-        words = (len(scene.lights) + 63) // 64
-        values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
-                  3: ("RGB a light", "coloured glass")}[p.channels]
-        decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
-    if s.shadow_rate > 1:
-        soft = p.shadows == "LIGHT_MESHES"
-        why_not = ("only light meshes' shadows are smooth" if not soft else
-                   "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
-                   "light that glass has bent may change from pixel to pixel" if p.paths else
-                   "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
-        p.shadow_rate = 1 if why_not else s.shadow_rate
-        decide("shadow rate", p.shadow_rate, why_not or
-               "what the camera sees is interpolated between points up to so many pixels apart")
-    if p.shadows == "LIGHT_MESHES":
-        apart = p.paths and (s.leak_free or s.caustics == "FOCUS")
-        through = p.channels > 0 and s.glass == "PAPER"
-        p.uniform_skip = s.uniform_skip and not apart and not through
-        decide("uniform skip", "on" if p.uniform_skip else "off",
-               "each path counts by where it comes from" if apart else
-               "nodes behind glass count in part" if through else "exact, saves short rays")
-        rays, triangles = s.samples * scene.camera.width * scene.camera.height, len(scene.geometry.triangle_materials)
-        p.certificate = rays >= 2 * triangles
-        decide("certificate", "on" if p.certificate else "off",
-               "no short rays where only a convex object, or one plane, is near" if p.certificate else
-               "more triangles to look at than it would save short rays")
+        p.decide("transparency", "no", "all surfaces are opaque")
+
+
+def _shadow_rate(p: Plan, scene: Scene, casters: Casters, passes: tuple[str, ...]) -> None:
+    """Whether light may be interpolated between pixels."""
+    s = scene.settings
+    soft = p.shadows == "LIGHT_MESHES"
+    why_not = ("only light meshes' shadows are smooth" if not soft else
+               "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
+               "light that glass has bent may change from pixel to pixel" if p.paths else
+               "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
+    p.shadow_rate = 1 if why_not else s.shadow_rate
+    p.decide("shadow rate", p.shadow_rate, why_not or
+             "what the camera sees is interpolated between points up to so many pixels apart")
+
+
+def _short_rays(p: Plan, scene: Scene) -> None:
+    """Where light meshes need no short rays: the uniform skip and the certificate."""
+    s = scene.settings
+    apart = p.paths and (s.leak_free or s.caustics == "FOCUS")
+    through = p.channels > 0 and s.glass == "PAPER"
+    p.uniform_skip = s.uniform_skip and not apart and not through
+    p.decide("uniform skip", "on" if p.uniform_skip else "off",
+             "each path counts by where it comes from" if apart else
+             "nodes behind glass count in part" if through else "exact, saves short rays")
+    rays, triangles = s.samples * scene.camera.width * scene.camera.height, len(scene.geometry.triangle_materials)
+    p.certificate = rays >= 2 * triangles
+    p.decide("certificate", "on" if p.certificate else "off",
+             "no short rays where only a convex object, or one plane, is near" if p.certificate else
+             "more triangles to look at than it would save short rays")
+
+
+def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Material]) -> None:
+    """Whether rays are reflected, by `materials`, those in use, or inside glass."""
+    s = scene.settings
     mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
     totally = bool(glass.bending.any())  # total internal reflection
     p.reflections = s.mode == "WHITTED" and (bool(mirrors) or totally) and s.max_depth > 0
     if s.mode != "WHITTED":
-        decide("reflected rays", "no", f"mode {s.mode.lower().replace('_', ' ')}")
+        p.decide("reflected rays", "no", f"mode {s.mode.lower().replace('_', ' ')}")
     elif mirrors:
-        decide("reflected rays", f"up to {s.max_depth}", f"{len(mirrors)} materials mirror, '{mirrors[0]}' first")
+        p.decide("reflected rays", f"up to {s.max_depth}", f"{len(mirrors)} materials mirror, '{mirrors[0]}' first")
     elif totally:
-        decide("reflected rays", f"up to {s.max_depth}", "total reflection inside glass")
+        p.decide("reflected rays", f"up to {s.max_depth}", "total reflection inside glass")
     else:
-        decide("reflected rays", "no", "no material mirrors")
-    p.textures = any(m.image >= 0 for m in materials)
-    decide("textures", "yes" if p.textures else "no", f"{sum(m.image >= 0 for m in materials)} materials have an image")
-    ambient = any(scene.world_color) and s.ambient > 0
-    decide("ambient light", "yes" if ambient else "no", "world colour × ambient × ka")
-    hidden = sum(not (o.visible_camera and o.visible_reflection and o.visible_shadow) for o in scene.objects)
-    decide("accelerators", "one" if not hidden else "one a kind of ray", f"{hidden} objects are hidden from some rays")
-    if len(lights) < len(scene.lights):
-        decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
+        p.decide("reflected rays", "no", "no material mirrors")
+
+
+def _holes(p: Plan, scene: Scene) -> None:
+    """Objects that the camera sees as holes, or by the shadows on them only."""
     holdouts, catchers = (sum(getattr(o, flag) and o.visible_camera for o in scene.objects)
                           for flag in ("holdout", "shadow_catcher"))
     p.holdouts, p.catchers = holdouts > 0, catchers > 0
     if holdouts:
-        decide("holdouts", holdouts, "camera rays end there")
+        p.decide("holdouts", holdouts, "camera rays end there")
     if catchers:
-        decide("shadow catchers", catchers, "camera rays pass them, dimmed by the shadows there")
-    if any(name.startswith("Shadow") for name in passes) and p.shadows == "NONE":
-        decide("shadow passes", "lit sides", "nothing casts a shadow")
-    if any(name in passes for name in DEBUG) and p.shadows != "LIGHT_MESHES":
-        decide("debug passes", "empty", "without light meshes nothing is counted")
-    return replace(p, **(_forced.get() or {}))
+        p.decide("shadow catchers", catchers, "camera rays pass them, dimmed by the shadows there")
 
 
 def darkness(scene: Scene) -> list[str]:

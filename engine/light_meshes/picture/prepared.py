@@ -88,14 +88,7 @@ class Prepared:
         groups = np.array([light.shadow_pass for light in scene.lights], np.int64)
         self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
                                for name in self.passes if name.startswith("Shadow")}
-        self.material_index = np.array([m.index for m in scene.materials], np.float64)
-        self.object_index = np.array([o.index for o in scene.objects], np.float64)
-        self.cryptomatte = {
-            "CryptoObject": np.array([o.cryptomatte for o in scene.objects], np.uint32),
-            "CryptoAsset": np.array([o.cryptomatte_asset for o in scene.objects], np.uint32),
-            "CryptoMaterial": np.array([m.cryptomatte for m in scene.materials], np.uint32)}
-        self.holdout = np.array([o.holdout for o in scene.objects], np.bool_)
-        self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
+        self._number()
         self.refraction = self._refraction(previous)
         self.radii: dict[int, float] = {}  # r of lights that have one of their own
         self.certificate: Certificate | None = None
@@ -108,6 +101,18 @@ class Prepared:
         self.offsets = filter_offsets(scene.settings.samples, scene.settings.filter_size)
         self.sparse = Sparse(self) if self.plan.shadow_rate > 1 else None
         self.seconds = time.perf_counter() - began
+
+    def _number(self) -> None:
+        """What passes write of each object and material: indices, mattes, holes."""
+        scene = self.scene
+        self.material_index = np.array([m.index for m in scene.materials], np.float64)
+        self.object_index = np.array([o.index for o in scene.objects], np.float64)
+        self.cryptomatte = {
+            "CryptoObject": np.array([o.cryptomatte for o in scene.objects], np.uint32),
+            "CryptoAsset": np.array([o.cryptomatte_asset for o in scene.objects], np.uint32),
+            "CryptoMaterial": np.array([m.cryptomatte for m in scene.materials], np.uint32)}
+        self.holdout = np.array([o.holdout for o in scene.objects], np.bool_)
+        self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
 
     def _visibility(self, previous: Prepared | None) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
         scene, s = self.scene, self.scene.settings
