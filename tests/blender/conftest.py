@@ -11,6 +11,7 @@ from pathlib import Path
 import light_meshes.scene.snapshot
 import numpy as np
 import pytest
+from exr import write_layers
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed: pip install 'light-meshes[blender]'")
 oiio = pytest.importorskip("OpenImageIO")
@@ -121,14 +122,7 @@ def render(tmp_path):
         nonlocal count
         count += 1
         path = tmp_path / f"picture-{count}.exr"
-        image = scene.render.image_settings
-        if hasattr(image, "media_type"):
-            image.media_type = 'MULTI_LAYER_IMAGE'
-        image.file_format = 'OPEN_EXR_MULTILAYER'
-        image.color_depth = '32'
-        if hasattr(image, "use_exr_interleave"):
-            image.use_exr_interleave = True
-        scene.render.filepath = str(path)
+        write_layers(scene, path)
         bpy.ops.render.render(write_still=True)
         return read_layers(path)
     return run

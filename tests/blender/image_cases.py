@@ -12,6 +12,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from exr import write_floats
 
 FILES = {"png": ('PNG', False), "exr": ('OPEN_EXR', True), "tif": ('TIFF', True)}
 MODES = ('STRAIGHT', 'PREMUL', 'CHANNEL_PACKED', 'NONE')
@@ -117,12 +118,8 @@ def textured(image, linked):
 def colors(scene, engine, folder):
     """RGBA of each case."""
     scene.render.engine = engine
-    image = scene.render.image_settings
-    if hasattr(image, "media_type"):
-        image.media_type = 'IMAGE'
-    image.file_format, image.color_depth, image.color_mode = 'OPEN_EXR', '32', 'RGBA'
+    write_floats(scene, folder / f"{engine}.exr", 'RGBA')
     scene.render.use_file_extension = False
-    scene.render.filepath = str(folder / f"{engine}.exr")
     bpy.ops.render.render(write_still=True)
     picture = bpy.data.images.load(scene.render.filepath)
     picture.colorspace_settings.name = "Non-Color"  # as it is in the file

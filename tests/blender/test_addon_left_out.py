@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 import pytest
+from exr import write_floats
 from light_meshes_addon.export import left_out
 from light_meshes_addon.export.report import Report
 
@@ -79,11 +80,9 @@ def cycles(scene, folder):
     """A small picture by Cycles, always with the same random numbers."""
     import OpenImageIO as oiio
 
-    path, image = str(folder / "cycles.exr"), scene.render.image_settings
-    if hasattr(image, "media_type"):
-        image.media_type = 'IMAGE'
-    image.file_format, image.color_depth = 'OPEN_EXR', '32'
-    scene.render.engine, scene.render.filepath = 'CYCLES', path
+    path = str(folder / "cycles.exr")
+    write_floats(scene, path)
+    scene.render.engine = 'CYCLES'
     scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.device = 4, False, 'CPU'
     size = scene.render.resolution_x, scene.render.resolution_y
     scene.render.resolution_x = scene.render.resolution_y = 24

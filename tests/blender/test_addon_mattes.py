@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from exr import write_floats, write_layers
 from light_meshes.film import mattes
 from light_meshes_addon import cryptomatte
 from test_addon_passes import render_layers
@@ -42,13 +43,7 @@ def cut_outs(scene, add_plane, add_light, diffuse, node_material, add):
 def written(scene, folder, engine):
     """The channels of the multilayer EXR that Blender writes, (h, w) each, and its metadata on mattes."""
     scene.render.engine = engine
-    image = scene.render.image_settings
-    if hasattr(image, "media_type"):
-        image.media_type = 'MULTI_LAYER_IMAGE'
-    image.file_format, image.color_depth = 'OPEN_EXR_MULTILAYER', '32'
-    if hasattr(image, "use_exr_interleave"):
-        image.use_exr_interleave = True
-    scene.render.filepath = str(folder / f"{engine}.exr")
+    write_layers(scene, folder / f"{engine}.exr")
     bpy.ops.render.render(write_still=True)
     file = oiio.ImageInput.open(scene.render.filepath)
     spec = file.spec()
@@ -146,11 +141,7 @@ def test_blenders_cryptomatte_node_picks_an_object(cut_outs, tmp_path):
         output = tree.nodes.new('CompositorNodeComposite')
     tree.links.new(node.outputs["Matte"], output.inputs[0])
     scene.render.engine = 'LIGHT_MESHES'
-    image = scene.render.image_settings
-    if hasattr(image, "media_type"):
-        image.media_type = 'IMAGE'
-    image.file_format, image.color_depth, image.color_mode = 'OPEN_EXR', '32', 'RGB'
-    scene.render.filepath = str(tmp_path / "picked.exr")
+    write_floats(scene, tmp_path / "picked.exr")
     bpy.ops.render.render(write_still=True)
     picked = oiio.ImageBuf(scene.render.filepath).get_pixels(oiio.FLOAT)[..., 0]
     scene.render.use_compositing = False

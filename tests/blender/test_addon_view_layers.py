@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from exr import write_floats
 
 
 @pytest.fixture
@@ -119,11 +120,7 @@ def test_a_scene_that_is_not_the_windows(lit, add_light, tmp_path):
     other.collection.objects.link(bpy.data.objects["Sun"])
     other.collection.objects.link(lit.camera)
     other.camera = lit.camera
-    image = other.render.image_settings
-    if hasattr(image, "media_type"):
-        image.media_type = 'IMAGE'
-    image.file_format, image.color_depth = 'OPEN_EXR', '32'
-    other.render.filepath = str(tmp_path / "other.exr")
+    write_floats(other, tmp_path / "other.exr")
     bpy.ops.render.render(write_still=True, scene="Other")
     pixels = np.asarray(oiio.ImageInput.open(other.render.filepath).read_image(oiio.FLOAT))
     assert pixels.shape[:2] == (16, 32)
