@@ -30,7 +30,11 @@ FLAGS = [
 def target() -> Target:
     """The platform to build for."""
     machine = {"amd64": "x86_64", "aarch64": "arm64"}.get(platform.machine().lower(), platform.machine().lower())
-    return TARGETS[os.environ.get("LIGHT_MESHES_TARGET") or f"{sys.platform}-{machine}"]
+    name = os.environ.get("LIGHT_MESHES_TARGET") or f"{sys.platform}-{machine}"
+    if name not in TARGETS:
+        raise SystemExit(f"the engine's kernels are not built for {name}, only for {', '.join(TARGETS)}; "
+                         "set LIGHT_MESHES_TARGET to one of them")
+    return TARGETS[name]
 
 
 class Kernels(build_ext):
