@@ -1,6 +1,7 @@
 #!/bin/sh
 # Runs the engine's tests with kernels that stop at every read or write outside an array, and at undefined behaviour.
 # Needs gcc. From the checkout's root: sh tests/sanitize.sh [pytest's arguments]
+# Not for test_fuzz.py, whose fuzzer brings a sanitizer of its own, nor for test_memory.py, which would count this one's.
 set -eu
 library=engine/light_meshes/kernels-sanitized.so
 trap 'rm -f "$library"' EXIT
