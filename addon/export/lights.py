@@ -1,7 +1,7 @@
 """Lights, with Cycles' energy.
 
 `intensity` is the radiance that a white diffuse surface returns at distance 1, the light straight above it.
-The constants are those of Cycles, checked against its pictures by tests/test_cycles.py.
+The constants are those of Cycles, checked against its pictures by tests/peers/test_cycles.py.
 """
 
 import math

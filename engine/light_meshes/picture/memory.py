@@ -1,7 +1,7 @@
 """What a picture needs of memory, and what there is: a scene too large says so before it starts.
 
-The bytes are measured (tests/load.py prints what was expected beside what it came to). An expectation may be wrong by
-a quarter; what is refused needs more than that.
+The bytes are measured (tests/support/load.py prints what was expected beside what it came to). An expectation may be
+wrong by a quarter; what is refused needs more than that.
 """
 
 from __future__ import annotations

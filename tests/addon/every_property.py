@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))  # Blender does not look beside a script
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))  # Blender does not look beside a script
 
 from property_scenes import (
     HEIGHT,

@@ -17,7 +17,6 @@ from light_meshes_addon.export import image_files
 from test_addon_materials import four, textured  # noqa: F401  a fixture
 
 PYTHONS = [p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p]
-HERE = Path(__file__).parent
 
 
 @pytest.mark.parametrize("python", [sys.executable, *(pytest.param(p, marks=pytest.mark.slow) for p in PYTHONS)])
@@ -34,7 +33,7 @@ def test_colours_are_those_of_cycles(python, tmp_path):
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "packages"), "LIGHT_MESHES_PYTHON": sys.executable}
     other = "ACEScg" if version < (5, 2) else "Linear Rec.2020"
     spaces = ["Linear Rec.709", other] if version >= (5, 0) else []
-    done = subprocess.run([python, HERE / "image_cases.py", tmp_path, *spaces], env=environment, capture_output=True,
+    done = subprocess.run([python, image_cases.__file__, tmp_path, *spaces], env=environment, capture_output=True,
                           text=True, timeout=180)
     assert done.returncode == 0, done.stdout + done.stderr
     found = json.loads((tmp_path / "cases.json").read_text())

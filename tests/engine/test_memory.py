@@ -19,6 +19,8 @@ from light_meshes.scene.errors import SceneError
 from light_meshes.support.statistics import peak_memory
 from scenes import hall, point, tabletop, with_lights, with_settings
 
+SUPPORT = Path(__file__).parents[1] / "support"
+
 GIB = 1 << 30
 
 
@@ -115,7 +117,7 @@ print(ready.memory, peak_memory())
 
 def held(*hall_of, h):
     """Bytes expected and held at most by a process that renders hall(*hall_of)."""
-    done = subprocess.run([sys.executable, "-c", MEASURE, Path(__file__).parent, *map(str, [*hall_of, h])],
+    done = subprocess.run([sys.executable, "-c", MEASURE, SUPPORT, *map(str, [*hall_of, h])],
                           capture_output=True, text=True, check=True)
     expected, peak = map(float, done.stdout.split())
     return expected, peak

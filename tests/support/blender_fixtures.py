@@ -276,7 +276,7 @@ def play_story(blender_path, blender_environment, display, tmp_path_factory):
         log = folder / "log.txt"
         with log.open("w") as f:
             process = subprocess.Popen([blender_path, "--window-geometry", "0", "0", "800", "560",
-                                        "-P", str(Path(__file__).with_name(script))],
+                                        "-P", str(Path(__file__).parents[1] / "addon" / script)],
                                        env=environment, stdout=f, stderr=f)
             try:
                 process.wait(1500)

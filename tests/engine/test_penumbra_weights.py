@@ -1,8 +1,8 @@
 """Banding: what weighing the nodes by 1 − t² (t = |x−P|/r) gains over the paper's uniform weight, at equal cost.
 
-`pytest -s tests/test_penumbra_weights.py` prints the figures: along a penumbra of 60 pixels the number of distinct
-levels, the largest step between neighbours and the largest second difference (both in the limit, too), and the errors
-against the half-ball integral of the weight.
+`pytest -s tests/engine/test_penumbra_weights.py` prints the figures: along a penumbra of 60 pixels the number of
+distinct levels, the largest step between neighbours and the largest second difference (both in the limit, too), and
+the errors against the half-ball integral of the weight.
 """
 
 from functools import cache

@@ -14,6 +14,8 @@ from light_meshes.scene.errors import SceneError
 from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, scale, sphere
 from scenes import GREY, WHITE, four_lights, point, settings, sun, tabletop, with_lights, with_settings
 
+SUPPORT = Path(__file__).parents[1] / "support"
+
 PASSES = ("Combined", "Depth", "Normal", "Shadow")
 
 
@@ -206,7 +208,7 @@ picture = render_image(scene).passes["Combined"]
 assert np.isfinite(picture).all() and (picture[..., 0] > 0).mean() > .3
 print(peak_memory())
 """
-        done = subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parent, text=True,
+        done = subprocess.run([sys.executable, "-c", code], cwd=SUPPORT, text=True,
                               capture_output=True, timeout=120)
         assert done.returncode == 0, done.stderr
         return int(re.findall(r"\d+", done.stdout)[-1])

@@ -1,7 +1,8 @@
 """H1 to H14 of the design's list of hard scenes, anywhere in the world and at any size, each against its answer.
 
 A family is a function of a place and a kind of shadow that returns findings: what was asked, by how much the answer
-was missed at worst, and how much is allowed. `python tests/hard_cases.py` prints the table of docs/stability.md.
+was missed at worst, and how much is allowed. `python tests/support/hard_cases.py` prints the table of
+docs/stability.md.
 """
 
 from __future__ import annotations

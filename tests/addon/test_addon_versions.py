@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blender_fixtures import read_layers
 from blender_scene import SCENE, read
-from conftest import read_layers
 from test_addon_left_out import unknown_inputs
 
 PYTHONS = [p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p]

@@ -1,4 +1,4 @@
-"""Memory and time of scenes as large as productions have: python tests/load.py [scene …]
+"""Memory and time of scenes as large as productions have: python tests/support/load.py [scene …]
 
 Each scene is made as a .blend and rendered through Blender. Prints a row a scene, MiB and seconds: of the nodes; what
 Blender and the engine held at most, and what the engine expected; the time of the engine, and of all with Blender's

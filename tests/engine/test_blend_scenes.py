@@ -14,7 +14,7 @@ from light_meshes.scene import snapshot
 from oracle import Oracle
 from scenes import S3_LIGHT, project, tabletop
 
-SCENES = Path(__file__).parent.parent / "blend_scenes"
+SCENES = Path(__file__).parents[2] / "blend_scenes"
 pytestmark = pytest.mark.skipif(not (importlib.util.find_spec("bpy") or shutil.which("blender")),
                                 reason="neither bpy nor a blender on the PATH")
 

@@ -40,7 +40,7 @@ def test_too_little_memory(tmp_path):
         fast()
         cube = bpy.data.objects["Cube"]
         render()
-        bpy.ops.mesh.primitive_grid_add(x_subdivisions=400, y_subdivisions=400)
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=900, y_subdivisions=900)
         grid = bpy.context.object
         for extra in (8, 30, 60):
             size = re.search(r"VmSize:\\s+(\\d+) kB", Path(f"/proc/{child()}/status").read_text())

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 FILES = [path for folder in ("engine", "addon", "tests", "blend_scenes", "docs") for path in (ROOT / folder).rglob("*")
          if path.suffix in {".py", ".c", ".h", ".md"} and path != Path(__file__)]
 TEXTS = {path: path.read_text(encoding="utf-8") for path in [*FILES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]}

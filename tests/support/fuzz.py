@@ -1,11 +1,11 @@
 """Fuzzing: whatever a snapshot's folder or a process's line holds, it is read or refused, in one short sentence.
 
-    python tests/fuzz.py snapshot --seconds 600      the reader of snapshots
-    python tests/fuzz.py commands --seconds 600      the engine's reader of commands
-    python tests/fuzz.py events --seconds 600        the add-on's reader of what the engine says
+    python tests/support/fuzz.py snapshot --seconds 600      the reader of snapshots
+    python tests/support/fuzz.py commands --seconds 600      the engine's reader of commands
+    python tests/support/fuzz.py events --seconds 600        the add-on's reader of what the engine says
 
 Atheris (the extra `test`, on Linux x86-64) follows which branches an input reaches. An input that breaks a promise is
-written to `crash-…` in the current folder and given again as `python tests/fuzz.py snapshot crash-…`.
+written to `crash-…` in the current folder and given again as `python tests/support/fuzz.py snapshot crash-…`.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from light_meshes.scene.description import Image, Material
 from light_meshes.scene.errors import SceneError
 from scenes import tabletop, with_lights
 
-EVENTS = Path(__file__).parent.parent / "addon" / "events.py"
+EVENTS = Path(__file__).parents[2] / "addon" / "events.py"
 
 # What stands in a place where something else should.
 ODD = [None, True, False, 0, -1, 1, 3, 0.5, -0.0, math.nan, math.inf, -math.inf, 1e300, 5e-324, 2**31, 2**63, -2**63,

@@ -1,4 +1,4 @@
-"""What a camera flight over a static scene saves when the nodes stay: python tests/flight.py [frames] [width].
+"""What a camera flight over a static scene saves when the nodes stay: python tests/support/flight.py [frames] [width].
 
 Prints for 1, 16 and 64 lights the time of the shadow stages (thread seconds) of the flight, of as many single frames,
 and their ratio; and says whether the pictures are the same. A run by hand: times are no test.

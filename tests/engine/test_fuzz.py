@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+SUPPORT = Path(__file__).parents[1] / "support"
+
 # Where pyproject.toml has it installed.
 ATHERIS = sys.platform == "linux" and platform.machine() == "x86_64" and sys.version_info < (3, 15)
 
@@ -16,7 +18,7 @@ ATHERIS = sys.platform == "linux" and platform.machine() == "x86_64" and sys.ver
 @pytest.mark.parametrize(("target", "runs", "branches"), [("snapshot", 1000, 150), ("commands", 300, 80),
                                                           ("events", 20000, 30)])
 def test_whatever_it_is_given_it_is_read_or_refused(tmp_path, target, runs, branches):
-    done = subprocess.run([sys.executable, Path(__file__).with_name("fuzz.py"), target, "--runs", str(runs)],
+    done = subprocess.run([sys.executable, SUPPORT / "fuzz.py", target, "--runs", str(runs)],
                           cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-3000:]
     last = re.search(r"DONE +cov: (\d+)", done.stderr)

@@ -14,6 +14,8 @@ from light_meshes.scene import snapshot
 from light_meshes.support import native, sources
 from scenes import tabletop
 
+SUPPORT = Path(__file__).parents[1] / "support"
+
 PACKAGE = Path(native.__file__).parents[1]
 TEXTS = {path: path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.[ch]")}
 NAMES = sorted(set(re.findall(r"^KERNEL\((\w+),", "\n".join(TEXTS.values()), re.M)))
@@ -86,7 +88,7 @@ def test_all_processors_give_the_same_bits():
               if (PACKAGE / sources.library(sys.platform, level)).exists()]
     found = set()
     for level in levels if native.kernel("processor_has_avx2")() else levels[:1]:
-        environment = os.environ | {"LIGHT_MESHES_KERNELS": level, "PYTHONPATH": str(Path(__file__).parent)}
+        environment = os.environ | {"LIGHT_MESHES_KERNELS": level, "PYTHONPATH": str(SUPPORT)}
         found.add(subprocess.run([sys.executable, "-c", PICTURE], env=environment, capture_output=True, text=True,
                                  check=True).stdout)
     assert len(found) == 1

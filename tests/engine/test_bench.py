@@ -281,7 +281,7 @@ def test_the_tables_and_figures_are_written(tiny):
 def test_what_was_measured_goes_into_the_documentation(tiny, tmp_path):
     found, table, folder = tiny
     plots.draw(found, folder)
-    script = runpy.run_path(str(Path(__file__).parent.parent / "docs" / "benchmark.py"))
+    script = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "benchmark.py"))
     pages = [Path(shutil.copy(page, tmp_path)) for page in script["PAGES"]]
     script["insert"](folder, pages, tmp_path / "pictures")
     said = pages[0].read_text(encoding="utf-8")

@@ -110,7 +110,7 @@ def slurm(tmp_path_factory):
     """A cluster of two nodes that find the command light-meshes."""
     installed = os.environ.get("LIGHT_MESHES_SLURM")
     if not installed:
-        pytest.skip("LIGHT_MESHES_SLURM names no folder made by tests/install_slurm.sh")
+        pytest.skip("LIGHT_MESHES_SLURM names no folder made by tests/support/install_slurm.sh")
     with Cluster(Path(installed), tmp_path_factory.mktemp("slurm"), BIN) as cluster:
         yield cluster
 

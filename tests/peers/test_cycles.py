@@ -15,14 +15,15 @@ from cycles_pictures import CASES, LENSES, PANES
 pytestmark = [pytest.mark.slow,
               pytest.mark.skipif(not importlib.util.find_spec("bpy"), reason="bpy is not installed")]
 HERE = Path(__file__).parent
+LIGHTS = HERE.parents[1] / "blend_scenes" / "lights.blend"
 
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory):
     """case → (ours, Cycles'), or why not."""
     folder = tmp_path_factory.mktemp("cycles")
-    run = subprocess.run([sys.executable, HERE / "cycles_pictures.py", HERE.parent / "blend_scenes" / "lights.blend",
-                          folder], capture_output=True, text=True, timeout=400)
+    run = subprocess.run([sys.executable, HERE / "cycles_pictures.py", LIGHTS, folder],
+                         capture_output=True, text=True, timeout=400)
     assert (folder / "cases.json").exists(), run.stdout[-3000:] + run.stderr[-3000:]
     why = json.loads((folder / "cases.json").read_text())
 
