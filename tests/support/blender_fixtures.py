@@ -21,12 +21,15 @@ ENGINE = 'LIGHT_MESHES'
 
 @pytest.fixture(scope="session")
 def addon():
-    """The add-on, registered as long as the tests run."""
+    """The add-on, registered as long as the tests run; once, also where tests of two folders ask for it."""
     import light_meshes_addon
 
-    light_meshes_addon.register()
+    first = not hasattr(bpy.types.Scene, "light_meshes")
+    if first:
+        light_meshes_addon.register()
     yield light_meshes_addon
-    light_meshes_addon.unregister()
+    if first:
+        light_meshes_addon.unregister()
 
 
 @pytest.fixture
