@@ -14,6 +14,7 @@ from pathlib import Path
 from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 
 HERE = Path(__file__).resolve().parent
 PACKAGE = HERE / "engine" / "light_meshes"
@@ -25,6 +26,8 @@ FLAGS = [
     # IEEE arithmetic, operation by operation: the same bits whatever the processor.
     "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
 ]
+
+TOOLS = {("light_meshes_addon", "build"), ("light_meshes_addon", "libraries")}
 
 
 def target() -> Target:
@@ -60,6 +63,15 @@ class Kernels(build_ext):
                 path.unlink()
 
 
+class Modules(build_py):
+    """The packages' modules, without the tools that build and check what is released."""
+
+    def find_package_modules(self, package: str, package_dir: str) -> list[tuple[str, str, str]]:
+        """All modules of a package as (package, module, path)."""
+        found = super().find_package_modules(package, package_dir)
+        return [one for one in found if one[:2] not in TOOLS]
+
+
 class AnyPython(bdist_wheel):
     """A wheel for one platform and all Pythons."""
 
@@ -74,5 +86,5 @@ setup(
                   depends=[path.relative_to(HERE).as_posix() for path in PACKAGE.rglob("*.h")])
         for level in target().levels
     ],
-    cmdclass={"build_ext": Kernels, "bdist_wheel": AnyPython},
+    cmdclass={"build_py": Modules, "build_ext": Kernels, "bdist_wheel": AnyPython},
 )
