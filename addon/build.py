@@ -101,7 +101,7 @@ def build_wheel(target: str, folder: Path) -> tuple[Path, str]:
         for name in ("engine", "addon"):
             shutil.copytree(ROOT / name, source / name, ignore=left)
         command = [sys.executable, "-P", "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps",
-                   "--wheel-dir", str(out), str(source)]
+                   *_without_isolation(), "--wheel-dir", str(out), str(source)]
         environment = os.environ | {"LIGHT_MESHES_TARGET": target, "SOURCE_DATE_EPOCH": str(timegm(LONG_AGO))}
         done = subprocess.run(command, capture_output=True, text=True, env=environment)
         if done.returncode:
@@ -112,6 +112,16 @@ def build_wheel(target: str, folder: Path) -> tuple[Path, str]:
         path = folder / built.name
         shutil.move(built, path)
     return path, "; ".join(said)
+
+
+def _without_isolation() -> list[str]:
+    """The arguments that have pip build with the compiler of this Python, where it has one.
+
+    Else pip installs one for each build in another folder, and the compiler makes the C libraries of other systems
+    anew each time, as it keeps them by folder.
+    """
+    here = all(importlib.util.find_spec(name) for name in ("setuptools.command.bdist_wheel", "ziglang"))
+    return ["--no-build-isolation"] if here else []
 
 
 def build_zip(platform: str, folder: Path) -> tuple[Path, str]:
