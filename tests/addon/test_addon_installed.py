@@ -106,7 +106,9 @@ scene.render.filepath = sys.argv[2]
 bpy.ops.render.render(write_still=True)
 session = next(module for name, module in sys.modules.items() if name.endswith("light_meshes.session"))
 print("ENGINE", *session._sessions["render"]._process.args[:2], flush=True)
+from bl_ext.user_default.light_meshes.headless import leave
 bpy.ops.preferences.addon_disable(module="bl_ext.user_default.light_meshes")
+leave(0)  # bpy 4.2 may crash, and 4.5 may hang, at the end of a process where an add-on's engine has rendered
 """
 
 
