@@ -1,9 +1,10 @@
-"""Builds the extension: zips with the add-on, the engine and every package that Blender lacks.
+"""Build the extension: zips with the add-on, the engine and every package that Blender lacks.
 
     python addon/build.py [-o FOLDER] [NAME …]
 
-One zip a platform and Python; NAME is the beginning of some, such as linux-x64 or linux-x64-py3.13. Needs pip, and a
-network or pip's cache. The wheels' versions and hashes are in wheels.txt. numpy is left out: all Blenders have it.
+There is one zip for each platform and Python. NAME is the beginning of the names to build, such as linux-x64 or
+linux-x64-py3.13; without a name all are built. It needs pip, and a network or pip's cache. The versions and hashes of
+the wheels are in wheels.txt. numpy is not included, because every Blender has it.
 """
 
 import argparse
@@ -25,12 +26,12 @@ from typing import NamedTuple
 
 ADDON = Path(__file__).parent
 ROOT = ADDON.parent
-TOOLS = {"build.py", "wheels.txt"}  # of this folder, and no part of the add-on
-LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the same sources give the same bytes
+TOOLS = {"build.py", "wheels.txt"}  # files in this folder that are not part of the add-on
+LONG_AGO = (1980, 1, 1, 0, 0, 0)  # a fixed time, so that the same sources give the same bytes
 
-# What the engine's kernels are built for, as `engine/light_meshes/support/sources.py` names it.
+# The platforms for which the engine's kernels are built, by their names in `engine/light_meshes/support/sources.py`.
 TARGETS = {"linux-x64": "linux-x86_64", "windows-x64": "win32-x86_64", "macos-arm64": "darwin-arm64"}
-# Of wheels that run on the oldest system that Blender 4.2 runs on; on macOS that is 11, but embreex needs 13.
+# Tags of wheels that run on the oldest system that Blender 4.2 supports. On macOS that is 11, but embreex needs 13.
 PLATFORMS = {
     "linux-x64": [f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)],
     "windows-x64": ["win_amd64"],
@@ -39,20 +40,20 @@ PLATFORMS = {
 
 
 class Python(NamedTuple):
-    """A Python, and the Blenders that have it."""
+    """A version of Python, and the range of Blender versions that contain it."""
 
     version: str
     blender_min: str
-    blender_max: str | None  # the first that has another
+    blender_max: str | None  # the first Blender version with another Python
 
 
-# blender.org's Blenders have 3.11 up to 5.0 and 3.13 from 5.1 on; Linux distributions build older ones with 3.13.
-# Blender itself refuses wheels of another Python than its own.
+# Blenders from blender.org have Python 3.11 up to 5.0 and 3.13 from 5.1 on; some Linux distributions build older ones
+# with 3.13. Blender itself refuses wheels for another Python than its own.
 PYTHONS = (Python("3.11", "4.2.0", "5.1.0"), Python("3.13", "4.2.0", None))
 
 
 class BuildError(Exception):
-    """One sentence that says what is wrong."""
+    """The build failed; the message is one sentence that says why."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -90,7 +91,7 @@ def build(platform: str, python: Python, packages: list[Path], path: Path) -> No
 
 
 def version() -> str:
-    """The one version of the add-on and the engine."""
+    """Return the common version of the add-on and the engine."""
     versions = {tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))["version"],
                 tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"],
                 *re.findall(r'__version__ = "(.*)"', (ROOT / "engine/light_meshes/__init__.py").read_text("utf-8"))}
@@ -100,7 +101,7 @@ def version() -> str:
 
 
 def manifest(platform: str, python: Python, wheels: list[str]) -> str:
-    """The add-on's manifest with what is different in each zip."""
+    """Return the text of the add-on's manifest, with the parts that differ from zip to zip."""
     text = (ADDON / "blender_manifest.toml").read_text(encoding="utf-8")
     own, tables = text.split("\n[", 1)
     lines = [line for line in own.splitlines() if not line.startswith("blender_version_")]
@@ -113,7 +114,7 @@ def manifest(platform: str, python: Python, wheels: list[str]) -> str:
 
 
 def download(platform: str, python: Python, folder: Path) -> list[Path]:
-    """The wheels of wheels.txt for one platform and Python, in `folder`."""
+    """Download the wheels of wheels.txt for one platform and Python into `folder`, and return their paths."""
     places = [word for tag in PLATFORMS[platform] for word in ("--platform", tag)]
     command = [sys.executable, "-P", "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
                "--only-binary=:all:", "--require-hashes", "--implementation", "cp", "--python-version", python.version,
@@ -127,9 +128,11 @@ def download(platform: str, python: Python, folder: Path) -> list[Path]:
 
 
 def engine_wheel(platform: str) -> tuple[str, bytes]:
-    """The engine alone as a wheel: its name and contents. The project's own has the add-on beside it."""
+    """Return the name and the contents of a wheel with only the engine. The project's own wheel also contains the
+    add-on.
+    """
     contents, tag = project_wheel(platform)
-    # Blender keeps an installed package of the same name and version, so every engine has a version of its own.
+    # Blender keeps an installed package of the same name and version. So each engine wheel gets its own version.
     release = f"{version()}+{hashlib.sha256(repr(contents).encode()).hexdigest()[:8]}"
     info = f"light_meshes-{release}.dist-info"
     contents |= {
@@ -147,11 +150,12 @@ def engine_wheel(platform: str) -> tuple[str, bytes]:
 
 
 def project_wheel(platform: str) -> tuple[dict[str, bytes], str]:
-    """The engine's files in the project's wheel for a platform, built by pip, and the wheel's tag."""
+    """Build the project's wheel for a platform with pip; return the engine's files in it, and the wheel's tag."""
     with tempfile.TemporaryDirectory() as folder:
         source, out = Path(folder) / "source", Path(folder) / "out"
         source.mkdir()
-        for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):  # nothing that an earlier build left
+        # copy only these, so that nothing from an earlier build is included
+        for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
             shutil.copy(ROOT / name, source)
         left = shutil.ignore_patterns("__pycache__", "*.egg-info", "kernels*.so", "kernels*.dll", "kernels*.dylib")
         for name in ("engine", "addon"):
@@ -169,7 +173,7 @@ def project_wheel(platform: str) -> tuple[dict[str, bytes], str]:
 
 
 def validate(path: Path) -> str:
-    """What Blender's own check says of a zip."""
+    """Run Blender's own check on a zip, and return what it says."""
     found = importlib.util.find_spec("bpy")
     scripts = found and list(Path(found.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
     if scripts:
