@@ -14,7 +14,8 @@ class Pass(NamedTuple):
     engine_name: str
     channel_ids: str
     kind: str  # how the compositor interprets it
-    switch: str = ""  # the property that switches it on: of the view layer, or of its `light_meshes` if `own`
+    switch: str = ""  # the property that switches it on: of the view layer,
+    own: bool = False  # or of the view layer's `light_meshes` (for passes that Blender does not have)
 
     @property
     def channels(self) -> int:
