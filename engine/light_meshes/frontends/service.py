@@ -3,8 +3,8 @@
 First the child writes
     {"event": "ready", "version": "0.1.0", "folder": PATH}
 where PATH is a new private folder (mode 0700) that parent and child share. The child owns the folder and removes it
-when it ends: after "quit", when its stdin closes (so it never outlives the parent), and on SIGTERM and SIGHUP. Folders of
-children that were killed are removed when another child starts.
+when it ends: after "quit", when its stdin closes (so it never outlives the parent), and on SIGTERM or SIGHUP. When a
+child starts, it removes the folders of children that were killed.
 
 Parent → child (paths are absolute, or relative to the folder; a snapshot is a folder with a scene.json, or any one
 of the scene files in a folder; passes.py lists the passes):
