@@ -56,7 +56,7 @@ class EngineGone(EngineError):  # noqa: N818  what it says, not what to call it
 
 
 def timeout() -> float:
-    """Return the seconds of silence after which an engine counts as hanging. A working engine says "alive" every
+    """Return after how many seconds of silence an engine counts as hanging; a working engine says "alive" every
     second.
     """
     text = os.environ.get("LIGHT_MESHES_TIMEOUT", "60")
@@ -107,17 +107,13 @@ class Session:
 
     @property
     def alive(self) -> bool:
-        """Return whether the process runs, and its shared folder still exists (a cleaner of temporary files may have
-        removed it).
-        """
+        """Return whether the process runs and its shared folder exists (a cleaner of temporary files may remove it)."""
         running = self._process.poll() is None and not self._closed
         return running and (self.folder is None or self.folder.is_dir())
 
     @property
     def usable(self) -> bool:
-        """Return whether another command may be sent: the process is alive and answers, and no cancelled command is
-        still running.
-        """
+        """Return whether another command may be sent: the engine answers, and no cancelled command is still running."""
         return self.alive and not self._unfinished and self._silence <= timeout()
 
     @property
@@ -147,9 +143,7 @@ class Session:
         return self._number
 
     def poll(self, seconds: float) -> dict | None:
-        """Return the next event, or None if none arrived within `seconds`. Raises EngineGone if the engine has ended or
-        hangs.
-        """
+        """Return the next event, or None if none came within `seconds`. Raises EngineGone if the engine has ended."""
         now = time.monotonic()
         if now - self._looked > 1:  # Blender was busy, or the machine asleep; there may be output that was not read yet
             self._listens_since = now
@@ -271,9 +265,7 @@ def _lines(stream) -> Iterator[str]:
 
 @contextlib.contextmanager
 def _broken_pipe_survived():
-    """Ignore SIGPIPE meanwhile. Blender, unlike the python program, keeps its default action: to write to an engine
-    that has died would end Blender.
-    """
+    """Ignore SIGPIPE. Blender leaves its default action, so that writing to an ended engine would end Blender too."""
     if not hasattr(signal, "SIGPIPE"):
         yield
         return
@@ -341,9 +333,7 @@ def _command(python: str) -> list[str]:
 
 
 def _program(name: str) -> str:
-    """Return the full path of the program `name`. A program in the current folder is found only if its path is
-    given.
-    """
+    """Return the path of the program `name`; one in the current folder is found only if its path is given."""
     if Path(name).name != name:
         return name
     for folder in os.get_exec_path():
@@ -404,9 +394,7 @@ def in_background(end_one: Callable[[], object]) -> None:
 
 
 def end() -> None:
-    """End all engines in an orderly way, and wait until they are gone. Otherwise an uninstallation would find files in
-    use.
-    """
+    """End all engines and wait until they are gone: an uninstallation must not find files in use."""
     while _sessions:
         _sessions.popitem()[1].end()
     for thread in _enders:
