@@ -160,10 +160,7 @@ class Session:
         return event
 
     def cancel(self, number: int, seconds: float) -> None:
-        """Ask the engine to cancel command `number`, and wait for this for at most `seconds`.
-
-        An engine that is still busy after that is ended in the background.
-        """
+        """Ask the engine to cancel command `number`, and wait for at most `seconds`; then end it in the background."""
         if self._ended(number, 0):
             return
         self.ask_to_cancel(number)
