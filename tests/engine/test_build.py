@@ -1,4 +1,4 @@
-"""What addon/build.py writes for each platform and Python; test_addon_installed.py installs one."""
+"""The zips that addon/build.py writes for each platform and Python; test_addon_installed.py installs one."""
 
 import importlib.util
 import tomllib

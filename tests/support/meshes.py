@@ -1,4 +1,4 @@
-"""Plain triangle meshes and a way to put them together into a `light_meshes.scene.description.Scene`."""
+"""Simple triangle meshes, and a function that combines them into a `light_meshes.scene.description.Scene`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Part:
-    """An object of the scene: one mesh, standing in one place or in several."""
+    """An object of the scene: one mesh with one or several instances."""
 
     mesh: Mesh
     material: Material = GREY
@@ -39,14 +39,14 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 
 def rectangle(low: Sequence[float], high: Sequence[float], z: float) -> Mesh:
-    """Faces +z."""
+    """Return a rectangle that faces +z."""
     (x0, y0), (x1, y1) = low, high
     vertices = np.array([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], float)
     return Mesh(vertices, np.array([(0, 1, 2), (0, 2, 3)]))
 
 
 def cylinder(radius: float, z0: float, z1: float, sides: int) -> Mesh:
-    """A closed prism around the z axis."""
+    """Return a closed prism around the z axis."""
     angle = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
     bottom, top = np.c_[ring, np.full(sides, z0)], np.c_[ring, np.full(sides, z1)]
@@ -60,7 +60,7 @@ def cylinder(radius: float, z0: float, z1: float, sides: int) -> Mesh:
 
 
 def sphere(radius: float, segments: int = 32, rings: int = 16, smooth: bool = True) -> Mesh:
-    """Around the origin, poles on z."""
+    """Return a sphere around the origin, with its poles on z."""
     theta = np.pi * np.arange(1, rings) / rings
     phi = 2 * np.pi * np.arange(segments) / segments
     t, p = np.meshgrid(theta, phi, indexing="ij")
@@ -104,14 +104,14 @@ def turn_z(angle: float) -> np.ndarray:
 
 def look_at(eye: Sequence[float], target: Sequence[float], degrees: float, width: int, height: int,
             **more: Any) -> Camera:
-    """Perspective; `degrees` is the angle over the longer side, as in Blender."""
+    """Return a perspective camera; `degrees` is the angle over the longer side, as in Blender."""
     half = np.tan(np.radians(degrees) / 2) / max(width, height)
     window = (-half * width, half * width, -half * height, half * height)
     return Camera(camera_matrix(eye, target), window, width, height, **more)
 
 
 def look_down(x: float, y: float, size: float, pixels: int, height: float = 10.0, **more: Any) -> Camera:
-    """Orthographic from above on the square of edge `size` around (x, y)."""
+    """Return an orthographic camera above the square of edge `size` around (x, y), looking down."""
     s = size / 2
     return Camera(move(x, y, height), (-s, s, -s, s), pixels, pixels, perspective=False, **more)
 
@@ -133,7 +133,7 @@ def assemble(parts: Sequence[Part], camera: Camera, lights: Sequence[Light],
     meshes = list({id(p.mesh): p.mesh for p in parts}.values())
     place = {id(m): n for n, m in enumerate(meshes)}
     used: dict[int, Material] = {}
-    for p in parts:  # a triangle's material belongs to the mesh
+    for p in parts:  # because a triangle's material belongs to the mesh
         if used.setdefault(place[id(p.mesh)], p.material) != p.material:
             raise ValueError(f"{p.name}: one mesh has one material here")
     counts = np.array([(len(m.vertices), len(m.triangles)) for m in meshes], int).reshape(-1, 2)
@@ -156,7 +156,7 @@ def assemble(parts: Sequence[Part], camera: Camera, lights: Sequence[Light],
 
 
 def joined(a: Scene, b: Scene) -> Scene:
-    """Scene a with b's objects added."""
+    """Return scene a with the objects of b added."""
     ga, gb = a.geometry, b.geometry
     return replace(a, objects=a.objects + b.objects, materials=a.materials + b.materials, geometry=replace(
         ga, vertices=np.concatenate([ga.vertices, gb.vertices]),
