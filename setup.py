@@ -1,8 +1,9 @@
-"""Compiles the engine's kernels, all C sources of the package, into shared libraries inside it.
+"""Compile the engine's kernels (all C sources of the package) into shared libraries inside the package.
 
-The compiler is zig's, a wheel that pip brings for the build, so that no machine needs one of its own. What is built is
-plain C that ctypes loads: one wheel a platform serves every Python. LIGHT_MESHES_TARGET names another platform to build
-for (a key of TARGETS in `engine/light_meshes/support/sources.py`); without it the wheel is for this machine.
+The compiler is zig's. pip installs it as a wheel for the build, so no machine needs its own compiler. The kernels are
+plain C, and ctypes loads them, so one wheel for each platform works with every Python. LIGHT_MESHES_TARGET names another
+platform to build for (a key of TARGETS in `engine/light_meshes/support/sources.py`); without it the wheel is for this
+machine.
 """
 
 import os
@@ -17,18 +18,18 @@ from setuptools.command.build_ext import build_ext
 
 HERE = Path(__file__).resolve().parent
 PACKAGE = HERE / "engine" / "light_meshes"
-sys.path.insert(0, str(PACKAGE / "support"))  # a module that imports nothing of the package, which is not built yet
+sys.path.insert(0, str(PACKAGE / "support"))  # a module that imports nothing from the package, which is not built yet
 from sources import TARGETS, Target, digest, library, sources  # noqa: E402
 
 FLAGS = [
     "-shared", "-fPIC", "-O3", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden", "-s",
-    # IEEE arithmetic, operation by operation: the same bits whatever the processor.
+    # IEEE arithmetic, operation by operation, so that every processor gives the same bits.
     "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
 ]
 
 
 def target() -> Target:
-    """The platform to build for."""
+    """Return the platform to build for."""
     machine = {"amd64": "x86_64", "aarch64": "arm64"}.get(platform.machine().lower(), platform.machine().lower())
     name = os.environ.get("LIGHT_MESHES_TARGET") or f"{sys.platform}-{machine}"
     if name not in TARGETS:
@@ -38,10 +39,10 @@ def target() -> Target:
 
 
 class Kernels(build_ext):
-    """Libraries of all C sources, one for each level of the platform's processors."""
+    """The libraries of all C sources, one for each level of the platform's processors."""
 
     def get_ext_filename(self, name: str) -> str:
-        """The library's place. No Python's version is in its name, as it knows nothing of Python."""
+        """Return the path of the library. Its name contains no Python version, because it does not depend on Python."""
         *folders, level = name.split(".")
         return str(Path(*folders, library(target().system, level)))
 
@@ -55,7 +56,8 @@ class Kernels(build_ext):
             f'-DSOURCES="{digest(PACKAGE)}"', f"-I{PACKAGE / 'support'}", "-o", str(out), *extension.sources,
             *([] if target().system == "win32" else ["-lm"]),
         ], check=True, cwd=HERE)
-        for extra in out.parent.glob("*.pdb"), out.parent.glob("*.lib"):  # what Windows' linker leaves
+        # files that the linker for Windows leaves behind
+        for extra in out.parent.glob("*.pdb"), out.parent.glob("*.lib"):
             for path in extra:
                 path.unlink()
 
@@ -64,7 +66,7 @@ class AnyPython(bdist_wheel):
     """A wheel for one platform and all Pythons."""
 
     def get_tag(self) -> tuple[str, str, str]:
-        """The tags in the wheel's name."""
+        """Return the tags in the wheel's name."""
         return "py3", "none", target().wheel
 
 

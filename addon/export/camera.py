@@ -15,8 +15,8 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
     matrix = np.array(camera.matrix_world, np.float64)
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.isfinite(matrix).all() or not scale.all():
-        raise ExportError(f"Camera '{camera.name}' is scaled to 0, or its place is no number: clear its scale (Alt S), "
-                          "and look at its constraints and drivers")
+        raise ExportError(f"Camera '{camera.name}' is scaled to 0, or its location is not a number: clear its scale "
+                          "(Alt S), and look at its constraints and drivers")
     matrix[:3, :3] /= scale  # the scale of a camera does not change its picture
     result = {
         "matrix": matrix.tolist(),

@@ -148,7 +148,7 @@ def _area(lamp, lengths, axes, report):
         if not ellipse:
             own["axes"] = [*axes[:2].tolist(), np.cross(axes[0], axes[1]).tolist()]
         if lamp.spread < math.pi - 1e-4:
-            report.warn("it is sheared: its spread is that of a lamp that is not", "Light", lamp.name)
+            report.warn("it is sheared: its spread is rendered as if it were not", "Light", lamp.name)
     return factor, own
 
 

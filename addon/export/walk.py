@@ -49,8 +49,8 @@ class Walk:
         shown_world = view_layer.world_override or scene.world
         values = settings(scene, view_layer) | _mist(shown_world, view_layer) | (overrides or {})
         if "lens_radius" in camera and values["samples"] < FEW_SAMPLES:
-            self._report.warn(f"Depth of field with Samples at {values['samples']}: what is out of focus is shown as "
-                              f"so many sharp copies; {FEW_SAMPLES} and more blur it")
+            self._report.warn(f"Depth of field with Samples at {values['samples']}: things out of focus appear as "
+                              f"so many sharp copies; with {FEW_SAMPLES} or more they are blurred")
         self._links.link(self._lamps, self._geometry.owners)
         return {
             "camera": camera,

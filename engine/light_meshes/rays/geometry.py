@@ -200,8 +200,8 @@ def _beyond(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int3
     """Return one sentence for each object that reaches farther than the tracer can."""
     far = ((np.abs(local) > FAR) & np.isfinite(local)).any(1)[triangles].any(1)
     objects = np.unique(scene.geometry.instance_object[instance[far]])
-    return [f"object '{scene.objects[o].name}': what of it is more than a hundred thousand million views away is left "
-            "out: look for a mistyped location or scale" for o in objects.tolist()]
+    return [f"object '{scene.objects[o].name}': parts of it are more than a hundred thousand million views away and "
+            "are left out: look for a mistyped location or scale" for o in objects.tolist()]
 
 
 def surface(s: Surfaces, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],

@@ -34,6 +34,6 @@ def sliver_warnings(scene: Scene, vertices: NDArray[np.float32], triangles: NDAr
     slow = np.flatnonzero(count >= MANY)
     x, y, z = (high[slow] - low[slow]).T
     share = area[slow] / (2 * (x * y + y * z + z * x))
-    return [f"object '{scene.objects[o].name}': {count[o]:,} of its triangles are long, thin and slanted, and a ray by "
-            f"it must look at about {n:,.0f} of them: rendering is slow; cut them across into shorter pieces"
+    return [f"object '{scene.objects[o].name}': {count[o]:,} of its triangles are long, thin and slanted, and a ray "
+            f"near it must test about {n:,.0f} of them: rendering is slow; cut them across into shorter pieces"
             for o, n in zip(slow.tolist(), share.tolist(), strict=True) if n >= MANY]
