@@ -1,9 +1,9 @@
 """Compile the engine's kernels (all C sources of the package) into shared libraries inside the package.
 
 The compiler is zig's. pip installs it as a wheel for the build, so no machine needs its own compiler. The kernels are
-plain C, and ctypes loads them, so one wheel for each platform works with every Python. LIGHT_MESHES_TARGET names another
-platform to build for (a key of TARGETS in `engine/light_meshes/support/sources.py`); without it the wheel is for this
-machine.
+plain C, and ctypes loads them, so one wheel for each platform works with every Python. LIGHT_MESHES_TARGET names
+another platform to build for (a key of TARGETS in `engine/light_meshes/support/sources.py`); without it the wheel is
+for this machine.
 """
 
 import os
