@@ -8,7 +8,7 @@ inside the planes through the light and the solid's silhouette. So the tests "th
 from __future__ import annotations
 
 import numpy as np
-from meshes import Mesh
+from light_meshes import Mesh
 
 
 def shadow_volume(solid: Mesh, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
