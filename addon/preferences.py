@@ -7,8 +7,9 @@ from . import session
 
 def _python_changed(preferences, context):
     if preferences.python.startswith("//"):
-        # Blender's file browser may give a path by the open file's folder. Another file does not choose another Python.
-        preferences.python = bpy.path.abspath(preferences.python)  # comes back here
+        # Blender's file browser may give a path relative to the open file. It must not mean another Python when another
+        # file is open.
+        preferences.python = bpy.path.abspath(preferences.python)  # this calls this function again
     else:
         session.set_python(preferences.python)
 
@@ -30,8 +31,8 @@ class LightMeshesPreferences(bpy.types.AddonPreferences):
 def register() -> None:
     bpy.utils.register_class(LightMeshesPreferences)
     session.set_installed(__package__.startswith("bl_ext."))
-    # Read now, because a render must not touch the context. Without an entry the add-on was
-    # registered by a script, not enabled by a user.
+    # This is read at registration, because a render must not use the context. There is no entry if a script, and not a
+    # user, registered the add-on.
     addon = bpy.context.preferences.addons.get(__package__)
     if addon and addon.preferences:
         _python_changed(addon.preferences, None)
