@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from . import console, observers, passes, session
+from . import console, engine_python, observers, passes, session
 from .cryptomatte import metadata
 from .export import border, export
 from .export.snapshot import handing_over
@@ -120,7 +120,7 @@ class Job:
         """
         if not self._folder:
             self._say("Starting the engine")
-            session.set_temporary(temporary_folder())
+            engine_python.set_temporary(temporary_folder())
             self._session = session.current(self._purpose)
             while not self._session.folder:
                 self._poll()
@@ -137,7 +137,7 @@ class Job:
                 if not event or event.get("id") != number:
                     continue  # no event, or one of an earlier command that was cancelled
                 if event["event"] == "error":
-                    raise session.EngineError(session.lacks_package(self._session.python, event["message"])
+                    raise session.EngineError(engine_python.lacks_package(self._session.python, event["message"])
                                               or f"Light Meshes: {event['message']}", self._session.log)
                 if event["event"] in session.LAST_EVENTS:
                     return event

@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import session
+from . import engine_python
 
 
 def _python_changed(preferences, context):
@@ -11,7 +11,7 @@ def _python_changed(preferences, context):
         # file is open.
         preferences.python = bpy.path.abspath(preferences.python)  # this calls this function again
     else:
-        session.set_python(preferences.python)
+        engine_python.set_python(preferences.python)
 
 
 class LightMeshesPreferences(bpy.types.AddonPreferences):
@@ -30,7 +30,7 @@ class LightMeshesPreferences(bpy.types.AddonPreferences):
 
 def register() -> None:
     bpy.utils.register_class(LightMeshesPreferences)
-    session.set_installed(__package__.startswith("bl_ext."))
+    engine_python.set_installed(__package__.startswith("bl_ext."))
     # This is read at registration, because a render must not use the context. There is no entry if a script, and not a
     # user, registered the add-on.
     addon = bpy.context.preferences.addons.get(__package__)

@@ -7,7 +7,6 @@ it never outlives Blender, whatever ends Blender.
 
 import collections
 import contextlib
-import errno
 import json
 import os
 import queue
@@ -15,22 +14,13 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from . import console, events
+from . import console, engine_python, events
 
-MODULE = "light_meshes.frontends.service"
-# Remove the current folder, which Python's -m puts first in the path: nothing in it may be run. This works in every
-# Python; the option -P does not.
-_START = f"import sys; sys.path[:] = [p for p in sys.path if p]; import runpy; runpy.run_module({MODULE!r}, " \
-    "run_name='__main__')"
-# Blender's own Python searches for packages where Blender does. With only Blender's path it finds the packages of
-# extensions, and none that the user has for another Python.
-_OWN_START = f"import sys; sys.path[:] = dict.fromkeys(sys.argv[1:] + sys.path); {_START}"
 POLITENESS = 5  # POSIX niceness of a polite engine
 LAST_EVENTS = events.LAST
 # Likely reasons for a signal that ended the engine.
@@ -73,7 +63,7 @@ class Session:
     """
 
     def __init__(self, python: str, polite: bool = False) -> None:
-        self.python, self.temporary = python, _temporary
+        self.python, self.temporary = python, engine_python.temporary()
         self.folder: Path | None = None  # shared with the engine; known once the engine is ready
         self.keeps = False  # whether it keeps what it prepared for the last render, for the next one
         self._number = 0
@@ -88,8 +78,8 @@ class Session:
         try:
             # No other process has the other ends of the pipes, because close_fds is subprocess's default.
             self._process = subprocess.Popen(
-                _command(python), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                env=_environment(), text=True, encoding="utf-8", errors="replace",
+                engine_python.command(python), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                env=engine_python.environment(), text=True, encoding="utf-8", errors="replace",
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
                 | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if polite else 0),
             )
@@ -252,7 +242,7 @@ class Session:
             self._process.wait()
         self._readers[1].join(1.0)  # the last lines of the log give the reason
         log = self.log
-        lacking = lacks_package(self.python, log)
+        lacking = engine_python.lacks_package(self.python, log)
         if lacking:
             return EngineError(lacking, log)
         code = self._process.returncode
@@ -286,97 +276,19 @@ def _broken_pipe_survived():
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def lacks_package(python: str, text: str) -> str:
-    """Return the sentence for a missing package if `text` reports a failed import, and an empty string otherwise."""
-    found = re.search(r"No module named '?([\w.]+)'?", text)
-    if not found:
-        return ""
-    how = f"Install the engine with '{python} -m pip install light-meshes'"
-    if _installed and python == sys.executable:
-        how = f"Install the add-on's zip for this system and Python {sys.version_info[0]}.{sys.version_info[1]}"
-    return (f"The Light Meshes engine cannot start: {python} has no package '{found[1].split('.')[0]}'. {how}, "
-            "or choose another Python in the add-on's preferences")
-
-
 # The purposes of engines. Each purpose has its own engine, because different threads use them.
 RENDER, PREVIEW, MEASURE = "render", "preview", "measure"
 
-_python = ""
-_installed = False
-_temporary = ""
 _sessions: dict[str, Session] = {}
 _enders: list[threading.Thread] = []
 statistics: dict = {}  # of the last render: the engine's figures, and its "scene" and "frame"
 
 
-def set_python(python: str) -> None:
-    """Remember the Python that the artist chose; an empty string means Blender's own."""
-    global _python
-    _python = python
-
-
-def engine_python() -> str:
-    """Return the Python that runs the engine."""
-    return os.environ.get("LIGHT_MESHES_PYTHON") or _python or sys.executable
-
-
-def set_installed(installed: bool) -> None:
-    """Remember whether the add-on was installed from a zip, which contains the engine as well."""
-    global _installed
-    _installed = installed
-
-
-def set_temporary(folder: str) -> None:
-    """Remember the folder in which new engines make their folders; it is the one in Blender's preferences."""
-    global _temporary
-    _temporary = folder
-
-
-def _command(python: str) -> list[str]:
-    if python != sys.executable:
-        return [_program(python), "-c", _START]
-    named, here = _python_path(), os.path.realpath(_current_folder())
-    paths = [p for p in sys.path if p and Path(p).exists() and (p in named or os.path.realpath(p) != here)]
-    return [python, "-I", "-c", _OWN_START, *(str(Path(p).absolute()) for p in paths)]
-
-
-def _program(name: str) -> str:
-    """Return the full path of the program `name`. A program in the current folder is found only if its path is
-    given.
-    """
-    if Path(name).name != name:
-        return name
-    for folder in os.get_exec_path():
-        found = Path(folder).is_absolute() and shutil.which(str(Path(folder, name)))
-        if found:
-            return found
-    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
-
-
-def _current_folder() -> str:
-    try:
-        return os.getcwd()  # noqa: PTH109
-    except OSError:  # the folder was removed
-        return ""
-
-
-def _python_path() -> list[str]:
-    """Return the folders in PYTHONPATH, without empty entries and ".", which would mean the current folder."""
-    return [p for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p and os.path.normpath(p) != os.curdir]
-
-
-def _environment() -> dict[str, str]:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(_python_path())}  # an empty value counts as not set
-    if _temporary:
-        environment["TMPDIR"] = _temporary  # also on Windows this comes before TEMP
-    return environment
-
-
 def current(purpose: str = RENDER) -> Session:
     """Return the engine for `purpose`, and start it if necessary. It may not be ready yet; poll it."""
-    python = engine_python()
+    python = engine_python.chosen()
     session = _sessions.get(purpose)
-    if session and not (session.usable and session.python == python and session.temporary == _temporary):
+    if session and not (session.usable and session.python == python and session.temporary == engine_python.temporary()):
         discard(purpose)
     if purpose not in _sessions:
         _sessions[purpose] = Session(python)

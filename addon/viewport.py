@@ -22,7 +22,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import console, screen, session, view
+from . import console, engine_python, screen, session, view
 from .export import ExportError, camera
 from .export.scenes import Scenes
 from .export.snapshot import handing_over
@@ -113,8 +113,8 @@ class Viewport:
 
     def _go_on(self, context, depsgraph) -> None:
         if not self._session:
-            session.set_temporary(temporary_folder())
-            self._session = session.Session(session.engine_python(), polite=True)
+            engine_python.set_temporary(temporary_folder())
+            self._session = session.Session(engine_python.chosen(), polite=True)
             self._say("Starting the engine")
         if (self._exporting or self._differs) and not self._session.alive:
             raise self._session.gone()  # it ended while idle; a new one gets the request
@@ -241,7 +241,7 @@ class Viewport:
         if not (self._exporting or self._differs):
             self._failed = True
         assert self._session
-        self._tell(session.lacks_package(self._session.python, message) or f"Light Meshes: {message}")
+        self._tell(engine_python.lacks_package(self._session.python, message) or f"Light Meshes: {message}")
 
     def _show(self, event: dict) -> None:
         last = self._asked
