@@ -48,8 +48,7 @@ def penumbra(scene: Scene) -> NDArray[np.bool_]:
     partly = np.zeros(len(seen.P), np.bool_)
     step = max(64, SHADED // max(1, len(scene.lights)))
     for i in range(0, len(seen.P), step):
-        S = ready.light_visibility(seen.P[i:i + step], seen.Ng[i:i + step])
-        S = S if S.ndim == 2 else S.mean(2)
+        S = ready.light_visibility(seen.P[i:i + step], seen.Ng[i:i + step]).mean(2)
         partly[i:i + step] = (((S > LOW) & (S < HIGH)) | (S > 2 - HIGH)).any(1)
     mask = np.zeros(len(hit), np.bool_)
     mask[hit] = partly

@@ -15,6 +15,7 @@ import numpy as np
 from ..rays.camera import depth
 from ..shadows.casters import Casters, Group, union
 from ..shadows.radius import EVEN, MOST
+from ..shadows.registry import KINDS
 from ..support.bits import has, mask_of
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def measured_h(ready: Prepared) -> float:
 def automatic(ready: Prepared, h: float, kI: float) -> Step:
     """The step for radii as they are, where the camera alone would have `h`."""
     lights, soft = ready.scene.lights, union(ready.casters.soft, len(ready.scene.lights))
-    if ready.scene.settings.shadows != "LIGHT_MESHES" or not ready.casters.soft:
+    if not KINDS[ready.scene.settings.shadows].lattice or not ready.casters.soft:
         return Step(h, kI, {}, "")
     r = {i: ready.own_radii.get(i, h * kI) for i in range(len(lights)) if has(soft, i)}
     if min(r.values()) >= EVEN * h and max(r.values()) <= MOST * h:

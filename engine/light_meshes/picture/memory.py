@@ -19,6 +19,7 @@ from ..film.passes import letters
 from ..rays.camera import depth
 from ..scene.description import Scene
 from ..scene.errors import SceneError
+from ..shadows.registry import KINDS
 from ..support import processors
 from ..surface import textures
 
@@ -53,7 +54,7 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
     rays = min(most, pixels * scene.settings.samples / (4 * threads))
     shaded = min(rays * lights, 1 << 22)  # receivers × lights at once
     work = rays * RAY + shaded * (LIT + 8 * glass)
-    if scene.settings.shadows == "LIGHT_MESHES":
+    if KINDS[scene.settings.shadows].lattice:
         near = 2 * np.pi / 3 * scene.settings.kI**3  # nodes of a receiver; a batch shares most of them
         work += min(rays * near, 1 << 20) * CANDIDATE + 3 * shaded * (24 if glass else 0.5)
     return [

@@ -17,14 +17,15 @@ from ..rays.camera import camera_rays, filter_offsets
 from ..rays.geometry import Hits, flatten, surface
 from ..rays.tracer import Tracer
 from ..scene.description import Camera, Scene
+from ..shadows import pairs, registry
 from ..shadows import radius as light_size
-from ..shadows.area_sampling import AreaSampling
-from ..shadows.casters import Group, casters, union
+from ..shadows.casters import casters, union
+from ..shadows.meshes.averaging import classes
 from ..shadows.meshes.certificate import Certificate, certificate
 from ..shadows.meshes.lattice import lattice
-from ..shadows.meshes.semitransparent import Refraction, SemitransparentMeshes, SharpThrough
+from ..shadows.method import LatticeSetup, Method, Nodes, Receivers, Refraction, Setup, Through
+from ..shadows.registry import KINDS, NONE
 from ..shadows.terminator import Terminator
-from ..shadows.visibility import LightMeshes, Sharp, Unshadowed
 from ..support import processors
 from ..support.bits import has
 from ..support.statistics import Statistics
@@ -50,6 +51,8 @@ class Prepared:
         self.stats = Statistics()
         self.passes = tuple(passes)
         light_size.check(scene.settings)
+        registry.check(scene.settings)
+        kind = KINDS[scene.settings.shadows]
         parts = memory.before(dataclasses.replace(scene, camera=camera or scene.camera), passes)
         memory.check(parts)
         with self.stats.stage("geometry"):
@@ -66,9 +69,10 @@ class Prepared:
         self.glass = reuse.interfaces(self, previous) or Interfaces(scene, self.surfaces, self.textures)
         check()
         with self.stats.stage("accelerator"):
-            full = scene.settings.refraction == "FULL" and scene.settings.shadows != "AREA_SAMPLING"
+            full = scene.settings.refraction == "FULL" and kind.bends
             bent = self.glass.bending & full
-            self.casters = casters(scene, self.surfaces, bent)
+            self.casters = casters(scene, self.surfaces, bent, kind.soft and scene.settings.mode != "LOCAL",
+                                   kind.lattice)
             self.tracer = Tracer(scene, self.surfaces, self.glass.lets_through, bent, self.casters.sets,
                                  reuse.tracer(self, previous), self.glass.stacks)
         check()
@@ -93,7 +97,7 @@ class Prepared:
         self.radii: dict[int, float] = {}  # r of lights that have one of their own
         self.certificate: Certificate | None = None
         self.visibility = self._visibility(previous)
-        if isinstance(self.visibility, LightMeshes):
+        if self.visibility.nodes is not None:
             parts.append(memory.nodes(self))
         self.warnings += memory.check(parts)
         self.memory = memory.expected(parts)  # bytes
@@ -114,21 +118,13 @@ class Prepared:
         self.holdout = np.array([o.holdout for o in scene.objects], np.bool_)
         self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
 
-    def _visibility(self, previous: Prepared | None) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
+    def _visibility(self, previous: Prepared | None) -> Method:
         scene, s = self.scene, self.scene.settings
-        if self.plan.shadows == "NONE":
-            return Unshadowed(scene.lights)
-        needed = scene.lights, self.lights.targets(), self.tracer, self.stats
-        through = self.glass.factor, self.plan.channels, self.refraction
-
-        def sharp(groups: tuple[Group, ...]) -> Sharp | SharpThrough:
-            return SharpThrough(*needed, groups, *through) if self.plan.channels else Sharp(*needed, groups)
-
-        if self.plan.shadows == "SHARP":
-            return sharp(self.casters.whole)
-        if self.plan.shadows == "AREA_SAMPLING":
-            edges = sharp(self.casters.sharp) if self.casters.sharp else None
-            return AreaSampling(*needed, self.casters, sharp(self.casters.whole), edges, s.light_samples, s.seed)
+        through = Through(self.plan.channels, self.glass.factor, self.refraction, self.glass.cutouts)
+        setup = Setup(scene.lights, self.lights.targets(), self.tracer, self.stats, self.casters, s,
+                      KINDS[s.shadows].own(s), through, None)
+        if not self.plan.kind.lattice:
+            return self.plan.kind.make(setup)
         own = self.own_radii
         steps, sentences = light_size.steps(self, own)
         suits = self.measured_h or automatic_step.measured_h(self)
@@ -140,11 +136,8 @@ class Prepared:
         if self.plan.certificate:
             self._certify(previous, s.h * float(reach[-1]))
         ring = np.searchsorted(reach, np.minimum(steps, reach[-1]))
-        how = self.casters, nodes, ring, s.weights == "SMOOTH"
-        if self.plan.channels:
-            return SemitransparentMeshes(*needed, *how, self.plan.uniform_skip, self.certificate, *through,
-                                         s.glass == "BOUNDED", self.glass.cutouts)
-        return LightMeshes(*needed, *how, self.plan.uniform_skip, self.certificate)
+        return self.plan.kind.make(setup._replace(lattice=LatticeSetup(
+            nodes, classes(ring, nodes.h * nodes.reach, soft), self.certificate, self.plan.uniform_skip)))
 
     def _certify(self, previous: Prepared | None, r: float) -> None:
         """Make the certificate, if there are bodies."""
@@ -191,14 +184,14 @@ class Prepared:
                 for light, n in zip(self.scene.lights, most, strict=True) if n]
 
     @property
-    def soft(self) -> LightMeshes:
+    def soft(self) -> Nodes:
         """The light meshes, where the plan has them."""
-        assert isinstance(self.visibility, LightMeshes)
-        return self.visibility
+        assert self.visibility.nodes is not None
+        return self.visibility.nodes
 
     def light_visibility(self, P: NDArray[np.float64], N: NDArray[np.float64],
                          triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
-        """S_i (n,L) of all lights in front of receivers P with unit geometric normals N, both (n,3).
+        """S_i (n,L,C) of all lights in front of receivers P with unit geometric normals N, both (n,3).
 
         triangle (n,): that they are on; None: on surfaces that every light lights and soft shadows fall on.
         """
@@ -210,7 +203,8 @@ class Prepared:
             active[:, i >> 6] |= facing[:, i].astype(np.uint64) << np.uint64(i & 63)
         if triangle is not None and self.linked is not None:
             active &= self.linked[self.owner(triangle)]
-        return self.visibility(np.ascontiguousarray(P), np.ascontiguousarray(N), active, lambda: None, triangle)
+        return self.visibility(Receivers(np.ascontiguousarray(P), np.ascontiguousarray(N), active, triangle),
+                               lambda: None)
 
     def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
         """Objects (n,) that triangles (n,) belong to."""
@@ -285,18 +279,16 @@ class Prepared:
         lit = np.empty((len(hits.P), 3))
         lit[:] = self.scene.settings.ambient * np.array(self.scene.world_color)
         full = lit.copy()
-        unshadowed = Unshadowed(self.scene.lights)
         for part, some, active, S in self.lit(hits, direction, white, np.ones_like(lit), False, check, work):
             with self.stats.stage("shading"):
                 shading.gather(some, S, lit[part])
-                V = unshadowed(hits.P[part], hits.Ng[part], active, check)
-                shading.gather(some, V[..., None], full[part])
+                shading.gather(some, pairs.seen(active, len(self.scene.lights)), full[part])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
     def lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
             check: Callable[[], None], work: NDArray | None, lights: NDArray[np.uint64] | None = None,
-            visibility: Unshadowed | None = None) -> Iterator[tuple[slice, shading.Lit, NDArray, NDArray]]:
+            visibility: Method | None = None) -> Iterator[tuple[slice, shading.Lit, NDArray, NDArray]]:
         """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of the hits, batch by batch.
 
         None without lights. lights (W,): those that count; None: all. visibility: another than the plan's.
@@ -317,16 +309,11 @@ class Prepared:
                     shading.unlink(self.linked, self.owner(some.triangle), active)
                 if lights is not None:
                     active &= lights
-            if lift is not None and self.plan.shadows != "NONE" and visibility is None:
+            if lift is not None and self.plan.shadows != NONE and visibility is None:
                 with self.stats.stage("shadow terminator"):
                     self.terminator.clear(lift, some, self.lights.targets(), active, self.closest)
-            where = some.P, some.Ng, active, check, some.triangle, lift
-            if visibility is not None:
-                S = visibility(*where)
-            elif work is not None and isinstance(self.visibility, LightMeshes):
-                S = self.visibility(*where, work[part])
-            else:
-                S = self.visibility(*where)
-            S = S.reshape(*S.shape[:2], -1)
+            method = visibility or self.visibility
+            probe = work[part] if work is not None and self.plan.kind.counts else None
+            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift), check, probe)
             self.terminator.fade(some, self.lights.targets(), S)
             yield part, lit, active, S

@@ -164,7 +164,7 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
     }
     for name in ("camera_rays", "secondary_rays", "shadow_rays"):
         report[name] = counts[name]
-    if ready.plan.shadows == "LIGHT_MESHES":
+    if ready.plan.kind.lattice:
         lit = ready.soft
         vertices = ready.surfaces.vertices
         finite = np.isfinite(vertices).all(1)[:, None]

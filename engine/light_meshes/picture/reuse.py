@@ -20,7 +20,6 @@ from ..rays.geometry import Surfaces, same_frame
 from ..rays.tracer import ULPS, Tracer
 from ..scene.description import Camera, Scene
 from ..shadows.meshes.certificate import Certificate
-from ..shadows.visibility import LightMeshes
 from ..support.native import kernel
 
 if TYPE_CHECKING:
@@ -123,9 +122,9 @@ def nodes(new: Prepared, old: Prepared | None) -> int:
     A value is that of a node and a light. It stays unless the light is another, or the segment between them may meet
     the box of a caster that came, went or changed.
     """
-    if not (old and isinstance(old.visibility, LightMeshes) and isinstance(new.visibility, LightMeshes)):
+    if not (old and old.visibility.nodes and new.visibility.nodes):
         return 0
-    store = old.visibility.store
+    store = old.visibility.nodes.store
     if store.bytes > KEPT_BYTES or _store_key(new) != _store_key(old):
         return 0
     store.mend()
@@ -133,12 +132,12 @@ def nodes(new: Prepared, old: Prepared | None) -> int:
     boxes = np.zeros((0, 2, 3)) if unchanged else _changed(new, old)
     source = _columns(new, old)
     if not len(boxes) and len(new.scene.lights) == len(old.scene.lights) and (source == np.arange(len(source))).all():
-        new.visibility.take(old.visibility)
+        new.visibility.nodes.take(old.visibility.nodes)
     elif new.plan.paths:
         return 0
     else:
-        new.visibility.store.inherit(store, source, lambda nodes, known: _forget_near(old, boxes, nodes, known))
-    return new.visibility.store.count
+        new.visibility.nodes.store.inherit(store, source, lambda nodes, known: _forget_near(old, boxes, nodes, known))
+    return new.visibility.nodes.store.count
 
 
 def _store_key(ready: Prepared) -> tuple:

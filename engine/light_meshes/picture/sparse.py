@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 from ..rays.camera import camera_rays, coarser
 from ..rays.geometry import Hits
 from ..shadows.casters import smooth_lights
-from ..shadows.visibility import Check, Unshadowed
+from ..shadows.method import Check
+from ..shadows.unshadowed import Unshadowed
 from ..support.bits import mask_of
 from ..support.native import kernel
 from ..surface import shading
@@ -97,12 +98,12 @@ class Sparse:
 
     def _typical(self) -> float:
         """The picture's light; of its brightest channel."""
-        ready, m = self._ready, self._ready.materials
+        ready, m, lights = self._ready, self._ready.materials, len(self._ready.scene.lights)
         direction, hits = ready.coarse_view()
         matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
         light = np.zeros((len(hits.P), 3))
         for part, lit, _, S in ready.lit(hits, direction, matt, np.ones_like(light), False, lambda: None, None,
-                                         visibility=Unshadowed(ready.scene.lights)):
+                                         visibility=Unshadowed(lights)):
             shading.gather(lit, S, light[part])
         brightest = light.max(1)
         return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
