@@ -23,8 +23,8 @@ _AT_FIRST: dict[str, Callable[[Prepared, Hits], NDArray]] = {
     "Position": lambda ready, hits: hits.P,
     "Normal": lambda ready, hits: hits.Ns,
     "UV": lambda ready, hits: np.concatenate([hits.uv, np.ones((len(hits.uv), 1))], axis=1),
-    "Object Index": lambda ready, hits: ready.object_index[ready.owner(hits.triangle), None],
-    "Material Index": lambda ready, hits: ready.material_index[hits.material, None],
+    "Object Index": lambda ready, hits: ready.numbers.object_index[ready.world.owner(hits.triangle), None],
+    "Material Index": lambda ready, hits: ready.numbers.material_index[hits.material, None],
 }
 
 
@@ -68,7 +68,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     """Trace and shade rays of one kind; returns the rays that go on, by kind. first: the tile, where it begins."""
     settings, plan = ready.scene.settings, ready.plan
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
-        hit, hits = ready.closest(kind, rays["origin"], rays["direction"], rays.get("normal"), reach,
+        hit, hits = ready.world.closest(kind, rays["origin"], rays["direction"], rays.get("normal"), reach,
                                   passed=(rays["start"], rays["last"]) if "last" in rays else None)
     rays = {name: a for name, a in rays.items() if name not in ("origin", "normal")}  # done with
     if not hit.all():
@@ -89,7 +89,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             _first(ready, tile, rays["pixel"], hits, seen)
             _layer(ready, tile, rays, hits, np.ones(len(hits.P)))
         if plan.reflections:
-            bounced = rays["weight"] * ready.materials.mirror[hits.material]
+            bounced = rays["weight"] * ready.world.materials.mirror[hits.material]
             children += _going(ready, "reflection", _as(REFLECTED, rays), hits, bounced, None, 1)
         return children
     alpha = ready.glass.alpha(hits)
@@ -127,13 +127,12 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
     """Add the light of surfaces that rays hit; returns the shadow passes there. first: as in `_wave`."""
     work = tile.work(len(weight))
     if first and ready.sparse:
-        colour, terms, shadows = ready.sparse.direct(hits, rays["direction"], rays["pixel"], first, check, tile.parts,
-                                                     work)
+        light = ready.sparse.direct(hits, rays["direction"], rays["pixel"], first, check, tile.parts, work)
     else:
-        colour, terms, shadows = ready.direct(hits, rays["direction"], check, tile.parts, kind == "camera", work)
-    tile.add_light(rays, weight, colour, terms)
+        light = ready.lighting.direct(hits, rays["direction"], check, tile.parts, kind == "camera", work)
+    tile.add_light(rays, weight, light.colour, light.terms)
     tile.add_work(rays["pixel"], work)
-    return shadows
+    return light.shadows
 
 
 def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
@@ -142,16 +141,16 @@ def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
 
     Returns what is left, and the rays that go on.
     """
-    owner, alpha = ready.owner(hits.triangle), ready.glass.alpha(hits)[:, None]
-    holdout = ready.holdout[owner]
-    catcher = np.flatnonzero(ready.catcher[owner] & ~holdout)
+    owner, alpha = ready.world.owner(hits.triangle), ready.glass.alpha(hits)[:, None]
+    holdout = ready.numbers.holdout[owner]
+    catcher = np.flatnonzero(ready.numbers.catcher[owner] & ~holdout)
     tile.take_alpha(rays["pixel"][holdout], (rays["weight"] * alpha)[holdout])
     left = np.zeros_like(rays["weight"])
     if len(catcher):
         work = tile.work(len(catcher))
-        left[catcher] = ready.shadow_ratio(hits.at(catcher), rays["direction"][catcher], check, work)
+        left[catcher] = ready.lighting.shadow_ratio(hits.at(catcher), rays["direction"][catcher], check, work)
         tile.add_work(rays["pixel"][catcher], work)
-    gone = ready.holdout[owner] | ready.catcher[owner]
+    gone = ready.numbers.holdout[owner] | ready.numbers.catcher[owner]
     if "left" in rays:
         rays["left"] = np.where(holdout, rays["left"] * (1 - alpha[:, 0]), rays["left"])
     weight = rays["weight"] * (1 - alpha + alpha * left)  # cut-outs let pass
@@ -209,8 +208,8 @@ def _layer(ready: Prepared, tile: Tile, rays: Rays, hits: Hits, opacity: NDArray
         return
     coverage = rays["left"] * opacity
     for kind in tile.mattes.wanted:
-        index = hits.material if kind == "CryptoMaterial" else ready.owner(hits.triangle)
-        tile.mattes.add(kind, rays["pixel"], ready.cryptomatte[kind][index], coverage)
+        index = hits.material if kind == "CryptoMaterial" else ready.world.owner(hits.triangle)
+        tile.mattes.add(kind, rays["pixel"], ready.numbers.cryptomatte[kind][index], coverage)
     if "Mist" in tile.samples:
         s = ready.scene.settings
         away = np.linalg.norm(hits.P - ready.scene.camera.matrix[:3, 3], axis=1)

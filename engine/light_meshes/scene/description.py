@@ -7,7 +7,7 @@ on column vectors, angles are in radians. Nothing here knows of Blender, of file
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -219,3 +219,14 @@ class Scene:
 def names_of(cls: type) -> dict[str, Any]:
     """Field name → default of a description class, in order."""
     return {f.name: f.default for f in fields(cls)}
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two descriptions have the same contents."""
+    if a is b:
+        return True
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b)
+    if is_dataclass(a):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return bool(a == b)
