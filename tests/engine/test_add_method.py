@@ -1,13 +1,6 @@
 """A shadow method is one file, and its name in one line elsewhere: the recipe of docs/developers.md, followed."""
 
-import difflib
-import os
-import re
-import shutil
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
@@ -17,52 +10,22 @@ from light_meshes.scene import snapshot
 from light_meshes.scene.description import SHADOWS, Settings
 from light_meshes.scene.errors import SceneError
 from light_meshes.shadows import registry
+from recipes import changes, copied, run, shown
 from scenes import four_lights, with_settings
-
-ROOT = Path(__file__).parents[2]
-PACKAGE = ROOT / "engine" / "light_meshes"
-
-
-def recipe():
-    """The file of the recipe: the Python that the page shows."""
-    text = (ROOT / "docs" / "developers.md").read_text(encoding="utf-8")
-    part = text[text.index("## Add a shadow method"):text.index("## Add a kernel")]
-    shown = re.search(r"( *)```python\n(.*?)```", part, re.S)
-    return re.sub(rf"^{shown[1]}", "", shown[2], flags=re.M)
-
-
-def lines(folder):
-    return {path.relative_to(folder): path.read_text(encoding="utf-8").splitlines()
-            for path in folder.rglob("*") if path.suffix in {".py", ".c", ".h"}}
 
 
 @pytest.fixture(scope="module")
 def extended(tmp_path_factory):
     """A copy of the engine, with the method."""
-    package = tmp_path_factory.mktemp("engine") / "light_meshes"
-    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
-    (package / "shadows" / "half.py").write_text(recipe(), encoding="utf-8")
-    description = package / "scene" / "description.py"
-    text = description.read_text(encoding="utf-8")
-    named = re.sub(r"^(SHADOWS = \(.*)\)", r'\1, "HALF")', text, flags=re.M)
-    assert named != text
-    description.write_text(named, encoding="utf-8")
-    return package
-
-
-def run(package, *arguments):
-    script = "import sys; from light_meshes import cli; print(cli.__file__); sys.exit(cli.main())"
-    done = subprocess.run([sys.executable, "-c", script, *map(str, arguments)], capture_output=True, text=True,
-                          env=os.environ | {"PYTHONPATH": str(package.parent)}, timeout=120)
-    assert not done.stdout or str(package) in done.stdout  # the copy, and not the engine that is installed
-    return done
+    names = ", ".join(f'"{name}"' for name in SHADOWS)
+    return copied(tmp_path_factory.mktemp("engine"), {"shadows/half.py": shown("Add a shadow method", "python")},
+                  [("scene/description.py", f"SHADOWS = ({names})", f'SHADOWS = ({names}, "HALF")')])
 
 
 def test_it_is_one_new_file_and_at_most_two_lines_elsewhere(extended):
-    before, after = lines(PACKAGE), lines(extended)
-    assert set(after) - set(before) == {Path("shadows/half.py")} and set(before) <= set(after)
-    changed = [line for name in before for line in difflib.ndiff(before[name], after[name]) if line.startswith("+ ")]
-    assert 1 <= len(changed) <= 2, changed
+    files, lines = changes(extended)
+    assert files == {"shadows/half.py"}
+    assert 1 <= len(lines) <= 2, lines
 
 
 @pytest.mark.parametrize("share", [None, 0.25])
@@ -76,6 +39,16 @@ def test_it_renders(extended, tmp_path, share):
     found = oiio.ImageBuf(str(tmp_path / "half.exr")).get_pixels(oiio.FLOAT)[::-1]
     assert full[..., :3].max() > 0.1
     np.testing.assert_allclose(found[..., :3], (share or 0.5) * full[..., :3], rtol=1e-5)
+
+
+def test_a_snapshot_holds_its_setting(extended, tmp_path):
+    scene = with_settings(four_lights(8), method={"share": 0.25})
+    snapshot.write(scene, tmp_path / "scene")
+    assert snapshot.read(tmp_path / "scene").settings == scene.settings
+    done = run(extended, "render", tmp_path / "scene", "-o", tmp_path / "x.exr", "--set", "shadows=HALF")
+    assert done.returncode == 0, done.stderr
+    done = run(extended, "render", tmp_path / "scene", "-o", tmp_path / "x.exr")  # of another method
+    assert done.returncode == 1 and "method of LIGHT_MESHES: there is no property 'share'" in done.stderr
 
 
 @pytest.mark.parametrize(("setting", "sentence"), [

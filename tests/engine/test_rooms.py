@@ -14,7 +14,7 @@ import pytest
 PACKAGE = Path(__file__).parents[2] / "engine" / "light_meshes"
 # From the top down.
 ORDER = ["cli", "bench", "frontends", "picture", "shadows", "shadows.meshes", "glass", "surface", "film", "rays",
-         "scene", "support"]
+         "lights", "scene", "support"]
 LEVEL = {room: level for level, room in enumerate(ORDER)}
 
 
@@ -46,10 +46,10 @@ def imported(name, path, known):
 def graph():
     known = modules()
     edges = {name: set(imported(name, path, known)) - {name} for name, path in known.items()}
-    # The registry finds the methods' files by their names.
-    methods = {f"shadows.{p.stem}" for p in (PACKAGE / "shadows").glob("*.py") if "\nKIND = " in p.read_text("utf-8")}
-    assert len(methods) >= 4
-    edges["shadows.registry"] |= methods
+    for folder in ("shadows", "lights"):  # their registries find the files of methods and types by their names
+        kinds = {f"{folder}.{p.stem}" for p in (PACKAGE / folder).glob("*.py") if "\nKIND = " in p.read_text("utf-8")}
+        assert len(kinds) >= 4
+        edges[f"{folder}.registry"] |= kinds
     return edges
 
 

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..lights.registry import KINDS
 from ..rays.camera import depth
 from ..scene.description import same
 from ..shadows.radius import magnified, radius
@@ -40,7 +41,7 @@ class Measured:
         own = {i: light.soft_radius for i, light in enumerate(lights) if light.softness == "RADIUS"}
         sized = [i for i, light in enumerate(lights) if light.softness == "LIGHT_SIZE"]
         for i in list(sized):
-            if lights[i].type == "SUN" and lights[i].reference_distance > 0:
+            if KINDS[lights[i].type].directional and lights[i].reference_distance > 0:
                 own[i] = radius(lights[i], lights[i].reference_distance, weights)
                 sized.remove(i)
         if sized:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..lights.registry import KINDS
 from ..rays.tracer import Targets
 from ..support.native import kernel
 from . import pairs
@@ -30,13 +31,12 @@ class AreaSampling(Method):
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None  # V(P) past sharp casters
         self._receives, self._channels = casters.receives, max(1, setup.through.channels)
         self._groups, self._soft = casters.soft, union(casters.soft, self._count)
-        rectangle = [light.type == "AREA" and not light.area_ellipse for light in lights]
-        self._rectangle = np.array(rectangle, np.bool_)
-        self._free = np.array([light.type != "AREA" for light in lights], np.bool_)  # turns to the receiver
-        self._size = np.array([np.tan(light.angle / 2) if light.type == "SUN" else light.radius
-                               for light in lights], np.float64)
-        self._u = np.array([light.area_u for light in lights], np.float64).reshape(-1, 3)
-        self._v = np.array([light.area_v for light in lights], np.float64).reshape(-1, 3)
+        shapes = [KINDS[light.type].shape(light) for light in lights]
+        self._rectangle = np.array([shape.rectangle for shape in shapes], np.bool_)
+        self._disc = np.array([not shape.face for shape in shapes], np.bool_)
+        self._size = np.array([shape.disc for shape in shapes], np.float64)
+        self._u = np.array([shape.u for shape in shapes], np.float64).reshape(-1, 3)
+        self._v = np.array([shape.v for shape in shapes], np.float64).reshape(-1, 3)
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
         """S, see `Method`."""
@@ -61,7 +61,7 @@ class AreaSampling(Method):
         origin, normal, of = starts(at.lift, at.P, at.N, self._targets, row, light)
         for s in range(self._samples):
             check()
-            _sample(s, self._samples, self._seed, at.P, row, *self._targets, light, self._free, self._rectangle,
+            _sample(s, self._samples, self._seed, at.P, row, *self._targets, light, self._disc, self._rectangle,
                     self._size, self._u, self._v, target)
             clear += self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
         self._stats.add(shadow_rays=len(row) * self._samples)

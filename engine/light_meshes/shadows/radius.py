@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..lights.registry import KINDS
 from ..scene.description import Light, Settings
 from ..scene.errors import SceneError
 from ..support.bits import has
@@ -24,13 +25,7 @@ LARGEST = 1e30  # scene units: of a light that is nearer than what blocks it
 
 def extent(light: Light) -> float:
     """ρ: radius of the disc with the variance of the light, scene units; of a SUN tan δ, the radius at distance 1."""
-    if light.type == "SUN":
-        return float(np.tan(light.angle / 2))
-    if light.type != "AREA":
-        return light.radius
-    square = float(np.square(light.area_u).sum() + np.square(light.area_v).sum())
-    # Variances along the half-axes are a quarter of their squares, of a rectangle a third; of a disc ρ²/4.
-    return float(np.sqrt(square / 2)) if light.area_ellipse else 2 * float(np.sqrt(square / 6))
+    return KINDS[light.type].extent(light)
 
 
 def radius(light: Light, magnified: float, weights: str) -> float:
