@@ -11,9 +11,10 @@ typedef struct {
     const f64 *axes;
 } Source;
 
-/* What comes along the way (x, y, z) towards the light: whether any, f_att, and 1/|way|. */
+/* What comes along the way (x, y, z) towards the light: whether any, f_att, and 1/|way|. `lit` is as wide as the
+   numbers: vectors of both have the same length. */
 typedef struct {
-    int lit;
+    i64 lit;
     f64 power, inverse, x, y, z;
 } Way;
 
