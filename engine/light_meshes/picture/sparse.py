@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ..rays.camera import camera_rays, coarser
 from ..rays.geometry import Hits
 from ..shadows.casters import Casters, smooth_lights
-from ..shadows.meshes.lattice import Lattice
+from ..shadows.meshes.lattice import Lattice, above_a_plane
 from ..shadows.method import Check
 from ..shadows.unshadowed import Unshadowed
 from ..support.bits import mask_of
@@ -116,7 +116,7 @@ class Sparse:
         self._steps = [s.shadow_rate >> k for k in range(s.shadow_rate.bit_length()) if s.shadow_rate >> k >= least]
         self._gloss = bool((m.ks > 0).any())
         self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
-        nodes = 2 * np.pi / 3 * lattice.reach[0]**3  # of a point on a plane, each with a step of 1/nodes
+        nodes = above_a_plane(lattice.reach[0])  # of a point on a plane, each with a step of 1/nodes
         self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
         self._step = 1 / nodes if uniform else 0.0
         self._lights = smooth_lights(casters, lights)
