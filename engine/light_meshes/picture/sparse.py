@@ -81,8 +81,8 @@ def typical(world: World, lighting: Lighting) -> float:
     direction, hits = world.coarse_view()
     matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
     light = np.zeros((len(hits.P), 3))
-    for part, lit, _, S in lighting.lit(hits, direction, matt, np.ones_like(light), False, lambda: None, None,
-                                        visibility=Unshadowed(lights)):
+    surfaces = shading.Lit(world.lights, matt, hits, direction, np.ones_like(light))
+    for part, lit, _, S in lighting.lit(surfaces, False, lambda: None, visibility=Unshadowed(lights)):
         shading.gather(lit, S, light[part])
     brightest = light.max(1)
     return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
@@ -213,8 +213,8 @@ class Sparse:
         n = len(hits.P)
         white, light, rough = np.ones((n, 3)), np.zeros((n, 6 if self._gloss else 3)), np.zeros((2, n))
         both, matt, gloss = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-        light_of = self._lighting.lit(hits, direction, self._white, white, False, check, None, self._lights)
-        for part, lit, _, S in light_of:
+        surfaces = shading.Lit(self._world.lights, self._white, hits, direction, white)
+        for part, lit, _, S in self._lighting.lit(surfaces, False, check, None, self._lights):
             with self._stats.stage("shading"):
                 shading.gather(lit, S, both[part], matt[part], gloss[part])
                 shading.steps(lit, S, self._together, self._jump, self._step, *rough[:, part])
