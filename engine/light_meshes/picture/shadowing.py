@@ -99,7 +99,7 @@ def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: 
 def _certificate(world: World, r: float, stats: Statistics, old: Shadowing | None) -> Certificate | None:
     """Where nothing but a receiver's own body is near; None: nowhere."""
     casts = np.array([o.visible_shadow for o in world.scene.objects], np.bool_)
-    meets = casts[world.owner(np.arange(len(world.surfaces.triangles)))]
+    meets = casts[world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))]
     with stats.stage("certificate"):
         before = old.certificate if old else None
         if before and world.surfaces is before.surfaces and before.r == r and np.array_equal(before.casts, meets):
