@@ -41,7 +41,6 @@ class Settings:
 
     mode: str = "WHITTED"  # eq. (1) RAY_CASTING, eq. (2) WHITTED, or LOCAL without shadows
     shadows: str = "LIGHT_MESHES"
-    method: Mapping[str, Scalar] | None = None  # settings that the shadow method has for itself; None: its defaults
     h: float = 0.05  # step of the lattice, scene units
     kI: float = 3.0  # r = h·kI is the radius of the interpolation ball
     auto_h: bool = False  # h from what the camera sees, finer where a light's r needs it; `h` is then ignored
@@ -59,6 +58,7 @@ class Settings:
     shadow_rate: int = 1  # light meshes' light at points so many pixels apart, interpolated between; 1: at each sample
     light_samples: int = 64  # shadow rays a light, AREA_SAMPLING only
     seed: int = 0  # of AREA_SAMPLING
+    method: Mapping[str, Scalar] | None = None  # settings that the shadow method has for itself; None: its defaults
     mist_start: float = 0.0  # of the pass Mist: the distance at which it is 0, scene units,
     mist_depth: float = 100.0  # how much farther it is 1,
     mist_falloff: str = "LINEAR"  # and how it rises: LINEAR, QUADRATIC, INVERSE_QUADRATIC
