@@ -9,6 +9,7 @@ from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Material
 from scenes import GREY, look_down, point, settings
+from visible import visibility
 
 
 def glass(ior=1.5, t=0.9, **more):
@@ -51,7 +52,7 @@ def lit(parts, **values):
     values = {"refraction": "FULL", "shadows": "SHARP", "h": 0.03, "kI": 1.5} | values
     scene = Scene.from_shapes([Shape(rectangle((-9, -9), (9, 9), 0.0), GREY, "floor"), *parts], look_down(0, 0, 1, 4),
                               [point((0.7, -0.4, 4.0))], settings(**values))
-    return Prepared(scene).light_visibility(X, np.repeat([[0.0, 0, 1]], len(X), 0)).reshape(len(X), -1)
+    return visibility(Prepared(scene), X, np.repeat([[0.0, 0, 1]], len(X), 0)).reshape(len(X), -1)
 
 
 PLACE = translate(0, 0, 1) @ rotate_x(0.3)

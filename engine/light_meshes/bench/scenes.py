@@ -18,7 +18,6 @@ from ..scene.description import Geometry, Light, Material, Object, Scene
 from ..scene.errors import SceneError
 from ..scene.mesh import box, cylinder, sphere
 from ..scene.transforms import scale, translate
-from ..shadows.radius import own_radii
 
 FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}
 MATCHED = ("S3", "S7")  # the lights of these scenes get the size that corresponds to the width of the penumbrae
@@ -109,7 +108,7 @@ def matched(scene: Scene) -> tuple[Light, ...]:
     """
     unit = tuple(dataclasses.replace(_with_size(light, 1.0), softness="LIGHT_SIZE", reference_distance=0.0)
                  for light in scene.lights)
-    own = own_radii(Prepared(dataclasses.replace(scene, lights=unit).with_settings(shadows="SHARP")))
+    own = Prepared(dataclasses.replace(scene, lights=unit).with_settings(shadows="SHARP")).measured.own_radii
     usual = float(np.median([*own.values()])) if own else radius(scene)  # for a light without shadows in view
     return tuple(_with_size(light, radius(scene) / own.get(i, usual)) for i, light in enumerate(scene.lights))
 

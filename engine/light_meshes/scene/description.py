@@ -7,7 +7,7 @@ vectors, angles are in radians. This module does not use Blender, files or Embre
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
 GLASS = ("BOUNDED", "PAPER")
 CAUSTICS = ("PAPER", "FOCUS")
-SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")
+SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")  # the methods of `shadows.registry`
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
 FALLOFFS = ("LINEAR", "QUADRATIC", "INVERSE_QUADRATIC")
 WEIGHTS = ("UNIFORM", "SMOOTH")
@@ -31,6 +31,7 @@ COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
 RGB = tuple[float, float, float]
+Scalar = bool | int | float | str
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -59,6 +60,7 @@ class Settings:
     shadow_rate: int = 1
     light_samples: int = 64  # shadow rays per light, only for AREA_SAMPLING
     seed: int = 0  # for AREA_SAMPLING
+    method: Mapping[str, Scalar] | None = None  # settings that the shadow method has for itself; None: its defaults
     mist_start: float = 0.0  # for the pass Mist: the distance at which it is 0, in scene units
     mist_depth: float = 100.0  # how much farther away it is 1
     mist_falloff: str = "LINEAR"  # how it rises: LINEAR, QUADRATIC, INVERSE_QUADRATIC
@@ -366,3 +368,14 @@ def _check_shape(shape: Shape, n: int) -> None:
 def names_of(cls: type) -> dict[str, Any]:
     """Return field name → default of a description class, in order."""
     return {f.name: f.default for f in fields(cls)}
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two descriptions have the same contents."""
+    if a is b:
+        return True
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b)
+    if is_dataclass(a):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return bool(a == b)
