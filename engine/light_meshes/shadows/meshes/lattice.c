@@ -1,4 +1,4 @@
-/* Nodes near receivers: steps 1 and 2 of Ψ, as lattice.py describes them. */
+/* Finds the nodes near receivers: steps 1 and 2 of Ψ, as described in lattice.py. */
 #include <stdlib.h>
 
 #include "native.h"
@@ -22,7 +22,7 @@ static inline u64 hash(i32 i, i32 j, i32 k) {
     return x ^ x >> 32;
 }
 
-/* The slot of the hash table that holds node (i,j,k), or the empty one where it belongs. */
+/* Returns the slot of the hash table that holds node (i,j,k), or the free slot where it belongs. */
 static inline i64 find(i64 size, const i32 *table, const i32 *keys, i32 i, i32 j, i32 k) {
     u64 mask = (u64)size - 1, slot = hash(i, j, k) & mask;
     for (;; slot = (slot + 1) & mask) {
@@ -40,16 +40,16 @@ i64 lattice_fill(i64 t, i64 n, i32 *table, const i32 *keys, i64 count) {
     return 0;
 }
 
-/* Sorts a receiver's candidates by ring; within one they keep their order. */
+/* Sorts a receiver's candidates by ring; within a ring they keep their order. */
 static void by_ring(i64 rings, const i64 *start, i64 count, const i32 *ring, i32 *candidate, i32 *unsorted, i64 *place) {
     memcpy(unsorted, candidate, (size_t)count * sizeof *candidate);
     for (i64 g = 0; g < rings; g++) place[g] = start[g] - start[0];
     for (i64 c = 0; c < count; c++) candidate[place[ring[c]]++] = unsorted[c];
 }
 
-/* Receivers from state[0] on, until all are done or an array may be too short. state: the next receiver, and how many
-   cells, nodes and candidates there are. rows (cells, offsets): which node is at an offset from the cell; −1: nobody
-   has asked yet. Returns 1 where memory is lacking. */
+/* Finds the candidates of receivers from state[0] on, until all are done or an array may be too short. state: the
+   next receiver, and the numbers of cells, nodes and candidates. rows (cells, offsets): which node is at an offset
+   from the cell; −1: not looked up yet. Returns 1 if there is not enough memory. */
 KERNEL(lattice_candidates,
        "h f64  reach f64[K]  rotation f64[3,3]  origin f64[3]  offsets f64[3,c]  tau f64  P f64[n,3]  N f64[n,3]  "
        "state i64[4]!  start i64[n,s]!  candidate i32[a]!  nodes i32[u,3]!  table i32[t]!  cells i32[n,3]!  "
@@ -69,7 +69,8 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
     for (; p < n && total + most <= a && count + most <= u; p++) {
         const f64 *normal = N + 3 * p;
         f64 x = (P[3 * p] - origin[0]) / h, y = (P[3 * p + 1] - origin[1]) / h, z = (P[3 * p + 2] - origin[2]) / h;
-        f64 q[3], m[3], base[3];  /* in lattice coordinates */
+        /* The receiver and its normal in lattice coordinates, and its cell */
+        f64 q[3], m[3], base[3];
         for (int r = 0; r < 3; r++) {
             q[r] = R[r] * x + R[3 + r] * y + R[6 + r] * z;
             m[r] = R[r] * normal[0] + R[3 + r] * normal[1] + R[6 + r] * normal[2];
@@ -77,10 +78,11 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
         }
         i64 *begin = start + stride * p;
         begin[0] = total;
-        /* Beyond 32 bits there are no nodes: such a receiver gets an empty set, and a sharp shadow. */
+        /* There are no nodes beyond 32 bits: such a receiver gets an empty set, and so a sharp shadow. */
         if (fabs(base[0]) < 2e9 && fabs(base[1]) < 2e9 && fabs(base[2]) < 2e9) {
             f64 f0 = q[0] - base[0], f1 = q[1] - base[1], f2 = q[2] - base[2];
             i32 i0 = (i32)base[0], i1 = (i32)base[1], i2 = (i32)base[2];
+            /* The cell's row: receivers of one cell share the nodes that were looked up */
             i64 slot = find(e, cell_table, cells, i0, i1, i2);
             i64 cell = cell_table[slot];
             if (cell < 0) {
@@ -89,8 +91,9 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
                 cell_table[slot] = (i32)cell;
                 for (i64 c = 0; c < most; c++) rows[cell * most + c] = -1;
             }
+            /* Steps 1 and 2: which offsets are in the ball and above the plane? */
             i32 *row_at = rows + cell * most;
-            for (i64 c = 0; c < most; c++) {  /* without a branch, which no processor could foretell */
+            for (i64 c = 0; c < most; c++) {  /* without a branch, because no processor could predict it */
                 f64 d0 = off0[c] - f0, d1 = off1[c] - f1, d2 = off2[c] - f2;
                 taken[c] = (d0 * d0 + d1 * d1 + d2 * d2 <= largest) & (d0 * m[0] + d1 * m[1] + d2 * m[2] > tau);
             }
@@ -99,6 +102,7 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
                 passed[kept] = (i32)c;
                 kept += taken[c];
             }
+            /* The node at each of them, and its ring */
             for (i64 w = 0; w < kept; w++) {
                 i64 c = passed[w], row = row_at[c];
                 if (row < 0) {
