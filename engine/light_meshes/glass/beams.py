@@ -25,6 +25,7 @@ FINE = 1 / 64  # of a body's radius, or the light's distance: shorter elements a
 USUAL = 8  # bends that light is followed through at first, and twice as often where some of it goes on
 DEEPER = 8  # if that takes no more than so many times the rays
 BUDGET = 3_000_000, 40  # rays, and rays a triangle, that the beams of a light may take
+PLANES = 8  # the same in least_way.h
 PAD = 0.3  # barycentric: how far outside a beam a point may be and still start a search
 
 
@@ -43,6 +44,7 @@ class Beams(NamedTuple):
     root: NDArray[np.int64]  # (6,) see `beam_tree`
     bounds: NDArray[np.float64]  # (nodes,11)
     child: NDArray[np.int64]  # (nodes,2)
+    flat: NDArray[np.int64]  # (s,) one beam of each signature of flat glass alone
     most: int  # bends that light was followed through: as many as it takes, or less where many bodies scatter it
     cut: bool  # whether some of it went on behind them
 
@@ -62,8 +64,19 @@ def trace_beams(g: Glass, s: Source, h: float) -> Beams:
         found, deepest = deeper, 2 * deepest
     arrays, cut = found
     order, root, bounds, child = beam_tree(arrays[2], arrays[3], arrays[4], arrays[5], PAD)
-    columns: Any = (*(np.ascontiguousarray(a[order]) for a in arrays), root, bounds, child, deepest, cut)
+    arrays = tuple(np.ascontiguousarray(a[order]) for a in arrays)
+    columns: Any = (*arrays, root, bounds, child, _flat(g, *arrays[6:]), deepest, cut)
     return Beams(*columns)
+
+
+def _flat(g: Glass, k: NDArray[np.int8], code: NDArray[np.int32], eta: NDArray[np.float64]) -> NDArray[np.int64]:
+    """One beam of each signature of two to PLANES bends, all at planes."""
+    used = np.arange(code.shape[1]) < k[:, None]
+    planar = np.flatnonzero(((g.planar[code >> 1] >= 0) | ~used).all(1) & (k > 1) & (k <= PLANES)).astype(np.int64)
+    if not len(planar):
+        return planar
+    signature = np.concatenate([np.where(used, code, -1), np.where(used, eta, 0)], 1)[planar]
+    return planar[np.sort(np.unique(signature, axis=0, return_index=True)[1])]
 
 
 def _followed(g: Glass, s: Source, h: float, fine: float, deepest: int,
