@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from .prepared import Prepared
 
 _forget = kernel("reuse_forget")
-KEPT_BYTES = 1 << 30  # nodes of more than that are dropped before the next picture: a flight must not fill the memory
+# Nodes are dropped before the next picture where they take more than the first, or more than the second and there are
+# those of so many pictures: a flight must not fill the memory.
+KEPT_BYTES, SMALL_BYTES, KEPT_PICTURES = 1 << 30, 16 << 20, 4
 BOXES = 64  # changed casters that are told apart; of more there is one box
 PAD = 64 * ULPS  # round each box: far more than rays and triangles are rounded by in the frame
 
@@ -126,7 +128,9 @@ def nodes(new: Prepared, old: Prepared | None) -> int:
     if not (old and isinstance(old.visibility, LightMeshes) and isinstance(new.visibility, LightMeshes)):
         return 0
     store = old.visibility.store
-    if store.bytes > KEPT_BYTES or _store_key(new) != _store_key(old):
+    store.end_picture()
+    enough = SMALL_BYTES if store.count > KEPT_PICTURES * store.largest else KEPT_BYTES
+    if store.bytes > enough or _store_key(new) != _store_key(old):
         return 0
     store.mend()
     unchanged = new.glass is old.glass and _casting(new) == _casting(old) and _soft(new) == _soft(old)
@@ -138,6 +142,7 @@ def nodes(new: Prepared, old: Prepared | None) -> int:
         return 0
     else:
         new.visibility.store.inherit(store, source, lambda nodes, known: _forget_near(old, boxes, nodes, known))
+        new.visibility.store.largest = store.largest
     return new.visibility.store.count
 
 

@@ -39,6 +39,8 @@ class NodeStore:
         self._lights, self._channels = lights, channels
         self.words = (lights + 63) // 64
         self.count = 0
+        self.largest = 0  # the most nodes that one picture has added
+        self._before = 0  # the nodes that were there when this picture began
         self._ready = threading.Condition()
         self._broken = False
         self._keys = keys()
@@ -61,6 +63,11 @@ class NodeStore:
         """The lights (count,W) of which each has its value."""
         return self._known.of(0, self.count)
 
+    def end_picture(self) -> None:
+        """Take notice of how many nodes the picture has added; what is asked for from now on is another one's."""
+        self.largest = max(self.largest, self.count - self._before)
+        self._before = self.count
+
     def mend(self) -> None:
         """Be as if what was begun when a render was cancelled, or failed, had never been asked for."""
         self._broken = False
@@ -82,6 +89,7 @@ class NodeStore:
             some = np.flatnonzero(kept.any(1))
             value = old._value(np.arange(first, last, dtype=np.uint32)[some])
             self.values(nodes[some], kept[some], partial(self._moved, value, source))
+        self._before = self.count
 
     def _moved(self, value: NDArray, source: NDArray[np.int32], _: NDArray, kept: NDArray[np.uint64]) -> NDArray:
         """Values of another store, for the lights in `kept` (n,W)."""
