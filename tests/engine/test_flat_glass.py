@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from meshes import Part
+from light_meshes import Shape
 from refraction_reference import Lab, Stuff, rotation
 from test_glass_light import cut_box, refracted
 
@@ -46,7 +46,7 @@ def test_every_photon_is_found(seed, cuts):
         matrix = rotation(seed)
     matrix[:3, 3] = 0, 0, random.uniform(0.9, 1.4)
     light = np.array([*random.uniform(-2, 2, 2), random.uniform(2.2, 4)])
-    lab = Lab([(Part(cut_box(half, cuts), name="block", matrices=[matrix]), Stuff(n, 1.0))], light)
+    lab = Lab([(Shape(cut_box(half, cuts), name="block", matrices=[matrix]), Stuff(n, 1.0))], light)
     b, cosine, x = photons(lab, n, 20000, random)
     near = (np.abs(x) < 8).all(1) & (cosine > (0.005 if cuts == 1 else 0.05))  # faces that are cut are not quite flat
     b, cosine, x = b[near], cosine[near], x[near]
