@@ -26,6 +26,7 @@ USUAL = 8  # bends that light is followed through at first, and twice as often w
 DEEPER = 8  # if that takes no more than so many times the rays
 BUDGET = 3_000_000, 40  # rays, and rays a triangle, that the beams of a light may take
 PLANES = 8  # the same in least_way.h
+WAYS = 64  # through flat glass: so many are tried one by one where light may graze
 PAD = 0.3  # barycentric: how far outside a beam a point may be and still start a search
 
 
@@ -70,13 +71,15 @@ def trace_beams(g: Glass, s: Source, h: float) -> Beams:
 
 
 def _flat(g: Glass, k: NDArray[np.int8], code: NDArray[np.int32], eta: NDArray[np.float64]) -> NDArray[np.int64]:
-    """One beam of each signature of two to PLANES bends, all at planes."""
+    """One beam of each signature of two to PLANES bends at planes, without reflections; none of more than WAYS."""
     used = np.arange(code.shape[1]) < k[:, None]
-    planar = np.flatnonzero(((g.planar[code >> 1] >= 0) | ~used).all(1) & (k > 1) & (k <= PLANES)).astype(np.int64)
+    bends = (g.planar[code >> 1] >= 0) & (eta > 0)
+    planar = np.flatnonzero((bends | ~used).all(1) & (k > 1) & (k <= PLANES)).astype(np.int64)
     if not len(planar):
         return planar
     signature = np.concatenate([np.where(used, code, -1), np.where(used, eta, 0)], 1)[planar]
-    return planar[np.sort(np.unique(signature, axis=0, return_index=True)[1])]
+    first = np.sort(np.unique(signature, axis=0, return_index=True)[1])
+    return planar[first if len(first) <= WAYS else first[:0]]
 
 
 def _followed(g: Glass, s: Source, h: float, fine: float, deepest: int,
