@@ -2,8 +2,8 @@
 
    Loops over the receivers of a block have no branch that depends on one, so that compilers make vectors of them. Each
    is written once for all types of light: the type is a constant wherever `arriving` stands, and what others need of it
-   is left out. */
-#include "native.h"
+   is left out. Lamps with a size are apart: sized_light.h. */
+#include "sized_light.h"
 
 enum { POINT, SUN, SPOT, AREA, SKEWED_SPOT, SKEWED_AREA };  /* the last two have axes of their own */
 enum { SIDE = 32 };  /* receivers that are lit side by side */
@@ -18,7 +18,7 @@ typedef struct {
 /* All lights and materials, and the hits of rays with `direction`, as shading.py has them. */
 typedef struct {
     const i8 *type;
-    const f64 *position, *direction, *intensity, *edge, *slope, *axes;
+    const f64 *position, *direction, *intensity, *edge, *slope, *axes, *extent;
     const u8 *diffuse, *glossy;
 } Lights;
 
@@ -36,19 +36,19 @@ typedef struct {
 typedef struct {
     int kind, diffuse, glossy;
     f64 x, y, z, u, v, w, edge, slope, colour[3];
-    const f64 *axes;
+    const f64 *axes, *extent;
 } Source;
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
-               "axes f64[L,3,3]  diffuse bool[L]  glossy bool[L]  "
+               "axes f64[L,3,3]  extent f64[L,8]  diffuse bool[L]  glossy bool[L]  "
 #define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  "
 #define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  "
 #define TAKEN                                                                                                   \
     const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,          \
-        const f64 *slope, const f64 *axes, const u8 *diffuse, const u8 *glossy, const f64 *kd, const f64 *ks, const f64 *Os, const f64 *nShiny, const f64 *P,        \
+        const f64 *slope, const f64 *axes, const f64 *extent, const u8 *diffuse, const u8 *glossy, const f64 *kd, const f64 *ks, const f64 *Os, const f64 *nShiny, const f64 *P,        \
         const f64 *Ng, const f64 *Ns, const f64 *way, const f64 *Od, const i32 *material
 #define GATHERED                                                              \
-    Lights lights = {type, position, direction, intensity, edge, slope, axes, diffuse, glossy};     \
+    Lights lights = {type, position, direction, intensity, edge, slope, axes, extent, diffuse, glossy}; \
     Materials materials = {kd, ks, Os, nShiny};                              \
     Receivers hits = {n, P, Ng, Ns, way, Od, material};                      \
     (void)M
@@ -56,7 +56,7 @@ typedef struct {
 static Source source_of(const Lights *l, i64 i) {
     const f64 *a = l->position + 3 * i, *d = l->direction + 3 * i, *c = l->intensity + 3 * i;
     return (Source){l->type[i], l->diffuse[i], l->glossy[i], a[0], a[1], a[2], d[0], d[1], d[2], l->edge[i], l->slope[i],
-                    {c[0], c[1], c[2]}, l->axes + 9 * i};
+                    {c[0], c[1], c[2]}, l->axes + 9 * i, l->extent + 8 * i};
 }
 
 /* Takes the receivers from `first` on; the last also fills the places that are left. Returns whether any shines. */
@@ -144,8 +144,62 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
     case SPOT: what(SPOT, __VA_ARGS__); break;         \
     case AREA: what(AREA, __VA_ARGS__); break;         \
     case SKEWED_SPOT: what(SKEWED_SPOT, __VA_ARGS__); break; \
-    default: what(SKEWED_AREA, __VA_ARGS__);           \
+    case SKEWED_AREA: what(SKEWED_AREA, __VA_ARGS__); break; \
+    default: what##_sized(__VA_ARGS__);                \
     }
+
+static Sized size_of(const Source *s) {
+    return sized_of(s->kind, (f64[3]){s->x, s->y, s->z}, (f64[3]){s->u, s->v, s->w}, s->edge, s->slope, s->axes, s->extent);
+}
+
+/* A receiver's vector out of a block. */
+static inline void taken(const f64 (*from)[SIDE], int k, f64 *out) {
+    for (int j = 0; j < 3; j++) out[j] = from[j][k];
+}
+
+/* `mark`, `add` and `add_gloss` for lamps with a size. */
+static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
+    const Sized s = size_of(source);
+    f64 P[3], Ng[3], Ns[3];
+    for (int k = 0; k < SIDE; k++) {
+        int matt = source->diffuse & ((b->returns[k] & colour) != 0);
+        int gloss = source->glossy & ((b->returns[k] & colour << 3) != 0);
+        if (!(unlit | matt | gloss)) continue;
+        taken(b->P, k, P), taken(b->Ng, k, Ng), taken(b->Ns, k, Ns);
+        if (may_reach(&s, P, Ng) && (unlit | gloss || may_reach(&s, P, Ns))) bits[k] |= own;
+    }
+}
+
+static void add_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b, f64 (*total)[SIDE]) {
+    const Sized s = size_of(source);
+    f64 P[3], N[3];
+    for (int k = 0; k < SIDE; k++) {
+        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
+        if (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0) continue;
+        taken(b->P, k, P), taken(b->Ns, k, N);
+        f64 power = matt_of(&s, P, N);
+        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power * source->colour[j]);
+    }
+}
+
+/* The highlight of receiver k. */
+static f64 gloss_sized(const Sized *s, const Block *b, int k, f64 nShiny) {
+    f64 P[3], Ng[3], M[3];
+    taken(b->P, k, P), taken(b->Ng, k, Ng);
+    for (int j = 0; j < 3; j++) M[j] = 2.0 * b->facing[k] * b->Ns[j][k] - b->eye[j][k];
+    return gloss_of(s, P, M, Ng, nShiny);
+}
+
+static void add_gloss_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b, int count,
+                            const f64 *nShiny, f64 (*total)[SIDE]) {
+    const Sized s = size_of(source);
+    for (int k = 0; k < count; k++) {
+        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
+        if (b->returns[k] <= 7 || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
+        f64 power = gloss_sized(&s, b, k, nShiny[k]);
+        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power * source->colour[j]);
+    }
+}
 
 /* Sets the light's bit of the receivers that it reaches. */
 INLINE void mark(int kind, const Source *s, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
@@ -244,6 +298,15 @@ i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour,
 
 /* Adds to one, matt and gloss, what a light would give a white surface if it were seen; most: S where that is above 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
+    if (s->kind >= BALL) {
+        const Sized sized = size_of(s);
+        f64 P[3], N[3];
+        taken(b->P, k, P), taken(b->Ns, k, N);
+        most *= fmax(s->colour[0], fmax(s->colour[1], s->colour[2]));
+        if (s->diffuse) one[0] += most * matt_of(&sized, P, N);
+        if (s->glossy && b->returns[k] > 7) one[1] += most * gloss_sized(&sized, b, k, nShiny);
+        return;
+    }
     Arriving a = arriving(s->kind, s, b, k);
     f64 power = a.power * (most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])));
     if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;

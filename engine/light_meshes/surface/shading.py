@@ -11,6 +11,7 @@ from ..rays.geometry import Hits
 from ..rays.tracer import Targets
 from ..scene.description import LIGHT_TYPES, Light, Material, Scene
 from ..support.native import kernel
+from . import sized
 
 POINT, SUN, SPOT, AREA = range(len(LIGHT_TYPES))
 SKEWED_SPOT, SKEWED_AREA = range(len(LIGHT_TYPES), len(LIGHT_TYPES) + 2)  # those with axes of their own
@@ -21,19 +22,20 @@ _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), ke
 class Lights(NamedTuple):
     """All lights, structure of arrays; see scene.Light for the units."""
 
-    type: NDArray[np.int8]  # (L,) index into LIGHT_TYPES, or SKEWED_…
+    type: NDArray[np.int8]  # (L,) index into LIGHT_TYPES, or SKEWED_…, or one of `sized`
     position: NDArray[np.float64]  # (L,3)
     direction: NDArray[np.float64]  # (L,3) unit, the way the light travels
     intensity: NDArray[np.float64]  # (L,3)
     edge: NDArray[np.float64]  # (L,) SPOT: cosine of the half cone; AREA: tangent of half the spread
     slope: NDArray[np.float64]  # (L,) SPOT: 1/width of the blend in cosines; AREA: the spread's normalisation
     axes: NDArray[np.float64]  # (L,3,3) SKEWED_…: scene.Light.axes
+    extent: NDArray[np.float64]  # (L,8) `sized.extents`
     diffuse: NDArray[np.bool_]  # (L,)
     glossy: NDArray[np.bool_]  # (L,)
 
     def targets(self) -> Targets:
         """Where shadow rays go."""
-        sun = self.type == SUN
+        sun = (self.type == SUN) | (self.type == sized.SKY)
         return Targets(np.where(sun[:, None], -self.direction, self.position), sun)
 
 
@@ -50,16 +52,24 @@ def light_arrays(lights: tuple[Light, ...]) -> Lights:
             edge[i], slope[i] = np.tan(half), 1 / (np.tan(half) - half)
     direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
     length = np.sqrt((direction**2).sum(1, keepdims=True))
-    skewed = {"SPOT": SKEWED_SPOT, "AREA": SKEWED_AREA}
     return Lights(
-        np.array([skewed.get(light.type, LIGHT_TYPES.index(light.type)) if light.axes
-                  else LIGHT_TYPES.index(light.type) for light in lights], np.int8),
+        np.array([_kind(light) for light in lights], np.int8),
         np.array([light.position for light in lights], np.float64).reshape(-1, 3),
         direction / np.where(length > 0, length, 1),
         np.array([light.intensity for light in lights], np.float64).reshape(-1, 3),
         edge, slope, np.array([light.axes or np.zeros((3, 3)) for light in lights], np.float64).reshape(-1, 3, 3),
+        sized.extents(lights),
         np.array([light.diffuse for light in lights], np.bool_), np.array([light.glossy for light in lights], np.bool_),
     )
+
+
+def _kind(light: Light) -> int:
+    """The light's type in `Lights.type`."""
+    plain = LIGHT_TYPES.index(light.type)
+    own = sized.kind(light)
+    if own is not None:
+        return own
+    return {"SPOT": SKEWED_SPOT, "AREA": SKEWED_AREA}.get(light.type, plain) if light.axes else plain
 
 
 class Materials(NamedTuple):
