@@ -201,6 +201,8 @@ class LightMeshesLight(bpy.types.PropertyGroup):
             ('RADIUS', "Own Radius", "A radius of this light's own", 1),
             ('LIGHT_SIZE', "Light Size", "The size of the light: edges as wide as a lamp of that size casts them "
              "at one distance", 2),
+            ('SIZE', "Size", "The lamp as it is: all of it gives light, a little from each place, so that a large lamp "
+             "near a surface is not too bright under its middle, and highlights are as large as the lamp", 3),
         ),
         default='SCENE', update=_changed,
     )

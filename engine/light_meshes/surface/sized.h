@@ -27,6 +27,16 @@ static inline f64 clamped(f64 x, f64 low, f64 high) { return x < low ? low : x >
 static inline f64 safe_acos(f64 x) { return acos(clamped(x, -1.0, 1.0)); }
 static inline f64 safe_root(f64 x) { return x > 0.0 ? sqrt(x) : 0.0; }
 
+/* Numbers of a light with a size, as sized.py packs them in `extent`: half-axes u and v, radius, and 1/A. */
+static inline Sized sized_of(int kind, const f64 *c, const f64 *axis, f64 edge, f64 slope, const f64 *own, const f64 *extent) {
+    Sized s = {.kind = kind, .edge = edge, .slope = slope, .radius = extent[6], .per_area = extent[7], .own = own};
+    for (int j = 0; j < 3; j++)
+        s.c[j] = kind == SKY ? -axis[j] : c[j], s.axis[j] = axis[j], s.u[j] = extent[j], s.v[j] = extent[3 + j];
+    s.spread = kind >= PLATE && slope > 0.0;
+    if (dot3(own, own) == 0.0 || (kind != BALL_SPOT && kind != FACING_SPOT)) s.own = NULL;
+    return s;
+}
+
 /* Two unit vectors (a, b) perpendicular to the unit vector d and to one another. */
 static inline void beside(const f64 *d, f64 *a, f64 *b) {
     f64 sign = d[2] >= 0.0 ? 1.0 : -1.0, f = -1.0 / (sign + d[2]), g = d[0] * d[1] * f;

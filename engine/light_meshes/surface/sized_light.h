@@ -5,16 +5,6 @@
 /* A lamp that is so much farther away than large is lit as a point: 1/FAR² of the light is lost by that. */
 #define FAR 3000.0
 
-/* Numbers of a light with a size, as sized.py packs them in `extent`: half-axes u and v, radius, and 1/A. */
-static Sized sized_of(int kind, const f64 *c, const f64 *axis, f64 edge, f64 slope, const f64 *own, const f64 *extent) {
-    Sized s = {.kind = kind, .edge = edge, .slope = slope, .radius = extent[6], .per_area = extent[7], .own = own};
-    for (int j = 0; j < 3; j++)
-        s.c[j] = kind == SKY ? -axis[j] : c[j], s.axis[j] = axis[j], s.u[j] = extent[j], s.v[j] = extent[3 + j];
-    s.spread = kind >= PLATE && slope > 0.0;
-    if (dot3(own, own) == 0.0 || (kind != BALL_SPOT && kind != FACING_SPOT)) s.own = NULL;
-    return s;
-}
-
 /* The way from P to the lamp's centre, and how far the lamp reaches from there at most. */
 static f64 way_and_reach(const Sized *s, const f64 *P, f64 *way) {
     for (int j = 0; j < 3; j++) way[j] = s->kind == SKY ? s->c[j] : s->c[j] - P[j];
