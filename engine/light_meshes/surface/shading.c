@@ -2,11 +2,10 @@
 
    Loops over the receivers of a block have no branch that depends on one, so that compilers make vectors of them. Each
    is written once for all types of light: the type is a constant wherever `arriving` stands, and what others need of it
-   is left out. Lamps with a size are apart: sized_light.h. */
-#include "sized_light.h"
+   is left out. Lamps with a size are apart: sized_block.h. */
+#include "sized_block.h"
 
 enum { POINT, SUN, SPOT, AREA, SKEWED_SPOT, SKEWED_AREA };  /* the last two have axes of their own */
-enum { SIDE = 32 };  /* receivers that are lit side by side */
 #define INLINE static inline __attribute__((always_inline))
 
 /* Receivers side by side. Bits 0..2 of `returns`: channels in which matt is not 0, 3..5 those of gloss. */
@@ -160,25 +159,27 @@ static inline void taken(const f64 (*from)[SIDE], int k, f64 *out) {
 /* `mark`, `add` and `add_gloss` for lamps with a size. */
 static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
     const Sized s = size_of(source);
-    f64 P[3], Ng[3], Ns[3];
+    u8 above[SIDE], facing[SIDE];
+    reach_block(&s, b->P, b->Ng, above), reach_block(&s, b->P, b->Ns, facing);
     for (int k = 0; k < SIDE; k++) {
         int matt = source->diffuse & ((b->returns[k] & colour) != 0);
         int gloss = source->glossy & ((b->returns[k] & colour << 3) != 0);
-        if (!(unlit | matt | gloss)) continue;
-        taken(b->P, k, P), taken(b->Ng, k, Ng), taken(b->Ns, k, Ns);
-        if (may_reach(&s, P, Ng) && (unlit | gloss || may_reach(&s, P, Ns))) bits[k] |= own;
+        if (above[k] && (unlit | gloss | (matt & facing[k]))) bits[k] |= own;
     }
 }
 
 static void add_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b, f64 (*total)[SIDE]) {
     const Sized s = size_of(source);
-    f64 P[3], N[3];
+    const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
+    f64 power[SIDE];
+    u8 wanted[SIDE];
+    for (int k = 0; k < SIDE; k++) wanted[k] = red[k] != 0.0 || green[k] != 0.0 || blue[k] != 0.0, power[k] = 0.0;
+    matt_block(&s, b->P, b->Ns, wanted, power);
     for (int k = 0; k < SIDE; k++) {
-        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
-        if (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0) continue;
-        taken(b->P, k, P), taken(b->Ns, k, N);
-        f64 power = matt_of(&s, P, N);
-        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power * source->colour[j]);
+        f64 light = wanted[k] ? power[k] : 0.0;
+        total[0][k] += red[k] * (light * source->colour[0]);
+        total[1][k] += green[k] * (light * source->colour[1]);
+        total[2][k] += blue[k] * (light * source->colour[2]);
     }
 }
 

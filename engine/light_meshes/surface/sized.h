@@ -4,7 +4,7 @@
    a parallelogram. Its light is the radiance I/A, A being the area that I is spread over, times an integral over these
    directions: of N·ω for matt surfaces (sized_matt.h), of (R·V)^n for glossy ones (sized_gloss.h). */
 #pragma once
-#include "native.h"
+#include "fast.h"
 
 /* What sized.py calls the types of these lamps; they follow those of shading.c. */
 enum { BALL = 16, FACING, SKY, BALL_SPOT, FACING_SPOT, PLATE, OVAL };

@@ -17,7 +17,7 @@ typedef struct {
     Round lamp, sent;
     f64 x[3], y[3], corner[MOST][3];
     const f64 *M, *Ng;
-    int corners, shared;  /* shared: 1 by the cone `sent`, 2 by one with axes of its own */
+    int corners, shared, clear;  /* clear: all above the horizon; shared: 1 by the cone `sent`, 2 by one with axes of its own */
 } Around;
 
 /* Of half angle (sine, cosine) around the unit vector d. */
@@ -64,7 +64,7 @@ static void ends_of(const Around *r, const f64 *w, f64 *low, f64 *high) {
     }
     if (!r->corners) bound_round(&r->lamp, r->M, w, low, high);
     if (r->shared == 1) bound_round(&r->sent, r->M, w, low, high);
-    bound(r->Ng, r->M, w, low, high);
+    if (!r->clear) bound(r->Ng, r->M, w, low, high);
 }
 
 /* Directions around M that meet a cone, from low to high. Returns 0 for none, 2 where M is in it, and all do. */
@@ -99,6 +99,7 @@ static f64 angle_of(const Around *r, const f64 *way) { return atan2(dot3(way, r-
 /* Where the horizon cuts the cone, and where it passes M. */
 static void insert_horizon(const Around *r, const Round *cone, f64 *breaks, int *n) {
     f64 x[3], y[3];
+    if (r->clear) return;
     beside(r->Ng, x, y);
     f64 A = quadratic(cone->C, x, x), B = quadratic(cone->C, y, y), H = quadratic(cone->C, x, y);
     f64 half = hypot(0.5 * (A - B), H), mean = 0.5 * (A + B);

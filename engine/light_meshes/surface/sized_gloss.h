@@ -9,7 +9,7 @@
 #include "sized_share.h"
 
 /* 1 - cos^(n+1) at the tangent τ from M. */
-static inline f64 share_within(f64 tt, f64 n) { return -expm1(-0.5 * (n + 1.0) * log1p(tt)); }
+static inline f64 share_within(f64 tt, f64 n) { return 1.0 - fast_exp_minus(0.5 * (n + 1.0) * fast_log(1.0 + tt)); }
 
 /* One edge of a polygon, from p to q in the plane in front of M: the integral of share_within along the angle. */
 static f64 gloss_edge(const f64 *p, const f64 *q, f64 n) {
@@ -21,10 +21,13 @@ static f64 gloss_edge(const f64 *p, const f64 *q, f64 n) {
     f64 ends[3] = {a, a < 0.0 && b > 0.0 ? 0.0 : b, b};
     for (int piece = 0; piece < 2; piece++) {
         f64 size = ends[piece + 1] - ends[piece];
-        for (int i = 0; size > 0.0 && i < GAUSS; i++) {
-            f64 c = near / cos(ends[piece] + size * gauss_at[i]);
-            sum += size * gauss_weight[i] * share_within(c * c, n);
+        f64 part[GAUSS];
+        if (size <= 0.0) continue;
+        for (int i = 0; i < GAUSS; i++) {
+            f64 c = near / fast_cos(ends[piece] + size * gauss_at[i]);
+            part[i] = gauss_weight[i] * share_within(c * c < 1e30 ? c * c : 1e30, n);
         }
+        for (int i = 0; i < GAUSS; i++) sum += size * part[i];
     }
     return off > 0.0 ? sum : -sum;
 }
@@ -61,6 +64,29 @@ static f64 gloss_ray(const Sized *s, const Around *r, f64 turn, f64 n) {
         sum += weight[i] * (s->kind >= PLATE ? spread_share(s, way) : spot_share(s, way));
     }
     return sum * size;
+}
+
+/* Of a cone above the horizon, whose axis is at the cosine `to` from M: one half of it, as the other is the same. */
+static f64 gloss_cone(f64 to, f64 sine, f64 cosine, f64 n) {
+    f64 aside = safe_root(1.0 - to * to), CC = cosine * cosine, c = CC - to * to, sum = 0.0;
+    int inside = to >= cosine;
+    if (!inside && c <= 0.0) return -1.0;  /* M is in what lies opposite: not by this rule */
+    /* Directions at a from the axis: all, or up to the tangent. */
+    f64 most = inside ? PI : asin(clamped(sine / aside, -1.0, 1.0));
+    for (int piece = 0; piece < (inside ? 2 : 1); piece++) {
+        f64 from = inside ? 0.5 * PI * piece : 0.0, size = inside ? 0.5 * PI : most, part[GAUSS];
+        for (int i = 0; i < GAUSS; i++) {
+            f64 t = gauss_at[i], at = inside ? t * t * (3.0 - 2.0 * t) : 1.0 - (1.0 - t) * (1.0 - t);
+            f64 rate = inside ? 6.0 * t * (1.0 - t) : 2.0 * (1.0 - t), C = fast_cos(from + size * at) * aside;
+            f64 a = CC - C * C, b = -to * C, D = b * b - a * c, root = sqrt(D > 0.0 ? D : 0.0);
+            f64 low = inside ? 0.0 : c / (root - b), out = inside ? b + root : -b - root;
+            f64 high = fabs(c) / (out > 1e-15 ? out : 1e-15);
+            low = low > 0.0 && low < 1e9 ? low : low > 0.0 ? 1e9 : 0.0, high = high < 1e9 ? high : 1e9;
+            part[i] = gauss_weight[i] * rate * (share_within(high * high, n) - share_within(low * low, n));
+        }
+        for (int i = 0; i < GAUSS; i++) sum += size * part[i];
+    }
+    return 2.0 * sum / (n + 1.0);
 }
 
 /* All round M. */

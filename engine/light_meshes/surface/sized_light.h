@@ -73,6 +73,16 @@ static void look(const Sized *s, const f64 *P, const f64 *way, Around *r) {
     if (r->shared) r->sent = round_of(toward, 1.0 / sqrt(1.0 + s->edge * s->edge));
 }
 
+/* Whether the lobe, cos^n, is below exp(-DIM) of its peak on all of the lamp. */
+#define DIM 20.0
+static int dimmer_than_seen(const f64 *way, f64 reach, f64 far, const f64 *M, f64 n) {
+    if (far <= reach * reach) return 0;
+    f64 length = sqrt(far), to = dot3(way, M) / length, sine = reach / length, cosine = safe_root(1.0 - sine * sine);
+    if (to >= cosine) return 0;
+    f64 nearest = to * cosine + safe_root(1.0 - to * to) * sine;
+    return nearest <= 0.0 || n * fast_log(nearest < 1e-300 ? 1e-300 : nearest) < -DIM;
+}
+
 /* The highlight that a surface sends to where M, unit, is mirrored from, over I; above the horizon of Ng. */
 static f64 gloss_of(const Sized *s, const f64 *P, const f64 *M, const f64 *Ng, f64 n) {
     f64 way[3], reach = way_and_reach(s, P, way), far = dot3(way, way), height = -dot3(way, s->axis);
@@ -86,8 +96,15 @@ static f64 gloss_of(const Sized *s, const f64 *P, const f64 *M, const f64 *Ng, f
         else if (shared) share = spot_share(s, way);
         return share * pow(fmin(lobe, 1.0), n) / far;
     }
+    if (dimmer_than_seen(way, reach, far, M, n)) return 0.0;
     if (s->kind == PLATE && !shared) return gloss_plate(s, P, M, Ng, n) * s->per_area;
-    Around r = {.M = M, .Ng = Ng, .shared = shared};
+    int clear = dot3(way, Ng) >= reach;  /* all of it above the horizon */
+    if (s->kind < PLATE && !shared && clear) {
+        Cone cone = cone_of(s, P);
+        f64 all = cone.inside ? -1.0 : gloss_cone(dot3(cone.d, M), cone.sine, cone.cosine, n);
+        if (all >= 0.0) return all * s->per_area;
+    }
+    Around r = {.M = M, .Ng = Ng, .shared = shared, .clear = clear};
     look(s, P, way, &r);
     return gloss_around(s, &r, n) * s->per_area;
 }

@@ -36,8 +36,13 @@ typedef struct {
     f64 C[6], least, axis[3], product;
 } Ellipse;
 
-/* By Newton's method from an upper bound, where it falls steadily. */
-#define NEWTON 5
+/* The root by Newton's method, from an upper bound, from where it falls steadily: five steps. No loop, no branch, so that
+   receivers side by side can do it together. */
+#define STEP                                                                                                               \
+    {                                                                                                                      \
+        f64 value = ((root + trace) * root + minors) * root - det, rise = (3.0 * root + 2.0 * trace) * root + minors;      \
+        root = rise > 0.0 && value > 0.0 ? root - value / rise : root;                                                     \
+    }
 #define ELLIPSE(cx, cy, cz, u, v)                                                                                          \
     f64 wx = u[1] * v[2] - u[2] * v[1], wy = u[2] * v[0] - u[0] * v[2], wz = u[0] * v[1] - u[1] * v[0];                    \
     f64 unit = 1.0 / (wx * wx + wy * wy + wz * wz);                                                                        \
@@ -55,10 +60,7 @@ typedef struct {
     f64 other = minors > 0.0 ? 2.0 * det / (minors + under) : trace > 0.0 ? 0.5 * (under - minors) / trace : 1.0;          \
     root = root < 1.0 ? root : 1.0;                                                                                        \
     root = root < other ? root : other;                                                                                    \
-    for (int step = 0; step < NEWTON; step++) {                                                                            \
-        f64 value = ((root + trace) * root + minors) * root - det, rise = (3.0 * root + 2.0 * trace) * root + minors;      \
-        root = rise > 0.0 && value > 0.0 ? root - value / rise : root;                                                     \
-    }                                                                                                                      \
+    STEP STEP STEP STEP STEP                                                                                               \
     f64 ax = xx + root, ay = yy + root, az = zz + root;                                                                    \
     f64 kx = ay * az - yz * yz, ky = ax * az - xz * xz, kz = ax * ay - xy * xy; /* cofactors of C + root */                \
     f64 kxy = xz * yz - xy * az, kxz = xy * yz - xz * ay, kyz = xy * xz - ax * yz;                                         \
