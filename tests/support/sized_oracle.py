@@ -12,7 +12,10 @@ from light_meshes.scene.description import Light
 
 
 def parts(light: Light, P: np.ndarray, grid: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of grid² parts of the lamp as P sees it: ω (m,3); what each sends, over I (m,); where it is (m,3), a sun's at ω."""
+    """Of grid² parts of the lamp as P sees it: ω (m,3); what each sends, over I (m,); where it is (m,3).
+
+    A sun's parts are at ω.
+    """
     s, t = (a.ravel() for a in np.meshgrid((np.arange(grid) + 0.5) / grid, (np.arange(grid) + 0.5) / grid))
     if light.type == "AREA":
         return _area(light, P, s, t)

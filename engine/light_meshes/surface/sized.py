@@ -1,6 +1,6 @@
 """Lamps that light with their whole size (`Light.sized`): what the kernels in `shading.c` take of them.
 
-Ω of such a lamp is that of a point times a mean over the lamp: the radiance I/A times an integral over the directions in
+Ω of such a lamp is that of a point, as a mean over the lamp: the radiance I/A times an integral over directions in
 which a receiver sees it. Matt surfaces: closed forms for spheres, discs, ellipses, rectangles and the sun, above the
 receiver's horizon; one further integral by Gauss's rule where a spot's cone or a spread gives less to some directions.
 Glossy ones: one integral by Gauss's rule. From far away all are the point's formulas. No noise, no random numbers.

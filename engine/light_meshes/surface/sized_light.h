@@ -12,6 +12,11 @@ static f64 way_and_reach(const Sized *s, const f64 *P, f64 *way) {
     return sqrt(s->kind == PLATE ? 2.0 * fmax(dot3(s->u, s->u), dot3(s->v, s->v)) : fmax(dot3(s->u, s->u), dot3(s->v, s->v)));
 }
 
+/* Whether a receiver at the squared distance `far` from the lamp's centre, `height` above its plane, is out of its spread. */
+static int beside_spread(const Sized *s, f64 far, f64 height, f64 reach) {
+    return s->spread && safe_root(far - height * height) > reach + s->edge * height;
+}
+
 /* Whether any of the lamp may light P over the horizon of N; never no where some does. */
 static int may_reach(const Sized *s, const f64 *P, const f64 *N) {
     f64 way[3], up, reach = way_and_reach(s, P, way), length = sqrt(dot3(way, way));
@@ -26,7 +31,7 @@ static int may_reach(const Sized *s, const f64 *P, const f64 *N) {
     f64 height = -dot3(way, s->axis), most = s->kind == PLATE ? fabs(dot3(N, s->u)) + fabs(dot3(N, s->v))
                                                               : hypot(dot3(N, s->u), dot3(N, s->v));
     if (height <= 0.0 || up + most <= 0.0) return 0;
-    return !s->spread || safe_root(length * length - height * height) <= reach + s->edge * height;
+    return !beside_spread(s, length * length, height, reach);
 }
 
 /* What a matt white surface of normal N gets, over I: E/A. */
@@ -38,7 +43,7 @@ static f64 matt_of(const Sized *s, const f64 *P, const f64 *N) {
         return (cone.inside ? PI : matt_cone(cone.sine, cone.cosine, dot3(N, cone.d))) * s->per_area;
     }
     f64 height = -dot3(way, s->axis), far = dot3(way, way);
-    if (height <= 0.0) return 0.0;
+    if (height <= 0.0 || beside_spread(s, far, height, reach)) return 0.0;
     if (far > FAR * FAR * reach * reach && (!s->spread || height * s->edge > FAR * reach)) {
         f64 up = dot3(way, N), length = sqrt(far);
         for (int j = 0; j < 3; j++) way[j] /= length;
@@ -87,7 +92,7 @@ static int dimmer_than_seen(const f64 *way, f64 reach, f64 far, const f64 *M, f6
 static f64 gloss_of(const Sized *s, const f64 *P, const f64 *M, const f64 *Ng, f64 n) {
     f64 way[3], reach = way_and_reach(s, P, way), far = dot3(way, way), height = -dot3(way, s->axis);
     int shared = s->spread || s->kind == BALL_SPOT || s->kind == FACING_SPOT;
-    if (s->kind >= PLATE && height <= 0.0) return 0.0;
+    if (s->kind >= PLATE && (height <= 0.0 || beside_spread(s, far, height, reach))) return 0.0;
     if (far > FAR * reach * reach * (n + FAR)) {
         f64 length = s->kind == SKY ? 1.0 : sqrt(far), lobe = dot3(way, M) / length, share = 1.0;
         if (lobe <= 0.0 || dot3(way, Ng) <= 0.0) return 0.0;
