@@ -82,7 +82,7 @@ def measured(name, n):
     light = LAMPS[name][0]
     P, N, M, toward = receivers(name, 40)
     ours = omega(light, P, N, M, n)
-    truth = np.array([both(light, *row, n, grid=200) for row in zip(P, N, M, strict=True)]).T
+    truth = np.array([both(light, *row, n, grid=400) for row in zip(P, N, M, strict=True)]).T
     plain = replace(light, type="POINT" if light.type == "SPOT" else light.type, spread=np.pi)
     return ours, truth, omega(plain, P, np.ascontiguousarray(toward), np.ascontiguousarray(toward), n)
 
