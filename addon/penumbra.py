@@ -40,7 +40,7 @@ def light_radius(scene, lamp, name: str) -> float | None:
     own = lamp.light_meshes
     if own.softness == 'RADIUS':
         return own.radius
-    if own.softness == 'SCENE':
+    if own.softness in {'SCENE', 'SIZE'}:
         return radius(scene)
     if session.statistics.get("scene") != scene.name_full:
         return None

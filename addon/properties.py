@@ -205,6 +205,8 @@ class LightMeshesLight(bpy.types.PropertyGroup):
             ('RADIUS', "Own Radius", "A radius for this light alone", 1),
             ('LIGHT_SIZE', "Light Size", "The size of the light: edges are as wide as those of a real lamp of this "
              "size, at one distance", 2),
+            ('SIZE', "Size", "The lamp as it is: all of it gives light, a little from each place, so that a large lamp "
+             "near a surface is not too bright under its middle, and highlights are as large as the lamp", 3),
         ),
         default='SCENE', update=_changed,
     )

@@ -19,6 +19,7 @@ def light(ob, parent, matrix_world, report: Report) -> dict:
     instancer or None.
     """
     lamp = ob.data
+    sized = lamp.light_meshes.softness == 'SIZE'
     seen = [ob] if parent is None else [ob, parent]
     matrix = np.array(matrix_world, np.float64)
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
@@ -32,7 +33,8 @@ def light(ob, parent, matrix_world, report: Report) -> dict:
         "soft_shadows": lamp.light_meshes.soft_shadows,
         "cast_shadow": lamp.use_shadow,
         "shadow_pass": shadow_number(lamp),
-        "softness": lamp.light_meshes.softness,
+        "softness": 'SCENE' if sized else lamp.light_meshes.softness,
+        "sized": sized,
         "soft_radius": lamp.light_meshes.radius,
         "reference_distance": lamp.light_meshes.reference_distance,
         "diffuse": all(o.visible_diffuse for o in seen),
@@ -95,7 +97,8 @@ def _point(lamp, lengths, axes, report):
     if not _normalized(lamp) and radius > 0:
         # Then the energy is the radiosity of the sphere.
         factor *= 4 * math.pi * radius**2
-    return factor, {"radius": radius}
+    # With Soft Falloff (4.1+, and always before) Cycles has a disc that turns to each receiver, instead of a sphere.
+    return factor, {"radius": radius, "facing_disc": getattr(lamp, "use_soft_falloff", True)}
 
 
 def _sun(lamp, lengths, axes, report):

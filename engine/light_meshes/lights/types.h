@@ -17,9 +17,10 @@
 #define TYPE_NAME(name, way, ...) name,
 enum { TYPES(TYPE_NAME, ) NO_TYPE };
 
-/* `what` for the light's type, which thereby is a constant in it. */
+/* `what` for the light's type, which thereby is a constant in it. Lamps with a size have numbers past these types: for
+   them, `what`_sized, which is the same for all of them. */
 #define OF_TYPE(name, way, what, ...) case name: what(name, __VA_ARGS__); break;
-#define FOR_KIND(what, kind, ...) switch (kind) { TYPES(OF_TYPE, what, __VA_ARGS__) }
+#define FOR_KIND(what, kind, ...) switch (kind) { TYPES(OF_TYPE, what, __VA_ARGS__) default: what##_sized(__VA_ARGS__); }
 
 /* The way from a receiver to a light of this kind. */
 #define WAY_CASE(name, way, ...) case name: return way(s, px, py, pz);

@@ -8,7 +8,7 @@
 typedef struct {
     int kind, diffuse, glossy;
     f64 x, y, z, u, v, w, edge, slope, colour[3];  /* position; direction, unit, the way the light travels */
-    const f64 *axes;
+    const f64 *axes, *extent;  /* extent: of a lamp with a size */
 } Source;
 
 /* What comes along the way (x, y, z) towards the light: whether any, f_att, and 1/|way|. `lit` is as wide as the

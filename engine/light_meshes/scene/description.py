@@ -149,6 +149,8 @@ class Light:
     area_u: RGB = (0.0, 0.0, 0.0)  # for the same: half-axes of the rectangle or ellipse
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
+    sized: bool = False  # lights with its whole size, which radius, angle, area_u and area_v are; False: as a point
+    facing_disc: bool = False  # POINT and SPOT with `sized`: a disc that turns to each receiver, instead of a sphere
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
     softness: str = "SCENE"  # how r is set: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE 1.12·ρ·a/(L − a) (method §2)

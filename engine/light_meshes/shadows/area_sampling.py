@@ -8,19 +8,23 @@ from numpy.typing import NDArray
 from ..lights.registry import KINDS
 from ..rays.tracer import Targets
 from ..support.native import kernel
+from ..surface import sized
+from ..surface.shading import light_arrays
 from . import pairs
 from .casters import union
 from .method import Check, Kind, Method, Receivers, Setup
 from .sharp import dim, sharp
 from .terminator import starts
 
-_sample = kernel("area_sample")
+_sample, _sized_sample = kernel("area_sample"), kernel("sized_sample")
 
 
 class AreaSampling(Method):
     """S_i(P) as the mean of N rays to points on the light.
 
-    Only the visibility is sampled. Ω is that of the point source, so that all methods agree away from shadows.
+    Of a light that is `sized` it is Σ V_j·Ω_j ÷ Σ Ω_j. Ω_j is what a matt surface gets from the j-th point, so S·Ω is
+    what the whole lamp gives past its blockers, and the picture converges to it as N grows. Of other lights only the
+    visibility is sampled. Their Ω is that of the point source, so that all methods agree away from shadows.
     """
 
     def __init__(self, setup: Setup) -> None:
@@ -37,6 +41,10 @@ class AreaSampling(Method):
         self._size = np.array([shape.disc for shape in shapes], np.float64)
         self._u = np.array([shape.u for shape in shapes], np.float64).reshape(-1, 3)
         self._v = np.array([shape.v for shape in shapes], np.float64).reshape(-1, 3)
+        self._sized = np.array([sized.kind(light) is not None for light in lights], np.bool_)
+        arrays = light_arrays(lights)
+        self._lamps = (arrays.type, arrays.position, arrays.direction, arrays.edge, arrays.slope, arrays.axes,
+                       arrays.extent)
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
         """Return S, see `Method`."""
@@ -48,7 +56,10 @@ class AreaSampling(Method):
         with self._stats.stage("area sampling"):
             for group in self._groups:
                 for row, light in pairs.blocks(soft & group.lights, self._count):
-                    S[row, light] = self._share(at, row, light, group.casters, check)
+                    whole = self._sized[light]
+                    for some, share in ((~whole, self._share), (whole, self._sized_share)):
+                        if some.any():
+                            S[row[some], light[some]] = share(at, row[some], light[some], group.casters, check)
         dim(S, self._edges, at._replace(active=soft), check)
         return S + hard  # one of them is 0, because a light is either soft or sharp for a receiver
 
@@ -66,6 +77,27 @@ class AreaSampling(Method):
             clear += self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
         self._stats.add(shadow_rays=len(row) * self._samples)
         return (clear / self._samples).astype(np.float32)
+
+    def _sized_share(self, at: Receivers, row: NDArray, light: NDArray, casters: int,
+                     check: Check) -> NDArray[np.float32]:
+        """Return the share (k,C) of the light of light[k], a lamp with a size, that passes `casters`.
+
+        Ω_j is taken with the geometric normal, except on smooth surfaces of which rays start above their facets.
+        """
+        clear, everything = np.zeros((len(row), self._channels)), np.zeros((len(row), 1))
+        target, weight = np.empty((len(row), 3)), np.empty(len(row))
+        directional = self._targets.directional[light]
+        order = np.arange(len(row), dtype=np.int32)
+        origin, normal, of = starts(at.lift, at.P, at.N, self._targets, row, light)
+        facing = at.normals() if at.lift is None else at.lift.side
+        for s in range(self._samples):
+            check()
+            _sized_sample(s, self._samples, self._seed, at.P, facing, row, *self._lamps, light, target, weight)
+            visible = self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
+            clear += visible * weight[:, None]
+            everything += weight[:, None]
+        self._stats.add(shadow_rays=len(row) * self._samples)
+        return (clear / np.maximum(everything, 1e-300)).astype(np.float32)
 
 
 KIND = Kind(AreaSampling, soft=True)

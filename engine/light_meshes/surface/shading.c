@@ -2,10 +2,11 @@
 
    The loops over the receivers of a block have no branch that depends on the receiver, so that compilers can
    vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
-   inlined, so code that only other types need is removed. */
+   inlined, so code that only other types need is removed. Lamps with a size have loops of their own: sized_block.h. */
 #include "../lights/types.h"
+#include "sized_block.h"
 
-enum { SIDE = 32 };  /* how many receivers are lit at once */
+_Static_assert((int)NO_TYPE <= (int)BALL, "numbers of types of light and of lamps with a size must differ");
 
 /* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for gloss. */
 typedef struct {
@@ -16,7 +17,7 @@ typedef struct {
 /* All lights and materials, and the hits of rays with `direction`, as in shading.py. */
 typedef struct {
     const i8 *type;
-    const f64 *position, *direction, *intensity, *edge, *slope, *axes;
+    const f64 *position, *direction, *intensity, *edge, *slope, *axes, *extent;
     const u8 *diffuse, *glossy;
 } Lights;
 
@@ -31,15 +32,16 @@ typedef struct {
 } Receivers;
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
-               "axes f64[L,3,3]  diffuse bool[L]  glossy bool[L]  "
+               "axes f64[L,3,3]  extent f64[L,8]  diffuse bool[L]  glossy bool[L]  "
 #define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  "
 #define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  "
 #define TAKEN                                                                                                   \
     const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,          \
-        const f64 *slope, const f64 *axes, const u8 *diffuse, const u8 *glossy, const f64 *kd, const f64 *ks, const f64 *Os, const f64 *nShiny, const f64 *P,        \
+        const f64 *slope, const f64 *axes, const f64 *extent, const u8 *diffuse, const u8 *glossy, const f64 *kd,  \
+        const f64 *ks, const f64 *Os, const f64 *nShiny, const f64 *P,                                         \
         const f64 *Ng, const f64 *Ns, const f64 *way, const f64 *Od, const i32 *material
 #define GATHERED                                                              \
-    Lights lights = {type, position, direction, intensity, edge, slope, axes, diffuse, glossy};     \
+    Lights lights = {type, position, direction, intensity, edge, slope, axes, extent, diffuse, glossy}; \
     Materials materials = {kd, ks, Os, nShiny};                              \
     Receivers hits = {n, P, Ng, Ns, way, Od, material};                      \
     (void)M
@@ -47,7 +49,7 @@ typedef struct {
 static Source source_of(const Lights *l, i64 i) {
     const f64 *a = l->position + 3 * i, *d = l->direction + 3 * i, *c = l->intensity + 3 * i;
     return (Source){l->type[i], l->diffuse[i], l->glossy[i], a[0], a[1], a[2], d[0], d[1], d[2], l->edge[i], l->slope[i],
-                    {c[0], c[1], c[2]}, l->axes + 9 * i};
+                    {c[0], c[1], c[2]}, l->axes + 9 * i, l->extent + 8 * i};
 }
 
 /* Loads the receivers from `first` on; the last receiver also fills places that are left over. Returns whether any
@@ -85,6 +87,61 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
     /* R·V with R = 2(N·L)N − L */
     f64 lobe = 2.0 * cosine * b->facing[k] - (way.x * b->eye[0][k] + way.y * b->eye[1][k] + way.z * b->eye[2][k]);
     return (Arriving){way.lit, way.power, way.inverse, cosine, lobe};
+}
+
+static Sized size_of(const Source *s) {
+    return sized_of(s->kind, (f64[3]){s->x, s->y, s->z}, (f64[3]){s->u, s->v, s->w}, s->edge, s->slope, s->axes, s->extent);
+}
+
+/* Copies receiver k's vector out of a block. */
+static inline void taken(const f64 (*from)[SIDE], int k, f64 *out) {
+    for (int j = 0; j < 3; j++) out[j] = from[j][k];
+}
+
+/* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
+static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
+    const Sized s = size_of(source);
+    u8 above[SIDE], facing[SIDE];
+    reach_block(&s, b->P, b->Ng, above), reach_block(&s, b->P, b->Ns, facing);
+    for (int k = 0; k < SIDE; k++) {
+        int matt = source->diffuse & ((b->returns[k] & colour) != 0);
+        int gloss = source->glossy & ((b->returns[k] & colour << 3) != 0);
+        if (above[k] && (unlit | gloss | (matt & facing[k]))) bits[k] |= own;
+    }
+}
+
+static void add_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b, f64 (*total)[SIDE]) {
+    const Sized s = size_of(source);
+    const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
+    f64 power[SIDE];
+    u8 wanted[SIDE];
+    for (int k = 0; k < SIDE; k++) wanted[k] = red[k] != 0.0 || green[k] != 0.0 || blue[k] != 0.0, power[k] = 0.0;
+    matt_block(&s, b->P, b->Ns, wanted, power);
+    for (int k = 0; k < SIDE; k++) {
+        f64 light = wanted[k] ? power[k] : 0.0;
+        total[0][k] += red[k] * (light * source->colour[0]);
+        total[1][k] += green[k] * (light * source->colour[1]);
+        total[2][k] += blue[k] * (light * source->colour[2]);
+    }
+}
+
+/* Returns the highlight of receiver k: the lamp's mean of f_att·(R·V)^nShiny. */
+static f64 gloss_sized(const Sized *s, const Block *b, int k, f64 nShiny) {
+    f64 P[3], Ng[3], M[3];
+    taken(b->P, k, P), taken(b->Ng, k, Ng);
+    for (int j = 0; j < 3; j++) M[j] = 2.0 * b->facing[k] * b->Ns[j][k] - b->eye[j][k];
+    return gloss_of(s, P, M, Ng, nShiny);
+}
+
+static void add_gloss_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b, int count,
+                            const f64 *nShiny, f64 (*total)[SIDE]) {
+    const Sized s = size_of(source);
+    for (int k = 0; k < count; k++) {
+        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
+        if (b->returns[k] <= 7 || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
+        f64 power = gloss_sized(&s, b, k, nShiny[k]);
+        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power * source->colour[j]);
+    }
 }
 
 /* Sets the light's bit for the receivers that it reaches. */
@@ -185,6 +242,15 @@ i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour,
 /* Adds to one (matt and gloss) what a light would give a white surface if it were visible; most: S if that is above
    1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
+    if (s->kind >= BALL) {
+        const Sized sized = size_of(s);
+        f64 P[3], N[3];
+        taken(b->P, k, P), taken(b->Ns, k, N);
+        most *= fmax(s->colour[0], fmax(s->colour[1], s->colour[2]));
+        if (s->diffuse) one[0] += most * matt_of(&sized, P, N);
+        if (s->glossy && b->returns[k] > 7) one[1] += most * gloss_sized(&sized, b, k, nShiny);
+        return;
+    }
     Arriving a = arriving(s->kind, s, b, k);
     f64 power = a.power * (most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])));
     if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;

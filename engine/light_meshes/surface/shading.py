@@ -12,6 +12,7 @@ from ..rays.geometry import Hits
 from ..rays.tracer import Targets
 from ..scene.description import Light, Material, Scene
 from ..support.native import kernel
+from . import sized
 
 _DIRECTIONAL = [registry.NAMES.index(name) for name, kind in registry.KINDS.items() if kind.directional]
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
@@ -21,19 +22,20 @@ _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), ke
 class Lights(NamedTuple):
     """All lights as arrays; see scene.Light for the units."""
 
-    type: NDArray[np.int8]  # (L,) index into `lights.registry.NAMES`
+    type: NDArray[np.int8]  # (L,) index into `lights.registry.NAMES`, or `sized.kind` of a lamp with a size
     position: NDArray[np.float64]  # (L,3)
     direction: NDArray[np.float64]  # (L,3) unit, the way the light travels
     intensity: NDArray[np.float64]  # (L,3)
     edge: NDArray[np.float64]  # (L,) the first of the type's `numbers`
     slope: NDArray[np.float64]  # (L,) the second
     axes: NDArray[np.float64]  # (L,3,3) SKEWED_…: scene.Light.axes
+    extent: NDArray[np.float64]  # (L,8) `sized.extents`
     diffuse: NDArray[np.bool_]  # (L,)
     glossy: NDArray[np.bool_]  # (L,)
 
     def targets(self) -> Targets:
         """Return the targets of shadow rays."""
-        sun = np.isin(self.type, _DIRECTIONAL)
+        sun = np.isin(self.type, [*_DIRECTIONAL, sized.SKY])
         return Targets(np.where(sun[:, None], -self.direction, self.position), sun)
 
 
@@ -44,13 +46,20 @@ def light_arrays(lights: tuple[Light, ...]) -> Lights:
     direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
     length = np.sqrt((direction**2).sum(1, keepdims=True))
     return Lights(
-        np.array([registry.number(light) for light in lights], np.int8),
+        np.array([_kind(light) for light in lights], np.int8),
         np.array([light.position for light in lights], np.float64).reshape(-1, 3),
         direction / np.where(length > 0, length, 1),
         np.array([light.intensity for light in lights], np.float64).reshape(-1, 3),
         edge, slope, np.array([light.axes or np.zeros((3, 3)) for light in lights], np.float64).reshape(-1, 3, 3),
+        sized.extents(lights),
         np.array([light.diffuse for light in lights], np.bool_), np.array([light.glossy for light in lights], np.bool_),
     )
+
+
+def _kind(light: Light) -> int:
+    """Return the light's number in `Lights.type`."""
+    own = sized.kind(light)
+    return registry.number(light) if own is None else own
 
 
 class Materials(NamedTuple):
