@@ -23,6 +23,7 @@ from ..shadows.casters import Group, casters, union
 from ..shadows.meshes.certificate import Certificate, certificate
 from ..shadows.meshes.lattice import lattice
 from ..shadows.meshes.semitransparent import Refraction, SemitransparentMeshes, SharpThrough
+from ..shadows.sized import SizedLamps, sized_lamps
 from ..shadows.terminator import Terminator
 from ..shadows.visibility import LightMeshes, Sharp, Unshadowed
 from ..support import processors
@@ -114,7 +115,7 @@ class Prepared:
         self.holdout = np.array([o.holdout for o in scene.objects], np.bool_)
         self.catcher = np.array([o.shadow_catcher for o in scene.objects], np.bool_)
 
-    def _visibility(self, previous: Prepared | None) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough:
+    def _visibility(self, previous: Prepared | None) -> Unshadowed | Sharp | LightMeshes | AreaSampling | SharpThrough | SizedLamps:
         scene, s = self.scene, self.scene.settings
         if self.plan.shadows == "NONE":
             return Unshadowed(scene.lights)
@@ -129,6 +130,12 @@ class Prepared:
         if self.plan.shadows == "AREA_SAMPLING":
             edges = sharp(self.casters.sharp) if self.casters.sharp else None
             return AreaSampling(*needed, self.casters, sharp(self.casters.whole), edges, s.light_samples, s.seed)
+        sized = {i: 0.0 for i, light in enumerate(scene.lights) if light.softness == "SIZE"}
+        if sized and not self.plan.channels:
+            others = {i: 0.0 for i in range(len(scene.lights)) if i not in sized}
+            lamps = automatic_step.without(self.casters, others, len(scene.lights))
+            if lamps.soft:
+                return sized_lamps(self, lamps, sharp(lamps.whole), sharp(lamps.sharp) if lamps.sharp else None)
         own = self.own_radii
         steps, sentences = light_size.steps(self, own)
         suits = self.measured_h or automatic_step.measured_h(self)

@@ -20,7 +20,7 @@ SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
 FALLOFFS = ("LINEAR", "QUADRATIC", "INVERSE_QUADRATIC")
 WEIGHTS = ("UNIFORM", "SMOOTH")
-SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE")
+SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE", "SIZE")
 COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
@@ -99,14 +99,16 @@ class Light:
     axes: tuple[RGB, RGB, RGB] | None = None
     diffuse: bool = True  # lights matt surfaces
     glossy: bool = True  # gives highlights
-    radius: float = 0.0  # AREA_SAMPLING and LIGHT_SIZE: of the sphere (POINT, SPOT), scene units
+    radius: float = 0.0  # AREA_SAMPLING, LIGHT_SIZE, SIZE: of the sphere (POINT, SPOT), scene units
     angle: float = 0.0  # the same: full apparent angle of a SUN
     area_u: RGB = (0.0, 0.0, 0.0)  # the same: half-axes of the rectangle or ellipse
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
-    softness: str = "SCENE"  # this light's r: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE 1.12·ρ·a/(L − a) (method §2)
+    # Whose shadow it casts: that of one width, with r = h·kI (SCENE), soft_radius (RADIUS) or 1.12·ρ·a/(L − a)
+    # (LIGHT_SIZE, method §2); or SIZE, that of the lamp's own sphere, disc of the sky, rectangle or ellipse.
+    softness: str = "SCENE"
     soft_radius: float = 0.0  # RADIUS: r, scene units
     reference_distance: float = 0.0  # LIGHT_SIZE: a, from the caster of a shadow to its receiver; 0: measured
     receivers: tuple[int, ...] | None = None  # objects that it lights; None: all

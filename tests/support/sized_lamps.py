@@ -1,0 +1,174 @@
+"""Scenes in which shadows touch, lean, thin out and pile up, and lamps with a size to light them; and their errors.
+
+`python tests/support/sized_lamps.py [scene …]` prints the table: RMSE of S over the whole receiver against 1,024 rays.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from light_meshes.picture.prepared import Prepared  # noqa: E402
+from light_meshes.scene.description import Light, Scene  # noqa: E402
+from light_meshes.shadows.area_sampling import AreaSampling  # noqa: E402
+from light_meshes.shadows.visibility import Sharp  # noqa: E402
+from meshes import GREY, Mesh, Part, assemble, box, cylinder, look_down, move, rectangle, sphere, turn_z  # noqa: E402
+from scenes import settings  # noqa: E402
+
+HALF = 1.0  # of the square receiver
+
+
+def floor() -> Part:
+    return Part(rectangle((-4, -4), (4, 4), 0.0), GREY, "floor")
+
+
+def posts(thickness: float = 0.1) -> list[Part]:
+    """Upright posts on the floor, four of them half as thick."""
+    places = [(x, y) for x in (-0.6, 0.0, 0.6) for y in (-0.6, 0.0, 0.6)]
+    return [floor()] + [Part(box((x - t / 2, y - t / 2, 0), (x + t / 2, y + t / 2, 0.5)), GREY, f"post {n}")
+                        for n, (x, y) in enumerate(places) for t in [thickness / (1 + n % 2)]]
+
+
+def tabletop() -> list[Part]:
+    """S3's cylinder and bar, smaller."""
+    return [floor(), Part(cylinder(0.3, 0.2, 0.8, 64), GREY, "cylinder"),
+            Part(box((0.15, -0.06, 0.5), (0.8, 0.06, 0.62)), GREY, "bar")]
+
+
+def boxes(count: int = 60) -> list[Part]:
+    """Clutter: turned boxes on and above the floor."""
+    random = np.random.default_rng(3)
+    parts = [floor()]
+    for n in range(count):
+        size = random.uniform(0.02, 0.12, 3)
+        x, y = random.uniform(-1, 1, 2)
+        z = size[2] if n % 2 else random.uniform(0.1, 0.6)
+        parts.append(Part(box(-size, size), GREY, f"box {n}", [move(x, y, z) @ turn_z(random.uniform(0, 3))]))
+    return parts
+
+
+def board() -> list[Part]:
+    """A board that leans from the floor at x = −.8 to a height of 1.2 at x = .6, .6 wide."""
+    v = np.array([(-0.8, -0.3, 0), (-0.8, 0.3, 0), (0.6, 0.3, 1.2), (0.6, -0.3, 1.2)], float)
+    return [floor(), Part(Mesh(v, np.array([(0, 1, 2), (0, 2, 3)])), GREY, "board")]
+
+
+def plant(leaves: int = 10000) -> list[Part]:
+    """A bush of small leaves, two triangles each."""
+    random = np.random.default_rng(5)
+    centre = random.normal(0, 1, (leaves, 3))
+    centre *= (0.5 * random.uniform(0.2, 1, leaves) ** (1 / 3) / np.linalg.norm(centre, axis=1))[:, None]
+    centre[:, 2] = 0.55 + 0.9 * centre[:, 2]
+    a, b = random.normal(0, 1, (2, leaves, 3))
+    a *= (0.02 / np.linalg.norm(a, axis=1))[:, None]
+    b *= (0.01 / np.linalg.norm(b, axis=1))[:, None]
+    v = np.stack([centre - a, centre - b, centre + a, centre + b], 1).reshape(-1, 3)
+    k = 4 * np.arange(leaves)[:, None]
+    t = np.concatenate([k + (0, 1, 2), k + (0, 2, 3)])
+    return [floor(), Part(Mesh(v, t), GREY, "plant")]
+
+
+def curved() -> list[Part]:
+    """A hollow of a sphere of radius 3 as the receiver, and two balls above it."""
+    n = 97
+    x, y = np.meshgrid(np.linspace(-1.5, 1.5, n), np.linspace(-1.5, 1.5, n), indexing="ij")
+    v = np.stack([x, y, 3 - np.sqrt(9 - x**2 - y**2)], -1).reshape(-1, 3)
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    t = np.concatenate([np.stack([i, i + n, i + n + 1], 1), np.stack([i, i + n + 1, i + 1], 1)])
+    return [Part(Mesh(v, t), GREY, "hollow"), Part(sphere(0.25), GREY, "ball", [move(-0.3, 0.2, 0.7)]),
+            Part(sphere(0.1), GREY, "small", [move(0.4, -0.3, 0.25)])]
+
+
+def ball() -> list[Part]:
+    """A sphere that stands on the floor."""
+    return [floor(), Part(sphere(0.4, 96, 48), GREY, "ball", [move(0, 0, 0.4)])]
+
+
+SCENES = {"posts": posts, "thin posts": lambda: posts(0.02), "tabletop": tabletop, "boxes": boxes, "board": board,
+          "plant": plant, "curved": curved, "ball": ball}
+_AIM = (-0.4 / 2.0396, -0.4 / 2.0396, -2.0 / 2.0785)
+LAMPS = {
+    "sphere": Light("lamp", "POINT", (1.0,) * 3, position=(1.0, 0.7, 2.5), radius=0.3),
+    "spot": Light("lamp", "SPOT", (1.0,) * 3, position=(-0.8, 1.0, 2.2), direction=(0.31, -0.39, -0.87),
+                  spot_angle=1.5, radius=0.15),
+    "rectangle": Light("lamp", "AREA", (1.0,) * 3, position=(0.9, -0.7, 2.4), direction=(0.0, 0.0, -1.0),
+                       area_u=(0.4, 0.0, 0.0), area_v=(0.0, 0.2, 0.0)),
+    "disc": Light("lamp", "AREA", (1.0,) * 3, position=(-1.0, -0.5, 2.6), direction=(0.0, 0.0, -1.0),
+                  area_u=(0.35, 0.0, 0.0), area_v=(0.0, 0.35, 0.0), area_ellipse=True),
+    "sun": Light("lamp", "SUN", (1.0,) * 3, direction=(0.48, 0.36, -0.8), angle=0.2),
+}
+
+
+def scene_of(name: str, lamp: str, pixels: int = 160, **values: float) -> Scene:
+    """The scene from above under the lamp."""
+    light = replace(LAMPS[lamp], softness="SIZE")
+    return assemble(SCENES[name](), look_down(0, 0, 2 * HALF, pixels, height=1e-3 + 6), [light],
+                    settings(**({"h": 0.0125, "kI": 2.0, "shadows": "AREA_SAMPLING"} | values)))
+
+
+class Receivers:
+    """What the camera sees of a scene, and S of it by several methods."""
+
+    def __init__(self, scene: Scene, beneath: bool = True) -> None:
+        """beneath: the floor (the first object), also where something stands on it."""
+        from light_meshes.rays.camera import camera_rays
+        self.ready = Prepared(scene)
+        origin, direction, reach = camera_rays(scene.camera, (0, 0, scene.camera.width, scene.camera.height),
+                                               np.zeros((1, 2)))
+        self.hit, hits = self.ready.closest("camera", origin, direction, None, reach)
+        on = self.ready.owner(hits.triangle) == 0
+        self.pixel = np.flatnonzero(self.hit)[on]
+        self.P, self.N, self.triangle = hits.P[on], hits.Ng[on], hits.triangle[on]
+        self.active = np.full((on.sum(), 1), (1 << len(scene.lights)) - 1, np.uint64)
+        self.needed = scene.lights, self.ready.lights.targets(), self.ready.tracer, self.ready.stats
+
+    def area(self, samples: int) -> np.ndarray:
+        """By `samples` rays."""
+        r = self.ready
+        sharp = Sharp(*self.needed, r.casters.whole)
+        way = AreaSampling(*self.needed, r.casters, sharp, None, samples, 1)
+        return self.of(way)
+
+    def sharp(self) -> np.ndarray:
+        return self.of(Sharp(*self.needed, self.ready.casters.whole))
+
+    def of(self, way) -> np.ndarray:
+        return way(self.P, self.N, self.active.copy(), lambda: None, self.triangle).reshape(len(self.P), -1)
+
+
+def rmse(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((a.astype(float) - b) ** 2)))
+
+
+def table(names: list[str], lamps: list[str], pixels: int, **values: float) -> None:
+    """Print it."""
+    from light_meshes.shadows.sized import sized_lamps
+    how = {k: values.pop(k) for k in list(values) if k in ("levels", "rays", "first_rays")}
+    print(f"{'scene':12} {'lamp':10} {'sharp':>7} {'area 4':>7} {'area 16':>7} {'size':>7}  pairs mixed rays   long/px  shadow/px")
+    for name in names:
+        for lamp in lamps:
+            r = Receivers(scene_of(name, lamp, pixels, **values))
+            truth = r.area(1024)
+            sharp = Sharp(*r.needed, r.ready.casters.whole)
+            r.ready.stats.counts.clear()
+            began = time.perf_counter()
+            S = r.of(sized_lamps(r.ready, r.ready.casters, sharp, None, **how))
+            c, n = r.ready.stats.counts, len(r.P)
+            print(f"{name:12} {lamp:10} {rmse(r.sharp(), truth):7.4f} {rmse(r.area(4), truth):7.4f} "
+                  f"{rmse(r.area(16), truth):7.4f} {rmse(S, truth):7.4f}  {n:6} {c['mixed_pairs'] / n:5.2f} "
+                  f"{c['ray_pairs'] / n:5.2f} {c['long_rays'] / n:6.2f} {c['shadow_rays'] / n:6.2f} "
+                  f"{time.perf_counter() - began:5.2f} s", flush=True)
+
+
+if __name__ == "__main__":
+    words = [w for w in sys.argv[1:] if "=" not in w]
+    options = {k: (int(v) if v.isdigit() else float(v)) for k, v in (w.split("=") for w in sys.argv[1:] if "=" in w)}
+    pixels = options.pop("pixels", 160)
+    table([w for w in words if w in SCENES] or list(SCENES), [w for w in words if w in LAMPS] or list(LAMPS), pixels,
+          **options)
