@@ -149,6 +149,9 @@ def rmse(a: np.ndarray, b: np.ndarray) -> float:
 def table(names: list[str], lamps: list[str], pixels: int, **values: float) -> None:
     """Print it."""
     from light_meshes.shadows.sized import sized_lamps
+    import light_meshes.shadows.sized as sized
+    for k in [k for k in values if k.isupper()]:
+        setattr(sized, k, values.pop(k))
     how = {k: values.pop(k) for k in list(values) if k in ("levels", "rays", "first_rays")}
     print(f"{'scene':12} {'lamp':10} {'sharp':>7} {'area 4':>7} {'area 16':>7} {'size':>7}  pairs mixed rays   long/px  shadow/px")
     for name in names:

@@ -198,9 +198,9 @@ class Prepared:
                 for light, n in zip(self.scene.lights, most, strict=True) if n]
 
     @property
-    def soft(self) -> LightMeshes:
+    def soft(self) -> LightMeshes | SizedLamps:
         """The light meshes, where the plan has them."""
-        assert isinstance(self.visibility, LightMeshes)
+        assert isinstance(self.visibility, LightMeshes | SizedLamps)
         return self.visibility
 
     def light_visibility(self, P: NDArray[np.float64], N: NDArray[np.float64],

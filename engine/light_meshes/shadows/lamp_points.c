@@ -49,10 +49,11 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
         u64 key;
         memcpy(&key, own + 1, sizeof key);
         key = mixed(key + (u64)i * 0x9E3779B97F4A7C15u);
-        for (i64 n = 0; n < count; n++) {
-            f64 *point = out + 3 * (at * count + n);
-            i64 j = stratum(first + n);
-            f64 a = ((f64)j + random_of(key + (u64)j)) / 16.0, b = part(reversed(j) + own[0] + 0.7548776662466927 * (f64)i);
+        for (i64 n = first; n < first + count; n++) {
+            f64 *point = out + 3 * (at * count + n - first);
+            i64 j = stratum(n & 15);
+            f64 turned = own[0] + 0.7548776662466927 * (f64)i + 0.5698402909980532 * (f64)(n >> 4);
+            f64 a = ((f64)j + random_of(key + (u64)(n - (n & 15) + j))) / 16.0, b = part(reversed(j) + turned);
             f64 x = 2.0 * a - 1.0, y = 2.0 * b - 1.0;
             if (shape[i] != RECTANGLE) x = sqrt(a) * cos(2 * PI * b), y = sqrt(a) * sin(2 * PI * b);
             for (int j = 0; j < 3; j++) point[j] = c[j] + x * e[j] + y * f[j];

@@ -8,7 +8,7 @@ is the share of points of the lamp that rays from the receiver reach.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ from ..support.statistics import Statistics
 from .casters import Casters, union
 from .lamp_points import narrowest, points, shapes, turns_of_points
 from .meshes.certificate import certificate
-from .meshes.shares import POINTS, Groups, Lamps, Shares
+from .meshes.lattice import Lattice
+from .meshes.shares import Groups, Lamps, Shares
 from .terminator import Lift, split, starts
 from .visibility import Check, blocks, dim, set_pairs
 
@@ -28,16 +29,25 @@ if TYPE_CHECKING:
     from ..picture.prepared import Prepared
 
 LEVELS = 4
-WIDE = 1.0  # a level counts where the penumbra is wider than so many r,
-BLEND = 1.0  # and alone from so many octaves above that on
+WIDE = 0.7  # a level counts where the penumbra is wider than so many r,
+BLEND = 0.5  # and alone from so many octaves above that on
+RAYS = 24  # from a receiver to a lamp, at most:
+FIRST_RAYS = 16  # where these agree no more are traced
 BATCH = 1 << 15  # receivers at once
+
+
+class Nodes(NamedTuple):
+    """How many nodes there are, and their memory in bytes."""
+
+    count: int
+    bytes: int
 
 
 class SizedLamps:
     """S of lamps with a size; the interface of `visibility`."""
 
     def __init__(self, lamps: Lamps, tracer: Tracer, stats: Statistics, casters: Casters, levels: list[Shares],
-                 sharp: Any, edges: Any, rays: int = POINTS, first_rays: int = POINTS) -> None:
+                 sharp: Any, edges: Any, rays: int = 0, first_rays: int = 0) -> None:
         """levels: from the finest on, each of twice the step. sharp: V(P), and of the segments to points of lamps;
         edges: V(P) past the sharp casters, None: there are none. rays: from a receiver to a lamp, at most; first_rays:
         of those that are traced before it is asked whether they agree."""
@@ -45,7 +55,17 @@ class SizedLamps:
         self._groups, self.soft = casters.soft, union(casters.soft, self.count)
         self._receives = casters.receives
         self._levels, self._sharp, self._edges = levels, sharp, edges
-        self._rays, self._first_rays = rays, first_rays
+        self._rays, self._first_rays = rays or int(RAYS), first_rays or int(FIRST_RAYS)
+
+    @property
+    def lattice(self) -> Lattice:
+        """The finest lattice."""
+        return self._levels[0].lattice
+
+    @property
+    def store(self) -> Nodes:
+        """What the nodes of all lattices hold."""
+        return Nodes(sum(level.nodes for level in self._levels), sum(level.bytes for level in self._levels))
 
     def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
                  triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
@@ -78,11 +98,15 @@ class SizedLamps:
         level = self._levels[0]
         with self._stats.stage("candidates"):
             g = level.groups(P, N, triangle, soft)
+            grazing = level.grazing(g, N)
+            g.lit[:] &= ~grazing
+            by_rays = grazing[g.group] & soft
+            soft = soft & ~by_rays
         with self._stats.stage("nodes"):
             seen, mixed = level.sorted(g, check)
         certified = self._certified(level, N, triangle, g)
-        by_rays = mixed[g.group] & soft
-        by_rays[certified[g.group]] = 0
+        unsure = mixed & np.where(certified, np.uint64(0), ~np.uint64(0))[:, None]
+        by_rays |= unsure[g.group] & soft
         agreed = soft & ~mixed[g.group]
         with self._stats.stage("short rays"):
             # Where something is near, the nearest candidate must be seen, or all may be behind it.

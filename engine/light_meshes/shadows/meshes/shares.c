@@ -74,6 +74,28 @@ i64 shares_groups(i64 v, i64 t, i64 n, i64 W, i64 e, f64 h, const f64 *R, const 
     return count;
 }
 
+/* Lamps of `lit` that the plane of a group cuts, or that are so near to it that they may be cut: no node stands for
+   what is seen of them. */
+KERNEL(shares_grazing,
+       "place f64[g,3]  N f64[n,3]  first i64[g]  position f64[L,3]  directional bool[L]  shape u8[L]  size f64[L]  "
+       "u f64[L,3]  v f64[L,3]  lit u64[g,W]  out u64[g,W]!")
+i64 shares_grazing(i64 g, i64 n, i64 L, i64 W, const f64 *place, const f64 *N, const i64 *first, const f64 *position,
+                   const u8 *directional, const u8 *shape, const f64 *size, const f64 *u, const f64 *v,
+                   const u64 *lit, u64 *out) {
+    (void)n;
+    memset(out, 0, (size_t)(g * W) * sizeof *out);
+    for (i64 p = 0; p < g; p++)
+        for (i64 i = 0; i < L; i++) {
+            if (!has(lit + W * p, i)) continue;
+            const f64 *normal = N + 3 * first[p];
+            f64 way[3], reach = size[i];
+            for (int j = 0; j < 3; j++) way[j] = position[3 * i + j] - (directional[i] ? 0.0 : place[3 * p + j]);
+            if (shape[i]) reach = fabs(dot(u + 3 * i, normal)) + fabs(dot(v + 3 * i, normal));
+            if (dot(way, normal) <= reach) out[W * p + (i >> 6)] |= bit(i);
+        }
+    return 0;
+}
+
 /* What a group's candidates say of the lights it asks for: `seen` by all with all their `points` points, or `mixed`;
    of the others by none. seen_points (u,L): how many of them each sees. */
 KERNEL(shares_sorted,
@@ -126,6 +148,15 @@ i64 shares_distances(i64 v, i64 t, i64 n, const f64 *centre, f64 scale, const f3
     return 0;
 }
 
+/* Two unit vectors across a unit normal. */
+static void across(const f64 *n, f64 *e, f64 *f) {
+    f64 sign = n[2] >= 0.0 ? 1.0 : -1.0, a = -1.0 / (sign + n[2]), b = n[0] * n[1] * a;
+    e[0] = 1.0 + sign * n[0] * n[0] * a, e[1] = sign * b, e[2] = -sign * n[0];
+    f[0] = b, f[1] = sign + n[1] * n[1] * a, f[2] = -n[1];
+}
+
+#define RIDGE 0.02  /* of the variance along the plane that is added, in r² */
+
 /* S of pairs of receiver P[row] and light: the mean of its group's candidates' shares, each slid along the light's way
    onto the receiver's plane and weighed by how far it lies there from P. shares (u,2L): of each light how many of
    `points` points the node sees, and the distance of what is nearest in the way. narrow (L,): `narrowest`. width: the
@@ -145,7 +176,8 @@ i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f6
         i64 p = row[at], i = light[at];
         const f64 *o = P + 3 * p, *normal = N + 3 * p, *lamp = light_position + 3 * i, *axis = facing + 3 * i;
         const i64 *range = start + s * (i64)group[p];
-        f64 total = 0.0, seen = 0.0, least = 1e30;
+        f64 total = 0.0, seen = 0.0, least = 1e30, e[3], f[3], m[2] = {0}, mm[3] = {0}, sm[2] = {0};
+        across(normal, e, f);
         for (i64 q = range[0]; q < range[s - 1]; q++) {
             i64 node = candidate[q];
             const f64 *x = position + 3 * node;
@@ -155,11 +187,14 @@ i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f6
             f64 rise = dot(way, normal);
             if (near >= 1.0 || above <= 0.0 || rise <= 0.0) continue;
             f64 slide = above / rise, off = 0.0;
-            for (int j = 0; j < 3; j++) off += square(d[j] - slide * way[j]);
-            off /= r * r;
+            for (int j = 0; j < 3; j++) d[j] = (d[j] - slide * way[j]) / r;
+            off = dot(d, d);
             if (off >= 1.0) continue;
-            f64 weight = (1.0 - off) * (1.0 - near);
-            total += weight, seen += weight * shares[node * l + 2 * i];
+            f64 weight = (1.0 - off) * (1.0 - near), share = weight * shares[node * l + 2 * i];
+            f64 a0 = dot(d, e), b0 = dot(d, f);
+            total += weight, seen += share;
+            m[0] += weight * a0, m[1] += weight * b0, sm[0] += share * a0, sm[1] += share * b0;
+            mm[0] += weight * a0 * a0, mm[1] += weight * a0 * b0, mm[2] += weight * b0 * b0;
             u8 code = shares[node * l + 2 * i + 1];
             if (code) {
                 f64 length = sqrt(dot(way, way)), a = distance[code] + slide * length, size = narrow[i];
@@ -169,7 +204,17 @@ i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f6
                 least = w < least ? w : least;
             }
         }
-        S[at] = (f32)(total > 0.0 ? seen / (total * points) : 0.0);
+        S[at] = 0.0f;
+        if (total > 0.0) {
+            /* The plane through them that fits best, at P; pulled towards the mean where they tell little of it. */
+            f64 ridge = RIDGE;
+            m[0] /= total, m[1] /= total, seen /= total;
+            f64 c0 = mm[0] / total - m[0] * m[0] + ridge, c1 = mm[1] / total - m[0] * m[1];
+            f64 c2 = mm[2] / total - m[1] * m[1] + ridge, det = c0 * c2 - c1 * c1;
+            f64 s0 = sm[0] / total - seen * m[0], s1 = sm[1] / total - seen * m[1];
+            f64 value = (seen - ((c2 * s0 - c1 * s1) * m[0] + (c0 * s1 - c1 * s0) * m[1]) / det) / points;
+            S[at] = (f32)(value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value);
+        }
         width[at] = (f32)(total < 0.8 ? 0.0 : least / r);
     }
     return 0;

@@ -35,7 +35,7 @@ ACROSS = 0.8661  # steps: from the middle of a cell to what is farthest in it
 PAIRS = 1 << 15  # of node and lamp traced at once
 
 _groups, _sorted, _mean = kernel("shares_groups"), kernel("shares_sorted"), kernel("shares_mean")
-_distances = kernel("shares_distances")
+_distances, _grazing = kernel("shares_distances"), kernel("shares_grazing")
 Check = Callable[[], None]
 
 
@@ -82,6 +82,16 @@ class Shares:
         """How far from a receiver its group's candidates may be, world."""
         return self.h * (float(self.lattice.reach[-1]) + ACROSS)
 
+    @property
+    def nodes(self) -> int:
+        """How many nodes there are."""
+        return max(self._first.count, self._all.count)
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the nodes."""
+        return self._first.bytes + self._all.bytes
+
     def groups(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, soft: NDArray[np.uint64]) -> Groups:
         """Group receivers (n,3) that ask for the lights in soft (n,W)."""
         n, s, L = len(P), self._surfaces, self.lattice
@@ -101,6 +111,12 @@ class Shares:
         seen, mixed = np.empty_like(g.lit), np.empty_like(g.lit)
         needs_memory(_sorted(g.start, g.candidate, FIRST, seen_points, g.lit, seen, mixed))
         return seen, mixed
+
+    def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:
+        """Lamps (g,W) that the plane of a group may cut."""
+        out = np.empty_like(g.lit)
+        _grazing(g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes, g.lit, out)
+        return out
 
     def shares(self, g: Groups, lights: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
         """Shares and distances (u,2L) of the nodes of groups, right for `lights` (g,W)."""
@@ -147,21 +163,29 @@ class Shares:
         return found
 
     def _trace_all(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
-        """How many of all POINTS they see, and how far the nearest thing in the way is: (n,2L)."""
+        """How many of all POINTS they see, and how far away something in the way is, as 8 bits or 0: (n,2L)."""
         found = np.zeros((len(nodes), self.count, 2), np.uint8)
         x, turn = self.lattice.position(nodes), turns_of_nodes(nodes)
-        s = self._surfaces
         for row, light, casters in self._pairs(todo, check):
             target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, 0, POINTS)
-            origin = np.repeat(x[row], POINTS, axis=0)
-            way = target.position - np.where(target.directional[:, None], 0.0, origin)
-            length = np.sqrt((way * way).sum(1))
-            far = np.where(target.directional, 1e300, length * (1 - 1e-5))
-            triangle, u, v = self._tracer.closest("opaque", origin, way / length[:, None], None, far, casters)
-            code = np.empty(len(triangle), np.uint8)
-            _distances(s.centre, s.scale, s.vertices, s.triangles, self.h, origin, triangle, u, v, code)
-            code = code.reshape(-1, POINTS)
-            found[row, light, 0] = (code == 0).sum(1)
-            found[row, light, 1] = np.where(code > 0, code, 255).min(1) * (code > 0).any(1)
-            self._stats.add(long_rays=len(triangle))
+            of, order = np.repeat(row, POINTS), np.arange(len(row) * POINTS, dtype=np.int32)
+            blocked = self._tracer.occluded(x, of, target, order, None, closed=False, kind="opaque",
+                                            casters=casters).reshape(-1, POINTS)
+            found[row, light, 0] = POINTS - blocked.sum(1, dtype=np.uint8)
+            some = np.flatnonzero(blocked.any(1))
+            ends = blocked[some].argmax(1), POINTS - 1 - blocked[some, ::-1].argmax(1)  # the first and last of them
+            a, b = (self._distance(x[row[some]], target, some * POINTS + end, casters) for end in ends)
+            found[row[some], light[some], 1] = np.minimum(np.where(a > 0, a, 255), np.where(b > 0, b, 255))
+            self._stats.add(long_rays=len(of) + 2 * len(some))
         return found.reshape(len(nodes), -1)
+
+    def _distance(self, origin: NDArray[np.float64], targets: Targets, target: NDArray[np.intp],
+                  casters: int) -> NDArray[np.uint8]:
+        """How far from origins (n,3) the first thing on the way to their targets is, as 8 bits; 0: there is none."""
+        s, directional, out = self._surfaces, targets.directional[target], np.empty(len(origin), np.uint8)
+        way = targets.position[target] - np.where(directional[:, None], 0.0, origin)
+        length = np.sqrt((way * way).sum(1))
+        triangle, u, v = self._tracer.closest("opaque", origin, way / length[:, None], None,
+                                              np.where(directional, 1e300, length), casters)
+        _distances(s.centre, s.scale, s.vertices, s.triangles, self.h, origin, triangle, u, v, out)
+        return out
