@@ -9,6 +9,7 @@ from light_meshes.scene.description import Material
 from meshes import Part, assemble, box, look_at, look_down, move, rectangle, sphere
 from refraction_reference import sphere_roots
 from scenes import GREY, point, settings, with_settings
+from visible import visibility
 
 CENTRE, RADIUS, INDEX, T = np.array([0, 0, 0.9]), 0.6, 1.5, 0.95  # S5
 LIGHT = np.array([0.8, -0.6, 4.2])
@@ -32,7 +33,7 @@ def on_the_floor(scene, half=1.5, cells=200):
     """Light on a square of the floor from a source of 1 W/sr: Σ S·cos/d² over cells, and a cell's area."""
     x = (np.arange(cells) + 0.5) / cells * 2 * half - half
     P = np.stack([*np.meshgrid(x, x), np.zeros((cells, cells))], -1).reshape(-1, 3)
-    S = Prepared(scene).light_visibility(P, np.repeat([[0.0, 0, 1]], len(P), 0)).reshape(-1).astype(float)
+    S = visibility(Prepared(scene), P, np.repeat([[0.0, 0, 1]], len(P), 0)).reshape(-1).astype(float)
     v = LIGHT - P
     return (S * v[:, 2] / (v**2).sum(1) ** 1.5).sum() * (2 * half / cells) ** 2
 
@@ -108,7 +109,7 @@ def test_soft_shadows_are_the_mean_of_the_nodes_paths():
     expected = np.add.reduceat(v, start[:-1]) / np.diff(start)
     sure = np.add.reduceat(unsure.astype(int), start[:-1]) == 0
     assert sure.sum() > 100 and (v[~unsure] > 1.5).any() and np.unique(expected[sure]).size > 20
-    np.testing.assert_allclose(ready.light_visibility(P, N).reshape(-1)[sure], expected[sure], rtol=1e-6)
+    np.testing.assert_allclose(visibility(ready, P, N).reshape(-1)[sure], expected[sure], rtol=1e-6)
 
 
 def test_the_lens_makes_a_bright_spot_in_its_shadow():
@@ -116,7 +117,7 @@ def test_the_lens_makes_a_bright_spot_in_its_shadow():
     middle = LIGHT + (CENTRE - LIGHT) * LIGHT[2] / (LIGHT[2] - CENTRE[2])  # of the shadow
     P = middle + np.array([(x, 0.0, 0.0) for x in np.linspace(-0.7, 0.7, 31)])
     N = np.repeat([[0.0, 0, 1]], len(P), 0)
-    S = {r: Prepared(lens(glass(), refraction=r, caustics="FOCUS", shadows="SHARP")).light_visibility(P, N).reshape(-1)
+    S = {r: visibility(Prepared(lens(glass(), refraction=r, caustics="FOCUS", shadows="SHARP")), P, N).reshape(-1)
          for r in ("VIEW", "FULL")}
     shaded = np.isclose(S["VIEW"], T**2, rtol=1e-5)
     assert shaded.sum() > 10 and S["FULL"][shaded].max() > 5 and np.median(S["FULL"][shaded]) < 0.5
@@ -137,7 +138,7 @@ def beside_the_table(**values):
     scene = assemble(parts, look_down(0, 0, 4, 8), [point((-1, 0, 4))],
                      settings(h=0.03, kI=3.0, refraction="FULL", **values))
     P = np.array([(x, 0.0, 1.0) for x in (0.005, 0.01, 0.02, 0.04, 0.08, 0.2)])
-    return Prepared(scene).light_visibility(P, np.repeat([[0.0, 0, 1]], len(P), 0)).reshape(-1)
+    return visibility(Prepared(scene), P, np.repeat([[0.0, 0, 1]], len(P), 0)).reshape(-1)
 
 
 def test_the_leak_free_form_keeps_light_from_below_off_the_table():
@@ -170,7 +171,7 @@ def test_glass_hidden_from_shadows_neither_shades_nor_gathers(values):
     P = np.stack([*np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9)), np.zeros((9, 9))], -1).reshape(-1, 3)
     N = np.repeat([[0.0, 0, 1]], len(P), 0)
     ready = Prepared(hidden)
-    np.testing.assert_array_equal(ready.light_visibility(P, N), 1)
+    np.testing.assert_array_equal(visibility(ready, P, N), 1)
     assert not ready.plan.paths and Prepared(scene).plan.paths
     # Beside other glass that does cast, the solver runs and still passes it by.
     seen = replace(hidden, objects=tuple(replace(o, visible_shadow=o.name == "ball") for o in hidden.objects),
@@ -179,7 +180,7 @@ def test_glass_hidden_from_shadows_neither_shades_nor_gathers(values):
     alone = replace(seen, objects=tuple(replace(o, visible_camera=False) for o in seen.objects),
                     materials=tuple(replace(m, kt=(0, 0, 0)) if m.name == "glass" else m for m in seen.materials))
     assert Prepared(seen).plan.paths
-    np.testing.assert_allclose(Prepared(seen).light_visibility(P, N), Prepared(alone).light_visibility(P, N), atol=1e-6)
+    np.testing.assert_allclose(visibility(Prepared(seen), P, N), visibility(Prepared(alone), P, N), atol=1e-6)
 
 
 def test_area_sampling_keeps_to_straight_rays():

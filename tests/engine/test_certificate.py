@@ -136,8 +136,8 @@ def test_embree_blocks_no_ray_that_is_spared(shape):
     for seed in (None, 4, 5, 6):
         with forced(certificate=True):
             ready = prepare(scene_of(SHAPES[shape], seed), ("Combined",))
-        _, hits = ready.coarse_view()
-        holds = ready.certificate.holds(hits.P, hits.Ng, hits.triangle)
+        _, hits = ready.world.coarse_view()
+        holds = ready.shadowing.certificate.holds(hits.P, hits.Ng, hits.triangle)
         P, N, lattice = hits.P[holds], hits.Ng[holds], ready.soft.lattice
         start, candidate, nodes = candidates(lattice, P, N)
         row = np.repeat(np.arange(len(P), dtype=np.int32), start[:, -1] - start[:, 0])
@@ -160,8 +160,8 @@ def test_the_certificate_stays_while_the_casters_and_r_do():
     scene = scene_of(SHAPES["ball"], None)
     with forced(certificate=True):
         _, _, first, moved_light = after(scene, with_light(scene, 0, position=(1.0, 1.0, 3.0)))
-        assert first.certificate is moved_light.certificate is not None
+        assert first.shadowing.certificate is moved_light.shadowing.certificate is not None
         for other in (replace(scene, settings=replace(scene.settings, kI=2.5)), moved(scene, 2, (0.1, 0.0, 0.0)),
                       with_object(scene, 2, visible_shadow=False)):
             _, _, first, then = after(scene, other)
-            assert first.certificate is not then.certificate
+            assert first.shadowing.certificate is not then.shadowing.certificate

@@ -27,6 +27,7 @@ from scenes import (
 )
 from test_same_picture import same_bits
 from test_semitransparent import glass, still_life
+from visible import visibility
 
 FLOOR, BALL, BOX = range(3)  # objects of four_lights
 UP = np.array([[0.0, 0.0, 1.0]])
@@ -38,12 +39,12 @@ ALONE = {"world_color": (0.0, 0.0, 0.0)}  # no ambient light: pictures of single
 def test_switching_one_light_changes_only_that_lights_penumbrae():
     scene = replace(four_lights(80), **ALONE)
     P, N, triangle = Oracle(scene).places(4000, 0)
-    soft = Prepared(scene).light_visibility(P, N, triangle)
+    soft = visibility(Prepared(scene), P, N, triangle)
     for n, light in enumerate(scene.lights):
         lights = list(scene.lights)
         lights[n] = replace(light, soft_shadows=False)
         switched = with_lights(scene, *lights)
-        S = Prepared(switched).light_visibility(P, N, triangle)
+        S = visibility(Prepared(switched), P, N, triangle)
         others = np.arange(len(lights)) != n
         np.testing.assert_array_equal(S[:, others], soft[:, others])
         assert set(np.unique(S[:, n])) == {0, 1} and len(np.unique(soft[:, n])) > 10
@@ -96,15 +97,15 @@ def test_a_sharp_casters_edge_is_exactly_the_sharp_one():
     P = np.stack([x, y, np.zeros(8000)], 1)
     P = P[np.hypot(x + 0.6, y - 0.3) > 0.6]  # the ball's neighbourhood has other nodes without it
     N = np.repeat(UP, len(P), 0)
-    edge = Prepared(with_settings(all_lights(scene, blockers=(BALL,)), shadows="SHARP")).light_visibility(P, N)
-    soft = Prepared(with_objects(scene, ball={"visible_shadow": False})).light_visibility(P, N)
-    S = Prepared(mixed).light_visibility(P, N)
+    edge = visibility(Prepared(with_settings(all_lights(scene, blockers=(BALL,)), shadows="SHARP")), P, N)
+    soft = visibility(Prepared(with_objects(scene, ball={"visible_shadow": False})), P, N)
+    S = visibility(Prepared(mixed), P, N)
     np.testing.assert_array_equal(S, edge * soft)
-    both = Prepared(scene).light_visibility(P, N)
+    both = visibility(Prepared(scene), P, N)
     assert ((S == 0) & (both > 0)).any() and ((S > 0) & (S < 1)).any()
     material = replace(scene, materials=tuple(
         replace(m, cast_soft_shadows=m.name != "ball") for m in scene.materials))
-    np.testing.assert_array_equal(Prepared(material).light_visibility(P, N), S)
+    np.testing.assert_array_equal(visibility(Prepared(material), P, N), S)
 
 
 @pytest.mark.parametrize("shadows", ["LIGHT_MESHES", "AREA_SAMPLING"])
@@ -153,7 +154,7 @@ def test_no_neighbourhood_reaches_through_a_sharp_wall():
     x = np.linspace(-0.4, 0.4, 41)
     x = x[np.abs(x) > 0.011]
     P = np.stack([x, 0 * x, 0 * x], 1)
-    S = Prepared(scene).light_visibility(P, np.repeat(UP, len(P), 0))[:, 0]
+    S = visibility(Prepared(scene), P, np.repeat(UP, len(P), 0))[:, 0]
     np.testing.assert_array_equal(S, x < 0)
 
 
@@ -182,12 +183,12 @@ def test_only_its_blockers_shadow_a_light(shadows):
     x, y = np.random.default_rng(0).uniform(-2.5, 2.5, (2, 3000))
     P = np.stack([x, y, np.zeros(3000)], 1)
     N = np.repeat(UP, len(P), 0)
-    S = Prepared(with_lights(scene, *(replace(light, blockers=(b,)) for light, b in
-                                      zip(scene.lights, (BALL, BOX, BALL, BOX), strict=True)))).light_visibility(P, N)
-    both = Prepared(scene).light_visibility(P, N)
+    S = visibility(Prepared(with_lights(scene, *(replace(light, blockers=(b,)) for light, b in
+                                      zip(scene.lights, (BALL, BOX, BALL, BOX), strict=True)))), P, N)
+    both = visibility(Prepared(scene), P, N)
     away = (np.hypot(x + 0.6, y - 0.3) > 0.3) & ((np.abs(x - 0.6) > 0.6) | (np.abs(y) > 0.7))
     assert (both <= S).all() and (S[away] > both[away]).any()
-    alone = Prepared(with_objects(scene, box={"visible_shadow": False})).light_visibility(P, N)
+    alone = visibility(Prepared(with_objects(scene, box={"visible_shadow": False})), P, N)
     np.testing.assert_array_equal(S[away][:, [0, 2]], alone[away][:, [0, 2]])
 
 
@@ -226,7 +227,7 @@ def test_smooth_weights_fall_to_nothing_at_r():
     P = np.stack([x, 0 * x, 0 * x], 1)
     jumps = {}
     for weights in WEIGHTS:
-        S = Prepared(with_settings(scene, weights=weights)).light_visibility(P, np.repeat(UP, len(P), 0))[:, 0]
+        S = visibility(Prepared(with_settings(scene, weights=weights)), P, np.repeat(UP, len(P), 0))[:, 0]
         assert S[0] == 0 and S[-1] == 1
         jumps[weights] = np.sort(np.abs(np.diff(S.astype(float))))[-10:]
     assert jumps["SMOOTH"].mean() < 0.7 * jumps["UNIFORM"].mean()
@@ -241,5 +242,5 @@ def test_links_and_flags_of_instances_and_of_a_shared_material():
     scene = assemble(parts, look_down(0, 0, 4, 8), [sun((0, 0, -1))], settings(h=0.1))
     x = np.concatenate([np.linspace(-1.5, -0.5, 300), np.linspace(0.5, 1.5, 300)])
     P = np.stack([x, 0 * x, 0 * x], 1)
-    S = Prepared(scene).light_visibility(P, np.repeat(UP, len(P), 0))[:, 0]
+    S = visibility(Prepared(scene), P, np.repeat(UP, len(P), 0))[:, 0]
     assert set(np.unique(S)) == {0, 1}

@@ -8,6 +8,7 @@ from light_meshes.picture.render import Prepared, render_image
 from meshes import GREY, Mesh, Part, assemble, look_down, rectangle
 from scenes import WHITE, all_lights, settings, sun, with_lights, with_objects, with_settings
 from test_semitransparent import glass, still_life
+from visible import visibility
 
 UP = np.array([[0.0, 0.0, 1.0]])
 
@@ -22,7 +23,7 @@ def under_pane(pane_soft, t=0.5, pane=True, values=None, **light):
                      settings(h=0.1, **(values or {})))
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 0.5, 41) + 0.0037, np.linspace(-0.5, 0.5, 21)))
     P = np.stack([x, y, 0 * x], 1)
-    return x, y, Prepared(scene).light_visibility(P, np.repeat(UP, len(P), 0)).reshape(len(P), -1)
+    return x, y, visibility(Prepared(scene), P, np.repeat(UP, len(P), 0)).reshape(len(P), -1)
 
 
 @pytest.mark.parametrize("values", [
@@ -46,7 +47,7 @@ def test_beside_a_sharp_pane_paper_counts_its_t_once():
              Part(upright, glass(0.5), "pane", visible={"cast_soft_shadows": False})]
     scene = assemble(parts, look_down(0, 0, 4, 8), [sun((-1, 0, -1))], settings(h=0.1, glass="PAPER"))
     x = np.array([-0.05, -0.2, 0.05, 0.2])
-    S = Prepared(scene).light_visibility(np.stack([x, 0 * x + 2, 0 * x], 1), np.repeat(UP, len(x), 0)).ravel()
+    S = visibility(Prepared(scene), np.stack([x, 0 * x + 2, 0 * x], 1), np.repeat(UP, len(x), 0)).ravel()
     np.testing.assert_array_equal(S, np.where(x > 0, 1.0, 0.5))
 
 
@@ -64,11 +65,11 @@ def test_glass_that_does_not_block_a_light_does_not_bend_it():
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(-2, 2, 15), np.linspace(-2, 2, 15)))
     P = np.stack([x, y, 0 * x], 1)
     N = np.repeat(UP, len(P), 0)
-    everything = Prepared(with_lights(scene, first, second)).light_visibility(P, N)
+    everything = visibility(Prepared(with_lights(scene, first, second)), P, N)
     unblocked = with_lights(scene, replace(first, blockers=(0, 2, 3)), second)
-    S = Prepared(unblocked).light_visibility(P, N)
+    S = visibility(Prepared(unblocked), P, N)
     np.testing.assert_array_equal(S[:, 1], everything[:, 1])
-    gone = Prepared(with_objects(scene, ball={"visible_shadow": False})).light_visibility(P, N)
+    gone = visibility(Prepared(with_objects(scene, ball={"visible_shadow": False})), P, N)
     np.testing.assert_allclose(S[:, 0], gone[:, 0], rtol=1e-5)
     assert (S[:, 0] != everything[:, 0]).any()
     straight = [render_image(all_lights(with_settings(scene, refraction=r), blockers=(0, 2, 3)))
@@ -84,7 +85,7 @@ def test_a_sharp_ball_of_glass_has_the_sharp_caustic():
     P = np.stack([x, y, 0 * x], 1)[np.hypot(x, y) > 0.8]
     P = P[np.maximum(np.abs(P[:, 0] - 1), np.abs(P[:, 1] - 0.6)) > 0.75]
     N = np.repeat(UP, len(P), 0)
-    ball = Prepared(with_settings(all_lights(mixed, blockers=(1,)), shadows="SHARP")).light_visibility(P, N)
-    rest = Prepared(all_lights(mixed, blockers=(0, 3))).light_visibility(P, N)
-    np.testing.assert_allclose(Prepared(mixed).light_visibility(P, N), ball * rest, rtol=1e-6)
+    ball = visibility(Prepared(with_settings(all_lights(mixed, blockers=(1,)), shadows="SHARP")), P, N)
+    rest = visibility(Prepared(all_lights(mixed, blockers=(0, 3))), P, N)
+    np.testing.assert_allclose(visibility(Prepared(mixed), P, N), ball * rest, rtol=1e-6)
     assert (ball > 0).any() and ((rest > 0) & (rest < 1)).any()

@@ -12,6 +12,7 @@ from light_meshes.shadows.meshes.lattice import lattice
 from oracle import Lattice, Oracle
 from scenes import combined, random_scene
 from test_semitransparent import glass
+from visible import visibility
 
 
 def controlled(seed, h, kI, lights, **values):
@@ -50,7 +51,7 @@ def agrees(scene, seed, prepared=None):
     prepared = prepared or Prepared(scene)
     oracle = Oracle(scene, Lattice(lattice(scene.settings.h, np.ones(1)).position))
     P, N, triangle = oracle.places(25, seed)
-    S = prepared.light_visibility(P, N, triangle)
+    S = visibility(prepared, P, N, triangle)
     S = S.reshape(len(P), len(scene.lights), -1)
     answers = [oracle.soft(*place) for place in zip(P, N, triangle, strict=True)]
     for k, (expected, sure) in enumerate(answers):

@@ -127,8 +127,8 @@ def templates():
 TELLERS = {"SceneError", "ExportError", "EngineError", "EngineGone", "KernelError", "warn", "not_translated", "_warn",
            "_fail"}
 # A folder that somebody changed, a caller who misspells: their sentences say all, and no artist meets them.
-CHECKED_ELSEWHERE = {"scene/snapshot.py", "export/snapshot.py", "scene/arrays.py", "frontends/service.py",
-                     "light_meshes/cli.py", "film/passes.py", "film/images.py"}
+CHECKED_ELSEWHERE = {"scene/snapshot.py", "scene/values.py", "export/snapshot.py", "scene/arrays.py",
+                     "frontends/service.py", "light_meshes/cli.py", "film/passes.py", "film/images.py"}
 
 
 def matches(quoted, text):

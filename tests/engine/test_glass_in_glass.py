@@ -9,6 +9,7 @@ from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Material
 from meshes import Mesh, Part, assemble, box, look_at, look_down, move, rectangle, sphere, turn_x
 from scenes import GREY, point, settings
+from visible import visibility
 
 
 def glass(ior=1.5, t=0.9, **more):
@@ -51,7 +52,7 @@ def lit(parts, **values):
     values = {"refraction": "FULL", "shadows": "SHARP", "h": 0.03, "kI": 1.5} | values
     scene = assemble([Part(rectangle((-9, -9), (9, 9), 0.0), GREY, "floor"), *parts], look_down(0, 0, 1, 4),
                      [point((0.7, -0.4, 4.0))], settings(**values))
-    return Prepared(scene).light_visibility(X, np.repeat([[0.0, 0, 1]], len(X), 0)).reshape(len(X), -1)
+    return visibility(Prepared(scene), X, np.repeat([[0.0, 0, 1]], len(X), 0)).reshape(len(X), -1)
 
 
 PLACE = move(0, 0, 1) @ turn_x(0.3)

@@ -9,6 +9,7 @@ from light_meshes.scene.description import Material
 from meshes import Mesh, Part, assemble, box, look_down, move, rectangle, sphere
 from refraction_reference import rotation
 from scenes import GREY, point, settings, sun
+from visible import visibility
 
 
 def glass(t=1.0, ior=1.5, **more):
@@ -20,7 +21,7 @@ def on_the_floor(parts, light, P, **values):
     floor = Part(rectangle((-9, -9), (9, 9), 0.0), GREY, "floor")
     values = {"refraction": "FULL", "shadows": "SHARP", "h": 0.03, "kI": 1.5} | values
     ready = Prepared(assemble([floor, *parts], look_down(0, 0, 1, 4), [light], settings(**values)))
-    return ready.light_visibility(P, np.repeat([[0.0, 0, 1]], len(P), 0)).reshape(len(P), -1)[:, 0], ready
+    return visibility(ready, P, np.repeat([[0.0, 0, 1]], len(P), 0)).reshape(len(P), -1)[:, 0], ready
 
 
 def panes(count, t):

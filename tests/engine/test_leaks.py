@@ -9,6 +9,7 @@ from light_meshes.picture.render import Prepared, render_image
 from meshes import Part, assemble, box, look_down, rectangle
 from oracle import Lattice, Oracle
 from scenes import GREY, WHITE, light_leak, low_plate, point, settings, wall, with_lights, with_settings
+from visible import visibility
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -22,7 +23,7 @@ def test_a_light_behind_the_surface_adds_nothing_though_a_node_sees_it():
     assert oracle.visible(node[None], scene.lights[1])[0][0]
     start, nodes = prepared.soft.interpolation_set(P[None], UP[None])
     assert (0, 0, 0) in set(map(tuple, nodes[start[0]:start[1]].tolist()))
-    np.testing.assert_array_equal(prepared.light_visibility(P[None], UP[None])[0], [1, 0])
+    np.testing.assert_array_equal(visibility(prepared, P[None], UP[None])[0], [1, 0])
 
 
 def test_on_the_whole_plate_the_second_light_adds_nothing():
@@ -70,8 +71,8 @@ def test_behind_the_post_the_shadows_edge_is_half_shadow():
     edge = corner - light[:2]  # the shadow's side is the upright plane through the light and this corner
     outward = np.array([-edge[1], edge[0]]) / np.linalg.norm(edge)
     Q = np.append(light[:2] + 1.3 * edge - 0.02 * outward, 0.0)
-    sharp = Prepared(with_settings(scene, shadows="SHARP")).light_visibility(Q[None], UP[None])[0]
-    soft = Prepared(scene).light_visibility(Q[None], UP[None])[0]
+    sharp = visibility(Prepared(with_settings(scene, shadows="SHARP")), Q[None], UP[None])[0]
+    soft = visibility(Prepared(scene), Q[None], UP[None])[0]
     assert sharp[1] == 0
     assert 0.2 < soft[1] < 0.5
 
@@ -84,8 +85,8 @@ def test_a_wall_thinner_than_h_keeps_all_light_on_its_side():
     y, z, far = random.uniform(-0.9, 0.9, 500), random.uniform(0.02, 2, 500), random.uniform(0.0101, 0.9, 500)
     for side, expected in ((-1, 1.0), (1, 0.0)):
         x = np.full(500, side * np.float32(0.01).astype(float))
-        face = prepared.light_visibility(np.stack([x, y, z], 1), np.tile([side, 0.0, 0.0], (500, 1)))
-        floor = prepared.light_visibility(np.stack([side * far, y, 0 * y], 1), np.tile(UP, (500, 1)))
+        face = visibility(prepared, np.stack([x, y, z], 1), np.tile([side, 0.0, 0.0], (500, 1)))
+        floor = visibility(prepared, np.stack([side * far, y, 0 * y], 1), np.tile(UP, (500, 1)))
         assert (face == expected).all()
         assert (floor == expected).all()
 
@@ -97,7 +98,7 @@ def test_deep_under_a_low_plate_it_is_dark(rotated):
     random = np.random.default_rng(1)
     P = np.c_[random.uniform(-0.65, 0.65, (800, 2)), np.zeros(800)]
     prepared = Prepared(scene)
-    assert (prepared.light_visibility(P, np.tile(UP, (800, 1))) == 0).all()
+    assert (visibility(prepared, P, np.tile(UP, (800, 1))) == 0).all()
     if not rotated:  # nodes lie at z = 0, which is on the floor, and at z = h, which is above the plate
         start, _ = prepared.soft.interpolation_set(P, np.tile(UP, (800, 1)))
         assert (np.diff(start) == 0).all()
@@ -107,7 +108,7 @@ def test_the_low_plate_shows_no_speckle():
     """On the plate's top all is lit, exactly."""
     scene = low_plate()
     P = np.c_[np.random.default_rng(2).uniform(-0.99, 0.99, (2000, 2)), np.full(2000, np.float32(0.04))]
-    assert (Prepared(scene).light_visibility(P, np.tile(UP, (2000, 1))) == 1).all()
+    assert (visibility(Prepared(scene), P, np.tile(UP, (2000, 1))) == 1).all()
 
 
 @pytest.mark.parametrize("rotated", [True, False])

@@ -134,7 +134,8 @@ def test_the_nodes_that_are_expected_come_to_be():
     scene = hall(200, columns=3, width=200, h=0.02)
     ready = Prepared(scene)
     draw(ready, film.Framebuffer.create(scene, ("Combined",)))
-    expected = float(memory.nodes(ready).what.split()[1].replace(",", ""))
+    part = memory.nodes(ready.scene, ready.world, ready.soft.lattice.reach, ready.plan.channels)
+    expected = float(part.what.split()[1].replace(",", ""))
     assert 0.5 < expected / ready.soft.store.count < 2
 
 

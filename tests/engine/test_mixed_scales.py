@@ -181,7 +181,7 @@ def test_texture_coordinates_and_normals_go_on_over_pieces():
     ready = Prepared(scene)
     assert (ready.surfaces.piece >= 0).sum() > 100
     origin, direction, _ = camera_rays(scene.camera, (0, 0, 100, 100), np.zeros((1, 2)))
-    _, hits = ready.closest("camera", origin, direction)
+    _, hits = ready.world.closest("camera", origin, direction)
     ground = ready.surfaces.instance[hits.triangle] == 0
     local = hits.P[ground] @ tilted(0.3)[:3, :3]
     np.testing.assert_allclose(hits.uv[ground], local[:, :2], atol=1e-2)  # float32 of 1e5

@@ -21,7 +21,8 @@ TEXTS = {path: path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.[ch
 NAMES = sorted(set(re.findall(r"^KERNEL\((\w+),", "\n".join(TEXTS.values()), re.M)))
 MACROS = dict(re.findall(r"#define (TAKEN|OF_\w+)((?:.*\\\n)*.*)", "\n".join(TEXTS.values())))
 # Kernels whose text stands once for several types.
-OF_TYPES = ["through_mean", "through_mean_apart", *(f"textures_look_{kind}" for kind in ("u8", "u16", "f32"))]
+OF_TYPES = ["semitransparent_mean", "semitransparent_mean_apart",
+            *(f"textures_look_{kind}" for kind in ("u8", "u16", "f32"))]
 
 
 @pytest.mark.parametrize("name", NAMES + OF_TYPES)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from light_meshes.picture.render import Prepared, render_image
 from oracle import Lattice, Oracle
 from scenes import random_scene, with_settings
+from visible import visibility
 
 SCENES = {"seed": st.integers(0, 2**31 - 1), "h": st.floats(0.15, 0.3), "kI": st.floats(0.5, 4.0),
           "lights": st.integers(1, 9), "rotated": st.booleans()}
@@ -35,7 +36,7 @@ def test_interpolation_sets_are_the_oracles(seed, h, kI, lights, rotated):
 def test_soft_visibility_is_the_oracles(seed, h, kI, lights, rotated, skip):
     scene = random_scene(seed, h, kI, lights, lattice_rotation=rotated, uniform_skip=skip)
     prepared, oracle, P, N = compared(scene, 25, seed)
-    S = prepared.light_visibility(P, N)
+    S = visibility(prepared, P, N)
     answers = [oracle.soft(p, n) for p, n in zip(P, N, strict=True)]
     for k, (expected, sure) in enumerate(answers):
         if sure:
@@ -48,7 +49,7 @@ def test_sharp_visibility_is_the_oracles(seed, lights):
     scene = random_scene(seed, 0.2, 2.0, lights, shadows="SHARP")
     oracle = Oracle(scene)
     P, N = oracle.receivers(100, seed)
-    S = Prepared(scene).light_visibility(P, N)
+    S = visibility(Prepared(scene), P, N)
     answers = [oracle.sharp(p, n) for p, n in zip(P, N, strict=True)]
     for k, (expected, sure) in enumerate(answers):
         if sure:

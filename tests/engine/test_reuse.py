@@ -13,7 +13,7 @@ from kept import PASSES, WIDTH, after, drawn, moved, room, with_camera, with_lig
 from light_meshes.film.images import Framebuffer
 from light_meshes.picture import reuse
 from light_meshes.picture.render import Cancelled, draw, prepare, render_image
-from light_meshes.scene.description import Camera, Material, Object, Scene
+from light_meshes.scene.description import Camera, Material, Object, Scene, same
 from meshes import GREY, Part, box, look_at, move, sphere
 from scenes import four_lights, hall, point, with_lights, with_settings
 
@@ -245,7 +245,8 @@ def test_glass_that_bends(values):
     clear = len(bent.materials) - 1
     kept, _, before, now = after(bent, bent)
     assert kept["long_rays"] == 0 and kept["nodes_kept"] == kept["nodes"]
-    assert before.refraction is None or now.refraction.solvers is before.refraction.solvers
+    paths = before.shadowing.refraction
+    assert paths is None or now.shadowing.refraction.solvers is paths.solvers
     for change in ({"kt": (0.4, 0.4, 0.4)}, {"ior": 1.3}, {"alpha": 0.5}):
         after(bent, with_material(bent, clear, **change))
     after(bent, moved(bent, 4, (0.1, 0.0, 0.1)))
@@ -294,6 +295,6 @@ def test_what_was_cancelled_leaves_what_was_done(still_life):
 
 def test_sameness_is_of_contents():
     camera = look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH)
-    assert reuse.same(camera, look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH))
-    assert not reuse.same(camera, look_at((0, -7, 5.001), (0, 0, 0), 40, WIDTH, WIDTH))
-    assert not reuse.same(camera, Object("camera")) and isinstance(camera, Camera)
+    assert same(camera, look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH))
+    assert not same(camera, look_at((0, -7, 5.001), (0, 0, 0), 40, WIDTH, WIDTH))
+    assert not same(camera, Object("camera")) and isinstance(camera, Camera)

@@ -11,6 +11,7 @@ from light_meshes.rays import tracer as tracing
 from light_meshes.scene.description import Material
 from meshes import Mesh, Part, assemble, box, look_at, look_down, move, rectangle, sphere
 from scenes import GREY, WHITE, point, settings, sun, tabletop, with_settings
+from visible import visibility
 
 UP = np.array([[0.0, 0.0, 1.0]])
 
@@ -25,7 +26,7 @@ def under(parts, P, lights=None, **values):
     scene = assemble([Part(rectangle((-9, -9), (9, 9), 0.0), WHITE, "floor"), *parts], look_down(0, 0, 4, 8),
                      lights or [sun((0, 0, -1))], settings(**values))
     P = np.atleast_2d(np.asarray(P, float))
-    S = Prepared(scene).light_visibility(P, np.repeat(UP, len(P), 0))
+    S = visibility(Prepared(scene), P, np.repeat(UP, len(P), 0))
     return S.reshape(len(P), len(scene.lights), -1)
 
 

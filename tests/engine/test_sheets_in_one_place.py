@@ -11,6 +11,7 @@ from light_meshes.rays.stacks import stacks
 from light_meshes.scene.description import Material
 from meshes import GREY, IDENTITY, Mesh, Part, assemble, box, look_down, move, rectangle, sphere, turn_x
 from scenes import WHITE, point, settings
+from visible import visibility
 
 DISTANCES = (0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1e-3)
 
@@ -87,7 +88,7 @@ def test_light_crosses_each_film_once(order, d, joined, shadows):
     lamp = [point((0.2, 0.1, 3.0), 9.0)]
     scene = view([floor, *parts], lamp, shadows=shadows, h=0.05, kI=2.0)
     P = np.c_[np.random.default_rng(0).uniform(-0.5, 0.5, (50, 2)), np.zeros(50)]
-    S = Prepared(scene).light_visibility(P, np.tile((0.0, 0.0, 1.0), (50, 1))).reshape(50, -1)
+    S = visibility(Prepared(scene), P, np.tile((0.0, 0.0, 1.0), (50, 1))).reshape(50, -1)
     np.testing.assert_allclose(S, 0.125, rtol=1e-6)
 
 
@@ -122,7 +123,7 @@ def test_refracted_light_crosses_each_film_once(d):
         films = Mesh(corners, np.concatenate([m.triangles + 4 * k for k, m in enumerate(meshes)]))
         lamp = [point((0.2, 0.1, 3.0), 9.0)]
         scene = view([floor, pane, Part(films, film(t), "films")], lamp, refraction="FULL", caustics="PAPER")
-        S.append(Prepared(scene).light_visibility(P, np.tile((0.0, 0.0, 1.0), (20, 1))).reshape(20, -1))
+        S.append(visibility(Prepared(scene), P, np.tile((0.0, 0.0, 1.0), (20, 1))).reshape(20, -1))
     assert (S[0] > 0.5).all()
     np.testing.assert_allclose(S[1], S[0] / 8, rtol=1e-5)
 

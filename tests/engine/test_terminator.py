@@ -110,8 +110,8 @@ def ridge(ceiling: float):
 def test_nothing_is_lifted_through_a_wall(shadows, ceiling):
     scene = with_settings(ridge(ceiling), shadows=shadows)
     ready = Prepared(scene)
-    _, hits = ready.coarse_view()
-    lift = ready.terminator.lift(hits)
+    _, hits = ready.world.coarse_view()
+    lift = ready.lighting.terminator.lift(hits)
     through = hits.P[:, 2] + lift.above[:, 2] > 0.3 + ceiling
     assert through.sum() > 50
     passes = render_image(scene, passes=("Combined", "Shadow")).passes
@@ -160,8 +160,8 @@ def test_the_lift_reaches_the_ball_and_not_much_higher(seed, size, flipped):
     scene = assemble([Part(sphere(1.0, 16, 8), WHITE, "ball", [matrix], visible=HONOURED)],
                      look_down(x, y, 1.9 * size, 8, height=z + 4 * size), [sun((0, 0, -1))])
     ready = Prepared(scene)
-    _, hits = ready.coarse_view()
-    lift = ready.terminator.lift(hits)
+    _, hits = ready.world.coarse_view()
+    lift = ready.lighting.terminator.lift(hits)
     assert len(hits.P) > 1000 and (lift.cutoff == 0.1).all() and (lift.side == hits.Ns).all()
     facet = np.linalg.norm(hits.P - matrix[:3, 3], axis=1) / size
     lifted = np.linalg.norm(hits.P + lift.above - matrix[:3, 3], axis=1) / size
@@ -173,11 +173,11 @@ def test_how_far_follows_cycles():
     """No lift where a light is well above the facet, all of it where the facet turns away; and in between a share."""
     scene = ball()
     ready = Prepared(scene)
-    _, hits = ready.coarse_view()
-    lift = ready.terminator.lift(hits)
+    _, hits = ready.world.coarse_view()
+    lift = ready.lighting.terminator.lift(hits)
     toward = -np.array(scene.lights[0].direction) / np.linalg.norm(scene.lights[0].direction)
     row = np.arange(len(hits.P), dtype=np.int32)
-    origin, _, _ = starts(lift, hits.P, hits.Ng, ready.lights.targets(), row, np.zeros(len(row), np.int32))
+    origin, _, _ = starts(lift, hits.P, hits.Ng, ready.world.lights.targets(), row, np.zeros(len(row), np.int32))
     facet, smooth = hits.Ng @ toward, hits.Ns @ toward
     share = np.clip(np.where(smooth < 0.1, 2 - (facet + smooth) / 0.1, 1 - facet / 0.1), 0, 1)
     np.testing.assert_allclose(origin, hits.P + share[:, None] * lift.above, atol=1e-12)
@@ -212,8 +212,8 @@ def test_the_shading_offset_moves_the_terminator_towards_the_light():
 
 def test_the_normal_offset_lifts_further():
     ready, further = (Prepared(all_objects(ball(), **HONOURED, shadow_terminator_normal_offset=v)) for v in (0.0, 0.25))
-    _, hits = ready.coarse_view()
-    more = further.terminator.lift(hits).above - ready.terminator.lift(hits).above
+    _, hits = ready.world.coarse_view()
+    more = further.lighting.terminator.lift(hits).above - ready.lighting.terminator.lift(hits).above
     np.testing.assert_allclose(more, 0.25 * hits.Ns, atol=1e-12)
 
 

@@ -35,6 +35,7 @@ from scenes import (
     with_lights,
     with_settings,
 )
+from visible import visibility
 
 UP = (0.0, 0.0, 1.0)
 PASSES = ("Combined", "Depth", "Normal", "Shadow")
@@ -103,7 +104,7 @@ def seen(place: Place, scene: Scene, P: np.ndarray, N: Sequence[float] | np.ndar
     """S (n, …) of the scene's lights at P with normals N."""
     P = np.asarray(P, float)
     normal = np.broadcast_to(np.asarray(N, float), P.shape)
-    return Prepared(place.put(scene)).light_visibility(place.at(P), normal).astype(float)
+    return visibility(Prepared(place.put(scene)), place.at(P), normal).astype(float)
 
 
 def picture(place: Place, scene: Scene, name: str = "Combined") -> np.ndarray:

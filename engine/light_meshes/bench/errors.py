@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..picture.prepared import SHADED, Prepared
+from ..picture.lighting import SHADED
+from ..picture.prepared import Prepared
 from ..picture.render import render_image
 from ..rays.camera import camera_rays
 from ..scene.description import Scene
@@ -44,12 +45,11 @@ def penumbra(scene: Scene) -> NDArray[np.bool_]:
     ready = Prepared(changed(half_ball(scene), samples=1))
     camera = ready.scene.camera
     origin, direction, reach = camera_rays(camera, (0, 0, camera.width, camera.height), np.zeros((1, 2)))
-    hit, seen = ready.closest("camera", origin, direction, None, reach)
+    hit, seen = ready.world.closest("camera", origin, direction, None, reach)
     partly = np.zeros(len(seen.P), np.bool_)
     step = max(64, SHADED // max(1, len(scene.lights)))
     for i in range(0, len(seen.P), step):
-        S = ready.light_visibility(seen.P[i:i + step], seen.Ng[i:i + step])
-        S = S if S.ndim == 2 else S.mean(2)
+        S = ready.lighting.light_visibility(seen.P[i:i + step], seen.Ng[i:i + step]).mean(2)
         partly[i:i + step] = (((S > LOW) & (S < HIGH)) | (S > 2 - HIGH)).any(1)
     mask = np.zeros(len(hit), np.bool_)
     mask[hit] = partly

@@ -17,7 +17,6 @@ from ..picture.render import measure
 from ..scene import snapshot
 from ..scene.description import Geometry, Light, Material, Object, Scene
 from ..scene.errors import SceneError
-from ..shadows.radius import own_radii
 
 FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}
 MATCHED = ("S3", "S7")  # their lights get the size that the penumbra's width stands for
@@ -104,7 +103,7 @@ def matched(scene: Scene) -> tuple[Light, ...]:
     """The lights, each of the size that would ask for the scene's r (`light_size`, from what the camera sees)."""
     unit = tuple(dataclasses.replace(_with_size(light, 1.0), softness="LIGHT_SIZE", reference_distance=0.0)
                  for light in scene.lights)
-    own = own_radii(Prepared(changed(dataclasses.replace(scene, lights=unit), shadows="SHARP")))
+    own = Prepared(changed(dataclasses.replace(scene, lights=unit), shadows="SHARP")).measured.own_radii
     usual = float(np.median([*own.values()])) if own else radius(scene)  # of a light without shadows in view
     return tuple(_with_size(light, radius(scene) / own.get(i, usual)) for i, light in enumerate(scene.lights))
 

@@ -90,18 +90,19 @@ class Tile:
         self.seen = np.zeros(n, np.bool_)  # which samples have met their first surface
         self._debug = any(name in self.samples for name in DEBUG)
 
-    def add_light(self, rays: dict[str, NDArray], weight: NDArray, colour: NDArray, terms: dict[str, NDArray]) -> None:
+    def add_light(self, pixel: NDArray[np.int64], part: NDArray[np.int8] | None, weight: NDArray, colour: NDArray,
+                  terms: dict[str, NDArray]) -> None:
         """Combined += weight·colour. `terms`: pass → its share of colour, where the camera itself sees the surface."""
         colour = np.broadcast_to(colour, weight.shape)
-        _add(self.samples["Combined"], rays["pixel"], weight, colour)
-        if not self.parts:
+        _add(self.samples["Combined"], pixel, weight, colour)
+        if part is None:
             return
-        for part, shares in ((DIRECT, terms), (REFLECTED, {"Glossy": colour}), (TRANSMITTED, {"Transmission": colour})):
-            rows = rays["part"] == part
+        for how, shares in ((DIRECT, terms), (REFLECTED, {"Glossy": colour}), (TRANSMITTED, {"Transmission": colour})):
+            rows = part == how
             for name, share in shares.items():
                 if name in self.samples:
                     share = np.broadcast_to(share, weight.shape)
-                    _add(self.samples[name], rays["pixel"][rows], weight[rows], share[rows])
+                    _add(self.samples[name], pixel[rows], weight[rows], share[rows])
 
     def take_alpha(self, pixel: NDArray, weight: NDArray) -> None:
         """Alpha −= the mean of weight (n,3): here the picture stays open."""

@@ -107,12 +107,12 @@ class Interfaces:
         clear = (self._ior == 1) & ~self._fresnel
         return np.where(clear, np.minimum(self._kt.mean(1), 1), 0)[material]
 
-    def interface(self, hits: Hits, rays: dict[str, NDArray]) -> Face:
-        """What becomes of rays that hit `hits`."""
+    def interface(self, hits: Hits, direction: NDArray[np.float64], media: NDArray[np.int32]) -> Face:
+        """What becomes of rays that hit `hits` along direction (n,3), in the bodies media (n,m), as `Face.media`."""
         n = len(hits.P)
         face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
-                    np.empty((n, 3)), rays["media"].copy())
-        _cross(hits.Ng, hits.Ns, hits.material, hits.triangle, hits.front, rays["direction"], self._bodies.of,
+                    np.empty((n, 3)), media.copy())
+        _cross(hits.Ng, hits.Ns, hits.material, hits.triangle, hits.front, direction, self._bodies.of,
                self._bodies.ior, self._bodies.rank, self._grazing, self._ior, self._fresnel, self._kt, self._mirror,
                *face)
         return face

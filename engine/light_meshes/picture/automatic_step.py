@@ -7,20 +7,17 @@ of the picture, on tiles, or on what was rendered before.
 
 from __future__ import annotations
 
-import dataclasses
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
-import numpy as np
-
-from ..rays.camera import depth
+from ..scene.description import Light
 from ..shadows.casters import Casters, Group, union
 from ..shadows.radius import EVEN, MOST
+from ..shadows.registry import KINDS
 from ..support.bits import has, mask_of
+from .measured import Measured
+from .world import World
 
-if TYPE_CHECKING:
-    from .prepared import Prepared
-
-ACROSS = 200  # steps in the picture's width, at the median depth
 SEEN = 70_000  # squares of such a step that a picture shows, about: 200 × 113, and what is seen at a slant
 NODES = 3_000_000  # no finer than what about so many nodes come to
 NODE = 24  # bytes of a node; where it has more, fewer can be held
@@ -38,36 +35,20 @@ class Step(NamedTuple):
     reason: str  # why h is not what the camera alone would have; "" if it is
 
 
-def measured_h(ready: Prepared) -> float:
-    """A step h that suits what the camera sees: 1/200 of the picture's width at the median visible depth.
-
-    The median over the picture is not moved by a far horizon or a large ground; a backdrop or a sky behind a gap of
-    16 times the distance does not count. Two digits, so that it reads well.
-    """
-    camera = ready.described.camera
-    _, hits = ready.coarse_view()
-    left, right, bottom, top = camera.window
-    width = max(abs(right - left), abs(top - bottom))
-    if len(hits.P) == 0:  # nothing in view
-        width = ready.surfaces.scale
-    elif camera.perspective:
-        near = np.sort(depth(camera, hits.P))
-        gaps = np.flatnonzero(near[1:] > 16 * near[:-1])
-        gaps = gaps[gaps >= len(near) // 20]  # what is before it is no blade of grass
-        width *= float(np.median(near[:gaps[0] + 1] if len(gaps) else near))
-    return float(f"{max(width / ACROSS, 1e-30):.1e}")
-
-
-def automatic(ready: Prepared, h: float, kI: float) -> Step:
-    """The step for radii as they are, where the camera alone would have `h`."""
-    lights, soft = ready.scene.lights, union(ready.casters.soft, len(ready.scene.lights))
-    if ready.scene.settings.shadows != "LIGHT_MESHES" or not ready.casters.soft:
+def automatic(world: World, measured: Measured) -> Step:
+    """The step for radii as they are, where the camera alone would have `measured.h`; where h is given, the scene's."""
+    scene, settings = world.scene, world.scene.settings
+    if not settings.auto_h:
+        return Step(settings.h, settings.kI, {}, "")
+    h, kI = measured.h, settings.kI
+    lights, soft = scene.lights, union(world.casters.soft, len(scene.lights))
+    if not KINDS[settings.shadows].lattice or not world.casters.soft:
         return Step(h, kI, {}, "")
-    r = {i: ready.own_radii.get(i, h * kI) for i in range(len(lights)) if has(soft, i)}
+    r = {i: measured.own_radii.get(i, h * kI) for i in range(len(lights)) if has(soft, i)}
     if min(r.values()) >= EVEN * h and max(r.values()) <= MOST * h:
         return Step(h, kI, {}, "")
     largest = max(r.values())
-    finest = min(h, max((SEEN / NODES * h * h * largest * max(1.0, _bytes(ready) / NODE))**(1 / 3), largest / WIDEST))
+    finest = min(h, max((SEEN / NODES * h * h * largest * max(1.0, _bytes(world) / NODE))**(1 / 3), largest / WIDEST))
     sharp = {i: x for i, x in r.items() if x < LEAST * finest}
     rest = {i: x for i, x in r.items() if i not in sharp}
     if not rest:
@@ -83,9 +64,9 @@ def automatic(ready: Prepared, h: float, kI: float) -> Step:
     return Step(new, h * kI / new, sharp, why)
 
 
-def _bytes(ready: Prepared) -> float:
-    """Of a node."""
-    count, glass = len(ready.scene.lights), ready.glass
+def _bytes(world: World) -> float:
+    """Memory that a node takes."""
+    count, glass = len(world.scene.lights), world.glass
     values = 4 * count * (3 if glass.coloured else 1) if glass.lets_through.any() else count / 8
     return 16 + values
 
@@ -103,13 +84,8 @@ def without(casters: Casters, lights: dict[int, float], count: int) -> Casters:
     return casters._replace(soft=left(casters.soft), sharp=left(casters.sharp))
 
 
-def take(ready: Prepared, h: float) -> list[str]:
-    """Give `ready` the step that its lights need; returns a sentence a light that has sharp shadows instead."""
-    found = automatic(ready, h, ready.scene.settings.kI)
-    ready.scene = dataclasses.replace(
-        ready.scene, settings=dataclasses.replace(ready.scene.settings, h=found.h, kI=found.kI))
-    ready.casters = without(ready.casters, found.sharp, len(ready.scene.lights))
-    ready.step_reason = found.reason
-    return [f"light '{ready.scene.lights[i].name}': its shadows are drawn sharp, as the radius {r:.3g} of their edges "
+def drawn_sharp(lights: Sequence[Light], step: Step) -> list[str]:
+    """A sentence for each light that has sharp shadows instead."""
+    return [f"light '{lights[i].name}': its shadows are drawn sharp, as the radius {r:.3g} of their edges "
             f"is too small for the steps that suit this picture: take a larger radius or light, or set a step h of "
-            f"{r / EVEN:.2g} by hand" for i, r in found.sharp.items()]
+            f"{r / EVEN:.2g} by hand" for i, r in step.sharp.items()]

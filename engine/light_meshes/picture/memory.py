@@ -10,20 +10,20 @@ import contextlib
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..film.images import crop_of
 from ..film.passes import letters
 from ..rays.camera import depth
 from ..scene.description import Scene
 from ..scene.errors import SceneError
+from ..shadows.registry import KINDS
 from ..support import processors
 from ..surface import textures
-
-if TYPE_CHECKING:
-    from .prepared import Prepared
+from .world import World
 
 BASE = 80 << 20  # Python and its libraries
 MESH = 60  # a triangle as the snapshot has it, once for all its instances; what nobody looks at stays in the file
@@ -53,7 +53,7 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
     rays = min(most, pixels * scene.settings.samples / (4 * threads))
     shaded = min(rays * lights, 1 << 22)  # receivers × lights at once
     work = rays * RAY + shaded * (LIT + 8 * glass)
-    if scene.settings.shadows == "LIGHT_MESHES":
+    if KINDS[scene.settings.shadows].lattice:
         near = 2 * np.pi / 3 * scene.settings.kI**3  # nodes of a receiver; a batch shares most of them
         work += min(rays * near, 1 << 20) * CANDIDATE + 3 * shaded * (24 if glass else 0.5)
     return [
@@ -97,19 +97,20 @@ def _triangles(scene: Scene, glass: bool) -> Part:
                 "hide objects, reduce subdivision, or scatter fewer instances, each of which counts")
 
 
-def nodes(ready: Prepared) -> Part:
+def nodes(scene: Scene, world: World, radii: NDArray[np.float64], channels: int) -> Part:
     """The nodes of light meshes around what the camera sees: by a coarse view, area·r/h³, or all that receivers reach.
 
-    Those around what is seen in mirrors are left out.
+    radii (K,): of their balls in steps, ascending. channels: of a node's value, as `Plan.channels`. Those around what
+    is seen in mirrors are left out.
     """
-    scene, s, reach = ready.scene, ready.scene.settings, float(ready.soft.lattice.reach[-1])
+    s, reach = scene.settings, float(radii[-1])
     x0, y0, x1, y1 = crop_of(scene)
     lights = len(scene.lights)
-    each = NODE + (4 * lights * ready.plan.channels if ready.plan.channels else lights / 8)
+    each = NODE + (4 * lights * channels if channels else lights / 8)
     reached = (x1 - x0) * (y1 - y0) * s.samples * 2 * np.pi / 3 * reach**3
     if reached * each > 16 << 20:
-        direction, hits = ready.coarse_view()
-        camera = ready.described.camera
+        direction, hits = world.coarse_view()
+        camera = world.scene.camera
         left, right, bottom, top = camera.window
         across = abs((right - left) * (top - bottom)) * (depth(camera, hits.P) ** 2 if camera.perspective else 1.0)
         slant = (direction @ -camera.matrix[:3, 2]) / np.maximum(np.abs((direction * hits.Ng).sum(1)), 1e-9)

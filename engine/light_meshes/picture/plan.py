@@ -14,13 +14,15 @@ from ..film.passes import DEBUG
 from ..glass.interfaces import Interfaces
 from ..scene.description import Light, Material, Scene
 from ..shadows.casters import Casters, smooth_lights, union
+from ..shadows.method import Kind
+from ..shadows.registry import KINDS, NONE
 
 
 @dataclass
 class Plan:
     """The plainest path that gives the picture."""
 
-    shadows: str = "NONE"  # NONE, SHARP, LIGHT_MESHES, AREA_SAMPLING
+    shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
@@ -32,6 +34,11 @@ class Plan:
     holdouts: bool = False  # the camera sees holes
     catchers: bool = False  # the camera sees some surfaces by the shadows on them only
     reasons: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> Kind:
+        """What the shadow method can do."""
+        return KINDS[self.shadows]
 
     def decide(self, what: str, value: object, why: str) -> None:
         """Notes a decision with its reason, for the statistics."""
@@ -50,20 +57,20 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
     materials = [m for m, n in zip(scene.materials, count, strict=True) if n]
     lights = [light for light in scene.lights if any(light.intensity)]
     _shadows(p, scene, casters, lights)
-    if p.shadows not in ("NONE", "SHARP"):
+    if p.kind.soft:
         _soft_lights(p, scene, casters, len(lights), step)
     if any(light.receivers is not None for light in lights):
         p.decide("light linking", "yes", f"{sum(light.receivers is not None for light in lights)} lights light some "
                  "objects only")
     _transparency(p, scene, glass)
-    if p.shadows == "LIGHT_MESHES":
+    if p.kind.lattice:
         words = (len(scene.lights) + 63) // 64
         values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
                   3: ("RGB a light", "coloured glass")}[p.channels]
         p.decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
     if s.shadow_rate > 1:
         _shadow_rate(p, scene, casters, passes)
-    if p.shadows == "LIGHT_MESHES":
+    if p.kind.lattice:
         _short_rays(p, scene)
     _reflections(p, scene, glass, materials)
     p.textures = any(m.image >= 0 for m in materials)
@@ -77,9 +84,9 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
     if len(lights) < len(scene.lights):
         p.decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
     _holes(p, scene)
-    if any(name.startswith("Shadow") for name in passes) and p.shadows == "NONE":
+    if any(name.startswith("Shadow") for name in passes) and p.shadows == NONE:
         p.decide("shadow passes", "lit sides", "nothing casts a shadow")
-    if any(name in passes for name in DEBUG) and p.shadows != "LIGHT_MESHES":
+    if any(name in passes for name in DEBUG) and not p.kind.counts:
         p.decide("debug passes", "empty", "without light meshes nothing is counted")
     return replace(p, **(_forced.get() or {}))
 
@@ -91,7 +98,7 @@ def _shadows(p: Plan, scene: Scene, casters: Casters, lights: list[Light]) -> No
         p.decide("shadows", "none", "local illumination has none")
     elif not any(light.cast_shadow for light in lights):
         p.decide("shadows", "none", "no light casts any")
-    elif s.shadows != "SHARP" and not casters.soft:
+    elif KINDS[s.shadows].soft and not casters.soft:
         p.shadows = "SHARP"
         sharp = not any(light.soft_shadows and light.cast_shadow for light in lights)
         nowhere = casters.receives is not None and not casters.receives.any()
@@ -108,7 +115,7 @@ def _soft_lights(p: Plan, scene: Scene, casters: Casters, lights: int, step: str
     lights: how many shine.
     """
     soft = sum(int(word).bit_count() for word in union(casters.soft, len(scene.lights)))
-    if step and p.shadows == "LIGHT_MESHES":
+    if step and p.kind.lattice:
         p.decide("step", f"{scene.settings.h:.3g}", step)
     if soft < lights:
         p.decide("soft lights", soft, f"the other {lights - soft} need no column in the nodes")
@@ -125,17 +132,17 @@ def _transparency(p: Plan, scene: Scene, glass: Interfaces) -> None:
     """What lets light through, with how many channels, and whether its paths bend."""
     s = scene.settings
     p.transparent = glass.transparent
-    if glass.lets_through.any() and p.shadows != "NONE":
+    if glass.lets_through.any() and p.shadows != NONE:
         p.channels = 3 if glass.coloured else 1
     if p.transparent:
         bent = int(glass.bending.sum())
         p.decide("transparency", "yes", f"{'with' if bent else 'without'} refraction, {bent} triangles bend rays")
-        sampled = p.shadows == "AREA_SAMPLING"
-        p.paths = s.refraction == "FULL" and p.channels > 0 and glass.bends_shadows and not sampled
+        straight = p.shadows != NONE and not p.kind.bends
+        p.paths = s.refraction == "FULL" and p.channels > 0 and glass.bends_shadows and not straight
         p.decide("refracted shadow paths", "yes" if p.paths else "no",
                  f"refraction is {s.refraction.lower()}" if p.paths or s.refraction != "FULL" else
                  "no closed mesh of glass bends" if not glass.bends_shadows else
-                 "area sampling has straight rays" if sampled else "nothing casts a shadow")
+                 f"{p.shadows.lower().replace('_', ' ')} has straight rays" if straight else "nothing casts a shadow")
     else:
         p.decide("transparency", "no", "all surfaces are opaque")
 
@@ -143,8 +150,7 @@ def _transparency(p: Plan, scene: Scene, glass: Interfaces) -> None:
 def _shadow_rate(p: Plan, scene: Scene, casters: Casters, passes: tuple[str, ...]) -> None:
     """Whether light may be interpolated between pixels."""
     s = scene.settings
-    soft = p.shadows == "LIGHT_MESHES"
-    why_not = ("only light meshes' shadows are smooth" if not soft else
+    why_not = ("only light meshes' shadows are smooth" if not p.kind.lattice else
                "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
                "light that glass has bent may change from pixel to pixel" if p.paths else
                "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")

@@ -17,7 +17,6 @@ from ..scene.description import Camera, Scene
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
-from .automatic_step import measured_h
 from .integrator import radiance
 from .memory import LARGER
 from .prepared import Prepared
@@ -132,7 +131,7 @@ def draw(
                 raise Cancelled from None
             raise
     return Result(frame, _report(ready, frame, tiles, threads, ready.seconds + time.perf_counter() - started),
-                  [*ready.warnings, *ready.path_warnings()])
+                  [*ready.warnings, *ready.shadowing.path_warnings()])
 
 
 def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: int | None = None,
@@ -145,8 +144,9 @@ def measure(scene: Scene) -> dict[str, Any]:
     """h that `auto_h` takes by the camera, and r of the lights whose softness is LIGHT_SIZE; None: the scene's."""
     # No more pixels are looked at: what speeds up a large picture need not be made.
     ready = Prepared(replace(scene, camera=replace(scene.camera, width=64, height=64, crop=None)))
-    radii = [ready.own_radii.get(i) if light.softness == "LIGHT_SIZE" else None for i, light in enumerate(scene.lights)]
-    return {"h": ready.measured_h or measured_h(ready), "radii": radii}
+    radii = [ready.measured.own_radii.get(i) if light.softness == "LIGHT_SIZE" else None
+             for i, light in enumerate(scene.lights)]
+    return {"h": ready.measured.h, "radii": radii}
 
 
 def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seconds: float) -> dict[str, Any]:
@@ -164,8 +164,8 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
     }
     for name in ("camera_rays", "secondary_rays", "shadow_rays"):
         report[name] = counts[name]
-    if ready.plan.shadows == "LIGHT_MESHES":
-        lit = ready.soft
+    lit = ready.soft
+    if lit is not None:
         vertices = ready.surfaces.vertices
         finite = np.isfinite(vertices).all(1)[:, None]
         low, high = vertices.min(0, where=finite, initial=1), vertices.max(0, where=finite, initial=-1)
@@ -184,7 +184,8 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         if ready.sparse:
             report |= {"shadow_rate": ready.plan.shadow_rate} | {name: counts[name] for name in (
                 "points", "interpolated", "refined", "computed")}
-        report["light_radii"] = {ready.scene.lights[i].name: r for i, r in ready.radii.items()}  # not the scene's
+        own = ready.shadowing.radii.items()
+        report["light_radii"] = {ready.scene.lights[i].name: r for i, r in own}  # of those that have one of their own
     if ready.plan.paths:
         for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):
             report[name] = counts[name]

@@ -21,21 +21,23 @@ is brighter. So lights of a thousand times the power give the same picture, a th
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.camera import camera_rays, coarser
 from ..rays.geometry import Hits
-from ..shadows.casters import smooth_lights
-from ..shadows.visibility import Check, Unshadowed
+from ..shadows.casters import Casters, smooth_lights
+from ..shadows.meshes.lattice import Lattice
+from ..shadows.method import Check
+from ..shadows.unshadowed import Unshadowed
 from ..support.bits import mask_of
 from ..support.native import kernel
+from ..support.statistics import Statistics
 from ..surface import shading
-
-if TYPE_CHECKING:
-    from .prepared import Prepared
+from .lighting import Lighting, Sums
+from .world import World
 
 _film, _ask, _agree = kernel("sparse_film"), kernel("sparse_ask"), kernel("sparse_agree")
 _between, _add = kernel("sparse_between"), kernel("sparse_add")
@@ -73,72 +75,77 @@ class Blocks(NamedTuple):
     spread: NDArray[np.float64]  # (…,2) by how much the corners differ in diffuse light, and in gloss
 
 
+def typical(world: World, lighting: Lighting) -> float:
+    """The picture's light; of its brightest channel."""
+    m, lights = world.materials, len(world.scene.lights)
+    direction, hits = world.coarse_view()
+    matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
+    light = np.zeros((len(hits.P), 3))
+    for part, lit, _, S in lighting.lit(hits, direction, matt, np.ones_like(light), False, lambda: None, None,
+                                        visibility=Unshadowed(lights)):
+        shading.gather(lit, S, light[part])
+    brightest = light.max(1)
+    return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
+
+
+def groups(world: World) -> NDArray[np.int64]:
+    """The number (L,) of each light's group: those that stand together as seen from the middle of the view."""
+    targets = world.lights.targets()
+    _, hits = world.coarse_view()
+    middle = np.median(hits.P, axis=0) if len(hits.P) else np.zeros(3)
+    way = targets.position - np.where(targets.directional, 0.0, 1.0)[:, None] * middle
+    way /= np.maximum(np.sqrt((way * way).sum(1)), 1e-300)[:, None]
+    group, count = np.full(len(way), -1, np.int64), 0
+    for i in range(len(way)):
+        if group[i] < 0:
+            group[(group < 0) & (way @ way[i] >= np.cos(TOGETHER))] = count
+            count += 1
+    return group
+
+
 class Sparse:
     """Interpolates what a prepared scene's camera sees first."""
 
-    def __init__(self, ready: Prepared) -> None:
-        self._ready, self._camera = ready, dataclasses.replace(ready.scene.camera, crop=None)
-        s, m, lights = ready.scene.settings, ready.materials, len(ready.scene.lights)
+    def __init__(self, world: World, lighting: Lighting, casters: Casters, lattice: Lattice,
+                 offsets: NDArray[np.float64], stats: Statistics) -> None:
+        """casters: those of the picture's shadows; lattice: of its nodes; offsets (samples,2): in the pixel filter."""
+        self._world, self._lighting, self._stats, self._offsets = world, lighting, stats, offsets
+        self._camera = dataclasses.replace(world.camera, crop=None)
+        s, m, lights = world.scene.settings, world.materials, len(world.scene.lights)
         least = 1 if s.samples >= 4 else 2  # a point a pixel saves nothing unless it serves several samples
         self._steps = [s.shadow_rate >> k for k in range(s.shadow_rate.bit_length()) if s.shadow_rate >> k >= least]
         self._gloss = bool((m.ks > 0).any())
         self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
-        nodes = 2 * np.pi / 3 * ready.soft.lattice.reach[0]**3  # of a point on a plane, each with a step of 1/nodes
+        nodes = 2 * np.pi / 3 * lattice.reach[0]**3  # of a point on a plane, each with a step of 1/nodes
         self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
         self._step = 1 / nodes if uniform else 0.0
-        self._lights = smooth_lights(ready.casters, lights)
+        self._lights = smooth_lights(casters, lights)
         self._sharp = mask_of(range(lights), lights) & ~self._lights
-        self._receives = ready.casters.receives
+        self._receives = casters.receives
         # A node above a block's middle may be in no corner's ball: with smooth weights, and a small block, it is light.
         share = 1.0 if uniform else min(1.0, np.sqrt(nodes / 40))
-        self._largest = float(ready.soft.lattice.h * ready.soft.lattice.reach[0]) * share
-        self.light, self._together = self._typical(), self._groups()
-        self._reach = float(np.abs(ready.offsets).max()) + 0.01 + BLUR * (self._camera.lens_radius > 0)
-
-    def _typical(self) -> float:
-        """The picture's light; of its brightest channel."""
-        ready, m = self._ready, self._ready.materials
-        direction, hits = ready.coarse_view()
-        matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
-        light = np.zeros((len(hits.P), 3))
-        for part, lit, _, S in ready.lit(hits, direction, matt, np.ones_like(light), False, lambda: None, None,
-                                         visibility=Unshadowed(ready.scene.lights)):
-            shading.gather(lit, S, light[part])
-        brightest = light.max(1)
-        return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
-
-    def _groups(self) -> NDArray[np.int64]:
-        """The number (L,) of each light's group: those that stand together as seen from the middle of the view."""
-        targets = self._ready.lights.targets()
-        _, hits = self._ready.coarse_view()
-        middle = np.median(hits.P, axis=0) if len(hits.P) else np.zeros(3)
-        way = targets.position - np.where(targets.directional, 0.0, 1.0)[:, None] * middle
-        way /= np.maximum(np.sqrt((way * way).sum(1)), 1e-300)[:, None]
-        group, count = np.full(len(way), -1, np.int64), 0
-        for i in range(len(way)):
-            if group[i] < 0:
-                group[(group < 0) & (way @ way[i] >= np.cos(TOGETHER))] = count
-                count += 1
-        return group
+        self._largest = float(lattice.h * lattice.reach[0]) * share
+        self.light, self._together = typical(world, lighting), groups(world)
+        self._reach = float(np.abs(offsets).max()) + 0.01 + BLUR * (self._camera.lens_radius > 0)
 
     def direct(self, hits: Hits, direction: NDArray, pixel: NDArray, box: tuple[int, int, int, int], check: Check,
-               parts: bool, work: NDArray | None) -> tuple[NDArray, dict[str, NDArray], dict[str, NDArray]]:
-        """As `Prepared.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
-        ready, m = self._ready, self._ready.materials
-        Od, sums = ready.unshaded(hits, parts, True)
+               parts: bool, work: NDArray | None) -> Sums:
+        """As `Lighting.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
+        m = self._world.materials
+        Od, sums = self._lighting.unshaded(hits, parts, True)
         colour, terms, _ = sums  # the plan has no shadow passes
-        with ready.stats.stage("interpolation"):
+        with self._stats.stage("interpolation"):
             film, left = self._film(hits, pixel, box)
             done, light = np.zeros(len(film), np.bool_), np.empty((len(film), 6 if self._gloss else 3))
         for k, step in enumerate(self._steps):
             check()
             if len(left):
                 corners = self._corners(step, film, left, box, check)
-                with ready.stats.stage("interpolation"):
+                with self._stats.stage("interpolation"):
                     before = len(left)
                     left = self._between(corners, film, left, hits, Od, light, done)
-                    ready.stats.add(**{"refined" if k else "interpolated": before - len(left)})
-        with ready.stats.stage("interpolation"):
+                    self._stats.add(**{"refined" if k else "interpolated": before - len(left)})
+        with self._stats.stage("interpolation"):
             some, rest = np.flatnonzero(done), np.flatnonzero(~done)
             matt, glossy = (terms["Diffuse"], terms["Glossy"]) if terms else (colour, colour)
             _add(some, hits.material, m.kd, Od, light, 0, matt)
@@ -146,28 +153,28 @@ class Sparse:
                 _add(some, hits.material, m.ks, m.Os.take(hits.material, axis=0), light, 3, glossy)
             if terms:
                 colour += matt + glossy
-        ready.stats.add(computed=len(rest))
-        self._add_light(rest, None, hits, direction, Od, (colour, terms), check, work)
+        self._stats.add(computed=len(rest))
+        self._add_light(rest, None, hits, direction, Od, sums, check, work)
         if self._sharp.any():
-            self._add_light(some, self._sharp, hits, direction, Od, (colour, terms), check, work)
+            self._add_light(some, self._sharp, hits, direction, Od, sums, check, work)
         return sums
 
     def _add_light(self, rows: NDArray, lights: NDArray | None, hits: Hits, direction: NDArray, Od: NDArray,
-                   sums: tuple[NDArray, dict[str, NDArray]], check: Check, work: NDArray | None) -> None:
-        """`Prepared.add_light` of some hits."""
-        colour, terms = sums[0][rows], {name: a[rows] for name, a in sums[1].items()}
+                   sums: Sums, check: Check, work: NDArray | None) -> None:
+        """`Lighting.add_light` of some hits."""
+        some = Sums(sums.colour[rows], {name: a[rows] for name, a in sums.terms.items()}, {})
         count = None if work is None else np.zeros((len(rows), work.shape[1]))
-        self._ready.add_light(hits.at(rows), direction[rows], Od[rows], (colour, terms, {}), check, count, lights)
-        sums[0][rows] = colour
-        for name, a in terms.items():
-            sums[1][name][rows] = a
+        self._lighting.add_light(hits.at(rows), direction[rows], Od[rows], some, check, count, lights)
+        sums.colour[rows] = some.colour
+        for name, a in some.terms.items():
+            sums.terms[name][rows] = a
         if work is not None:
             work[rows] = count
 
     def _film(self, hits: Hits, pixel: NDArray, box: tuple[int, int, int, int]) -> tuple[NDArray, NDArray]:
         """Where hits are on the film (n,2), in pixels, and the rows of those that may be interpolated."""
         c, film = self._camera, np.empty((len(hits.P), 2))
-        view = np.array([box[0], box[1], box[2] - box[0], len(self._ready.offsets)], np.int64)
+        view = np.array([box[0], box[1], box[2] - box[0], len(self._offsets)], np.int64)
         left = np.empty(len(hits.P), np.int64)
         matrix, window = np.ascontiguousarray(c.matrix, np.float64), np.array(c.window, np.float64)
         count = _film(matrix, window, c.perspective, c.width,
@@ -177,38 +184,38 @@ class Sparse:
     def _corners(self, step: int, film: NDArray, left: NDArray, box: tuple[int, int, int, int],
                  check: Check) -> Corners:
         """The points of a step around the rows of `film` that are left."""
-        ready = self._ready
         # One more on each side than floor says: rounding must not decide.
         x0, y0 = (int((low + 0.5 - self._reach) // step) - 2 for low in box[:2])
         x1, y1 = (int((high - 0.5 + self._reach) // step) + 3 for high in box[2:])
         row = np.full((y1 - y0, x1 - x0), -1, np.int32)
-        with ready.stats.stage("interpolation"):
+        with self._stats.stage("interpolation"):
             _ask(film, left, step, x0, y0, row)
             asked = np.flatnonzero(row == 0)
-        with ready.stats.stage("camera rays"):
+        with self._stats.stage("camera rays"):
             rays = camera_rays(dataclasses.replace(coarser(self._camera, step), lens_radius=0.0), (x0, y0, x1, y1),
                                np.zeros((1, 2)))
             origin, direction, reach = (a[asked] for a in rays)
-            hit, hits = ready.closest("camera", origin, direction, None, reach)
+            hit, hits = self._world.closest("camera", origin, direction, None, reach)
         rows, direction = np.flatnonzero(hit), direction[hit]
         if self._receives is not None:
             takes = self._receives[hits.triangle]
             rows, direction, hits = rows[takes], direction[takes], hits.at(takes)
         row[:] = -1
         row.reshape(-1)[asked[rows]] = np.arange(len(rows), dtype=np.int32)
-        ready.stats.add(points=len(rows))
+        self._stats.add(points=len(rows))
         turned = np.empty_like(direction)
         shading.mirrored(direction, hits.Ng, hits.Ns, turned)
         return Corners(step, x0, y0, row, hits.P, hits.Ng, hits.Ns, hits.material,
-                       ready.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, check))
+                       self._world.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, check))
 
     def _light(self, hits: Hits, direction: NDArray, check: Check) -> tuple[NDArray, NDArray]:
         """Corners.light and rough."""
-        ready, n = self._ready, len(hits.P)
+        n = len(hits.P)
         white, light, rough = np.ones((n, 3)), np.zeros((n, 6 if self._gloss else 3)), np.zeros((2, n))
         both, matt, gloss = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-        for part, lit, _, S in ready.lit(hits, direction, self._white, white, False, check, None, self._lights):
-            with ready.stats.stage("shading"):
+        light_of = self._lighting.lit(hits, direction, self._white, white, False, check, None, self._lights)
+        for part, lit, _, S in light_of:
+            with self._stats.stage("shading"):
                 shading.gather(lit, S, both[part], matt[part], gloss[part])
                 shading.steps(lit, S, self._together, self._jump, self._step, *rough[:, part])
         light[:, :3] = matt
@@ -227,8 +234,8 @@ class Sparse:
     def _between(self, corners: Corners, film: NDArray, left: NDArray, hits: Hits, Od: NDArray, light: NDArray,
                  done: NDArray[np.bool_]) -> NDArray:
         """Fill light and done of the rows in `left` that their block serves; returns the others."""
-        m, rest = self._ready.materials, np.empty(len(left), np.int64)
+        m, rest = self._world.materials, np.empty(len(left), np.int64)
         count = _between(*corners[3:], *self._blocks(corners), *corners[:3], film, left, hits.P, hits.Ng, hits.Ns,
-                         hits.material, self._ready.surfaces.instance[hits.triangle], m.kd, m.ks, m.Os, m.nShiny, Od,
+                         hits.material, self._world.surfaces.instance[hits.triangle], m.kd, m.ks, m.Os, m.nShiny, Od,
                          self._gloss, TOLERANCE * self.light, light, done, rest)
         return rest[:count]

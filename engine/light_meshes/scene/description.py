@@ -6,7 +6,8 @@ on column vectors, angles are in radians. Nothing here knows of Blender, of file
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
 GLASS = ("BOUNDED", "PAPER")
 CAUSTICS = ("PAPER", "FOCUS")
-SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")
+SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")  # the methods of `shadows.registry`
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
 FALLOFFS = ("LINEAR", "QUADRATIC", "INVERSE_QUADRATIC")
 WEIGHTS = ("UNIFORM", "SMOOTH")
@@ -25,6 +26,7 @@ COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
 RGB = tuple[float, float, float]
+Scalar = bool | int | float | str
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -34,6 +36,7 @@ class Settings:
 
     mode: str = "WHITTED"  # eq. (1) RAY_CASTING, eq. (2) WHITTED, or LOCAL without shadows
     shadows: str = "LIGHT_MESHES"
+    method: Mapping[str, Scalar] | None = None  # settings that the shadow method has for itself; None: its defaults
     h: float = 0.05  # step of the lattice, scene units
     kI: float = 3.0  # r = h·kI is the radius of the interpolation ball
     auto_h: bool = False  # h from what the camera sees, finer where a light's r needs it; `h` is then ignored
@@ -218,3 +221,14 @@ class Scene:
 def names_of(cls: type) -> dict[str, Any]:
     """Field name → default of a description class, in order."""
     return {f.name: f.default for f in fields(cls)}
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two descriptions have the same contents."""
+    if a is b:
+        return True
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b)
+    if is_dataclass(a):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return bool(a == b)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +41,7 @@ from .description import (
     names_of,
 )
 from .errors import SceneError
+from .values import bounded, typed
 
 FORMAT = "light-meshes snapshot"
 VERSION = 1
@@ -231,13 +231,19 @@ def _build(cls: type, data: Any, where: str) -> Any:
 
 
 def with_setting(settings: Settings, key: str, text: str) -> Settings:
-    """`settings` with one more set from text, as `--set key=value` gives it; h given by hand turns auto_h off."""
-    if key not in names_of(Settings):
+    """`settings` with one more set from text, as `--set key=value` gives it; h given by hand turns auto_h off.
+
+    method.NAME is the setting NAME that the shadow method has for itself.
+    """
+    name, _, own = key.partition(".")
+    if key not in names_of(Settings) and not (name == "method" and own):
         raise SceneError(f"there is no setting '{key}'; there are {', '.join(names_of(Settings))}")
     try:
         value = json.loads(text.lower() if text.lower() in ("true", "false") else text)
     except (ValueError, RecursionError):
         value = text
+    if own:
+        key, value = name, {**(settings.method or {}), own: value}
     value = _checked(Settings, key, names_of(Settings)[key], value, "--set")
     changed: dict[str, Any] = {key: value} | ({"auto_h": False} if key == "h" else {})
     return dataclasses.replace(settings, **changed)
@@ -267,41 +273,17 @@ def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
         return matrix
     if value is None and default is None:
         return None
+    if (cls, name) == (Settings, "method"):
+        if not isinstance(value, dict) or not all(isinstance(v, bool | int | float | str) for v in value.values()):
+            raise SceneError(f"{where}: method must be null, or an object of the shadow method's own settings")
+        return dict(value)
     if cls is Light and name in ("receivers", "blockers"):
         if not isinstance(value, list) or not all(type(i) is int for i in value):
             raise SceneError(f"{where}: {name} must be null or a list of objects' numbers")
         return tuple(value)
     sample = _SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
-    value = _value(where, name, sample, value)
-    choices = _CHOICES.get((cls, name))
-    if choices and value not in choices:
-        raise SceneError(f"{where}: {name} is {quoted(value)}; choose one of {', '.join(choices)}")
     low, high = _RANGES.get((cls, name), (-_LARGEST, _LARGEST))
-    for number in np.ravel(value).tolist() if isinstance(value, tuple) else (value,):
-        if isinstance(number, int | float) and not low <= number <= high:
-            raise SceneError(f"{where}: {name} is {number:g}; it must lie between {low:g} and {high:g}")
-    return value
-
-
-def _value(where: str, name: str, sample: Any, value: Any) -> Any:
-    """`value` as the type of `sample`, or a SceneError."""
-    if isinstance(sample, tuple):
-        if not isinstance(value, list | tuple) or len(value) != len(sample):
-            raise SceneError(f"{where}: {name} must be {len(sample)} numbers")
-        return tuple(_value(where, name, s, v) for s, v in zip(sample, value, strict=True))
-    if isinstance(sample, bool) or isinstance(value, bool):
-        if isinstance(value, bool) and isinstance(sample, bool):
-            return value
-    elif isinstance(sample, str):
-        if isinstance(value, str):
-            return value
-    elif isinstance(sample, int):
-        if (isinstance(value, int) or (isinstance(value, float) and value.is_integer())) and abs(value) < 2**63:
-            return int(value)
-    elif isinstance(value, int | float) and abs(value) <= sys.float_info.max:
-        return float(value)
-    kind = {bool: "true or false", str: "text", int: "a whole number"}.get(type(sample), "a finite number")
-    raise SceneError(f"{where}: {name} is {quoted(value)}; it must be {kind}")
+    return bounded(where, name, typed(where, name, sample, value), _CHOICES.get((cls, name), ()), low, high)
 
 
 def check(scene: Scene) -> None:

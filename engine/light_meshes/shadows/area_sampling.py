@@ -5,67 +5,67 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rays.tracer import Targets, Tracer
-from ..scene.description import Light
+from ..lights.registry import KINDS
+from ..rays.tracer import Targets
 from ..support.native import kernel
-from ..support.statistics import Statistics
-from .casters import Casters, union
-from .meshes.semitransparent import SharpThrough
-from .terminator import Lift, starts
-from .visibility import Check, Sharp, blocks, dim
+from . import pairs
+from .casters import union
+from .method import Check, Kind, Method, Receivers, Setup
+from .sharp import dim, sharp
+from .terminator import starts
 
 _sample = kernel("area_sample")
 
 
-class AreaSampling:
-    """S_i(P) as the mean of N rays to points of the light; the interface of `visibility`.
+class AreaSampling(Method):
+    """S_i(P) as the mean of N rays to points of the light.
 
-    Only visibility is sampled; Ω stays the point source's, so that away from shadows all three ways agree.
+    Only visibility is sampled; Ω stays the point source's, so that away from shadows all methods agree.
     """
 
-    def __init__(self, lights: tuple[Light, ...], targets: Targets, tracer: Tracer, stats: Statistics,
-                 casters: Casters, sharp: Sharp | SharpThrough, edges: Sharp | SharpThrough | None, samples: int,
-                 seed: int) -> None:
-        """sharp: V(P) of lights without a size, and of the segments to each sample; edges: V(P) past sharp casters."""
-        self.count, self._targets, self._tracer, self._stats = len(lights), targets, tracer, stats
-        self._samples, self._seed = samples, seed
-        self._sharp, self._edges, self._receives = sharp, edges, casters.receives
-        self._groups, self._soft = casters.soft, union(casters.soft, self.count)
-        rectangle = [light.type == "AREA" and not light.area_ellipse for light in lights]
-        self._rectangle = np.array(rectangle, np.bool_)
-        self._free = np.array([light.type != "AREA" for light in lights], np.bool_)  # turns to the receiver
-        self._size = np.array([np.tan(light.angle / 2) if light.type == "SUN" else light.radius
-                               for light in lights], np.float64)
-        self._u = np.array([light.area_u for light in lights], np.float64).reshape(-1, 3)
-        self._v = np.array([light.area_v for light in lights], np.float64).reshape(-1, 3)
+    def __init__(self, setup: Setup) -> None:
+        lights, casters, settings = setup.lights, setup.casters, setup.settings
+        self._count, self._targets, self._stats = len(lights), setup.targets, setup.stats
+        self._samples, self._seed = settings.light_samples, settings.seed
+        self._sharp = sharp(setup, casters.whole)  # of lights without a size, and of the segments to each sample
+        self._edges = sharp(setup, casters.sharp) if casters.sharp else None  # V(P) past sharp casters
+        self._receives, self._channels = casters.receives, max(1, setup.through.channels)
+        self._groups, self._soft = casters.soft, union(casters.soft, self._count)
+        shapes = [KINDS[light.type].shape(light) for light in lights]
+        self._rectangle = np.array([shape.rectangle for shape in shapes], np.bool_)
+        self._disc = np.array([not shape.face for shape in shapes], np.bool_)
+        self._size = np.array([shape.disc for shape in shapes], np.float64)
+        self._u = np.array([shape.u for shape in shapes], np.float64).reshape(-1, 3)
+        self._v = np.array([shape.v for shape in shapes], np.float64).reshape(-1, 3)
 
-    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
-        """S, see the module."""
-        soft = active & self._soft
-        if triangle is not None and self._receives is not None:
-            soft[~self._receives[triangle]] = 0
-        hard = self._sharp(P, N, active & ~soft, check, triangle, lift)
+    def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
+        """S, see `Method`."""
+        soft = at.active & self._soft
+        if at.triangle is not None and self._receives is not None:
+            soft[~self._receives[at.triangle]] = 0
+        hard = self._sharp(at._replace(active=at.active & ~soft), check)
         S = np.zeros_like(hard)
         with self._stats.stage("area sampling"):
             for group in self._groups:
-                for row, light in blocks(soft & group.lights, self.count):
-                    S[row, light] = self._share(P, N, row, light, lift, group.casters, check, S.shape[2:])
-        dim(S, soft, self._edges, P, N, check, lift)
-        return S + hard  # disjoint bits: the sum is a choice
+                for row, light in pairs.blocks(soft & group.lights, self._count):
+                    S[row, light] = self._share(at, row, light, group.casters, check)
+        dim(S, self._edges, at._replace(active=soft), check)
+        return S + hard  # one of them is 0: a light is soft or hard for a receiver
 
-    def _share(self, P: NDArray, N: NDArray, row: NDArray, light: NDArray, lift: Lift | None, casters: int,
-               check: Check, channels: tuple[int, ...]) -> NDArray[np.float32]:
-        """How much (n, *channels) of light[k] P[row[k]] sees past `casters`."""
-        clear = np.zeros((len(row), *channels))
+    def _share(self, at: Receivers, row: NDArray, light: NDArray, casters: int, check: Check) -> NDArray[np.float32]:
+        """How much (k,C) of light[k] the receiver row[k] sees past `casters`."""
+        clear = np.zeros((len(row), self._channels))
         target = np.empty((len(row), 3))
         directional = self._targets.directional[light]
         order = np.arange(len(row), dtype=np.int32)
-        origin, normal, of = starts(lift, P, N, self._targets, row, light)
+        origin, normal, of = starts(at.lift, at.P, at.N, self._targets, row, light)
         for s in range(self._samples):
             check()
-            _sample(s, self._samples, self._seed, P, row, *self._targets, light, self._free, self._rectangle,
+            _sample(s, self._samples, self._seed, at.P, row, *self._targets, light, self._disc, self._rectangle,
                     self._size, self._u, self._v, target)
             clear += self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
         self._stats.add(shadow_rays=len(row) * self._samples)
         return (clear / self._samples).astype(np.float32)
+
+
+KIND = Kind(AreaSampling, soft=True)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.geometry import Surfaces
-from ..scene.description import Light, Scene, Settings
+from ..scene.description import Light, Scene
 from ..scene.errors import SceneError
 from ..support.bits import mask_of
 from .radius import extent
@@ -52,8 +52,11 @@ def smooth_lights(casters: Casters, lights: int) -> NDArray[np.uint64]:
     return mask_of(range(lights), lights) & ~(shadows & ~union(casters.soft, lights)) & ~sharp
 
 
-def casters(scene: Scene, surfaces: Surfaces, bent: NDArray[np.bool_]) -> Casters:
-    """Who shadows whom; bent (T,): triangles that refract shadow rays."""
+def casters(scene: Scene, surfaces: Surfaces, bent: NDArray[np.bool_], soft_shadows: bool, radii: bool) -> Casters:
+    """Who shadows whom; bent (T,): triangles that refract shadow rays.
+
+    soft_shadows: the shadow method has them; radii: and by it each light may have a radius of its own.
+    """
     owner = scene.geometry.instance_object[surfaces.instance]
     material = surfaces.materials[surfaces.source]
 
@@ -79,7 +82,7 @@ def casters(scene: Scene, surfaces: Surfaces, bent: NDArray[np.bool_]) -> Caster
             blocks = casts if light.blockers is None else casts & np.isin(owner, light.blockers)
             parts[light.blockers] = [_number(part, numbers, sets) for part in
                                      (blocks, blocks & softly, blocks & ~softly)]
-        soft = _soft(light, scene.settings) and receives.any() and parts[light.blockers][1] >= 0
+        soft = soft_shadows and _soft(light, radii) and receives.any() and parts[light.blockers][1] >= 0
         for kind, part in zip(found, parts[light.blockers], strict=True):
             if part >= 0 and (kind is found[0] or soft):
                 kind.setdefault(part, []).append(i)
@@ -103,9 +106,8 @@ def _number(part: NDArray[np.bool_], numbers: dict[bytes, int], sets: list[NDArr
     return number
 
 
-def _soft(light: Light, settings: Settings) -> bool:
-    if settings.mode == "LOCAL" or settings.shadows == "SHARP" or not light.soft_shadows:
-        return False
-    if settings.shadows == "LIGHT_MESHES" and light.softness != "SCENE":  # a point has a sharp shadow
-        return (light.soft_radius if light.softness == "RADIUS" else extent(light)) > 0
-    return True
+def _soft(light: Light, radii: bool) -> bool:
+    """Whether the artist lets the light have soft shadows, and gives it a radius: that of a point is sharp."""
+    if radii and light.softness != "SCENE":
+        return light.soft_shadows and (light.soft_radius if light.softness == "RADIUS" else extent(light)) > 0
+    return light.soft_shadows

@@ -3,11 +3,9 @@
    Loops over the receivers of a block have no branch that depends on one, so that compilers make vectors of them. Each
    is written once for all types of light: the type is a constant wherever `arriving` stands, and what others need of it
    is left out. */
-#include "native.h"
+#include "../lights/types.h"
 
-enum { POINT, SUN, SPOT, AREA, SKEWED_SPOT, SKEWED_AREA };  /* the last two have axes of their own */
 enum { SIDE = 32 };  /* receivers that are lit side by side */
-#define INLINE static inline __attribute__((always_inline))
 
 /* Receivers side by side. Bits 0..2 of `returns`: channels in which matt is not 0, 3..5 those of gloss. */
 typedef struct {
@@ -31,13 +29,6 @@ typedef struct {
     const f64 *P, *Ng, *Ns, *direction, *Od;
     const i32 *material;
 } Receivers;
-
-/* One light. */
-typedef struct {
-    int kind, diffuse, glossy;
-    f64 x, y, z, u, v, w, edge, slope, colour[3];
-    const f64 *axes;
-} Source;
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
                "axes f64[L,3,3]  diffuse bool[L]  glossy bool[L]  "
@@ -86,66 +77,13 @@ typedef struct {
 } Arriving;
 
 INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
-    f64 x, y, z, inverse = 1.0, power = 1.0;
-    int lit = 1;
-    if (kind == SUN) {
-        x = -s->u, y = -s->v, z = -s->w;
-    } else {
-        x = s->x - b->P[0][k], y = s->y - b->P[1][k], z = s->z - b->P[2][k];
-        f64 square = x * x + y * y + z * z;
-        inverse = 1.0 / sqrt(square);
-        power = inverse * inverse;
-        lit = square > 0.0;  /* else the light is on the very point */
-    }
-    f64 axis = -(x * s->u + y * s->v + z * s->w) * inverse;
-    if (kind == SKEWED_SPOT || kind == SKEWED_AREA) {
-        const f64 *a = s->axes, *c = s->axes + 3, *e = s->axes + 6;
-        f64 p = x * a[0] + y * a[1] + z * a[2], q = x * c[0] + y * c[1] + z * c[2], r = x * e[0] + y * e[1] + z * e[2];
-        f64 turned = 1.0 / sqrt(p * p + q * q + r * r);
-        if (kind == SKEWED_SPOT) {
-            axis = -r * turned;
-        } else {
-            /* Cycles samples a rectangle as if its axes were perpendicular: the light comes from another direction. */
-            lit &= axis > 0.0;
-            x = p * a[0] + q * c[0] + r * e[0], y = p * a[1] + q * c[1] + r * e[1], z = p * a[2] + q * c[2] + r * e[2];
-            inverse = 1.0 / sqrt(x * x + y * y + z * z);
-            axis = -(x * s->u + y * s->v + z * s->w) * inverse;
-            power = turned * turned * turned * fabs(r);
-            lit &= power > 0.0;
-        }
-    }
-    if (kind == SPOT || kind == SKEWED_SPOT) {
-        f64 t = (axis - s->edge) * s->slope;
-        t = t > 0.0 ? t : 0.0;
-        t = t < 1.0 ? t : 1.0;
-        lit &= t > 0.0;
-        power *= t * t * (3.0 - 2.0 * t);
-    }
-    if (kind == AREA) power *= axis > 0.0 ? axis : 0.0;
-    if (kind == AREA || kind == SKEWED_AREA) {
-        f64 sine = 1.0 - axis * axis;
-        f64 spread = (s->edge - sqrt(sine > 0.0 ? sine : 0.0) / axis) * s->slope;
-        spread = s->slope > 0.0 ? spread : 1.0;
-        lit &= (axis > 0.0) & (spread > 0.0);  /* else behind the lamp, or beside its spread */
-        power *= spread > 0.0 ? spread : 0.0;
-    }
-    lit &= b->Ng[0][k] * x + b->Ng[1][k] * y + b->Ng[2][k] * z > 0.0;
-    f64 cosine = b->Ns[0][k] * x + b->Ns[1][k] * y + b->Ns[2][k] * z;
+    Way way = way_to_light(kind, s, b->P[0][k], b->P[1][k], b->P[2][k]);
+    way.lit &= b->Ng[0][k] * way.x + b->Ng[1][k] * way.y + b->Ng[2][k] * way.z > 0.0;
+    f64 cosine = b->Ns[0][k] * way.x + b->Ns[1][k] * way.y + b->Ns[2][k] * way.z;
     /* R·V with R = 2(N·L)N − L */
-    f64 lobe = 2.0 * cosine * b->facing[k] - (x * b->eye[0][k] + y * b->eye[1][k] + z * b->eye[2][k]);
-    return (Arriving){lit, power, inverse, cosine, lobe};
+    f64 lobe = 2.0 * cosine * b->facing[k] - (way.x * b->eye[0][k] + way.y * b->eye[1][k] + way.z * b->eye[2][k]);
+    return (Arriving){way.lit, way.power, way.inverse, cosine, lobe};
 }
-
-/* `what` for the light's type, which thereby is a constant in it. */
-#define FOR_KIND(what, kind, ...)                      \
-    switch (kind) {                                    \
-    case POINT: what(POINT, __VA_ARGS__); break;       \
-    case SUN: what(SUN, __VA_ARGS__); break;           \
-    case SPOT: what(SPOT, __VA_ARGS__); break;         \
-    case AREA: what(AREA, __VA_ARGS__); break;         \
-    case SKEWED_SPOT: what(SKEWED_SPOT, __VA_ARGS__); break; \
-    default: what(SKEWED_AREA, __VA_ARGS__);           \
-    }
 
 /* Sets the light's bit of the receivers that it reaches. */
 INLINE void mark(int kind, const Source *s, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..lights import registry
 from ..rays.geometry import Hits
 from ..rays.tracer import Targets
-from ..scene.description import LIGHT_TYPES, Light, Material, Scene
+from ..scene.description import Light, Material, Scene
 from ..support.native import kernel
 
-POINT, SUN, SPOT, AREA = range(len(LIGHT_TYPES))
-SKEWED_SPOT, SKEWED_AREA = range(len(LIGHT_TYPES), len(LIGHT_TYPES) + 2)  # those with axes of their own
+_DIRECTIONAL = [registry.NAMES.index(name) for name, kind in registry.KINDS.items() if kind.directional]
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 
@@ -21,39 +21,30 @@ _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), ke
 class Lights(NamedTuple):
     """All lights, structure of arrays; see scene.Light for the units."""
 
-    type: NDArray[np.int8]  # (L,) index into LIGHT_TYPES, or SKEWED_…
+    type: NDArray[np.int8]  # (L,) index into `lights.registry.NAMES`
     position: NDArray[np.float64]  # (L,3)
     direction: NDArray[np.float64]  # (L,3) unit, the way the light travels
     intensity: NDArray[np.float64]  # (L,3)
-    edge: NDArray[np.float64]  # (L,) SPOT: cosine of the half cone; AREA: tangent of half the spread
-    slope: NDArray[np.float64]  # (L,) SPOT: 1/width of the blend in cosines; AREA: the spread's normalisation
+    edge: NDArray[np.float64]  # (L,) the first of the type's `numbers`
+    slope: NDArray[np.float64]  # (L,) the second
     axes: NDArray[np.float64]  # (L,3,3) SKEWED_…: scene.Light.axes
     diffuse: NDArray[np.bool_]  # (L,)
     glossy: NDArray[np.bool_]  # (L,)
 
     def targets(self) -> Targets:
         """Where shadow rays go."""
-        sun = self.type == SUN
+        sun = np.isin(self.type, _DIRECTIONAL)
         return Targets(np.where(sun[:, None], -self.direction, self.position), sun)
 
 
 def light_arrays(lights: tuple[Light, ...]) -> Lights:
     """Scene lights as arrays."""
-    edge, slope = np.zeros(len(lights)), np.zeros(len(lights))
-    for i, light in enumerate(lights):
-        if light.type == "SPOT":
-            edge[i] = np.cos(light.spot_angle / 2)
-            slope[i] = 1 / max((1 - edge[i]) * light.spot_blend, 1e-9)
-        elif light.type == "AREA" and light.spread < np.pi - 1e-4:
-            # As Cycles: what leaves is weighted by tan(spread/2) − tan(angle), the power kept.
-            half = max(light.spread / 2, 1e-4)
-            edge[i], slope[i] = np.tan(half), 1 / (np.tan(half) - half)
+    numbers = np.array([registry.KINDS[light.type].numbers(light) for light in lights], np.float64).reshape(-1, 2)
+    edge, slope = np.ascontiguousarray(numbers.T)
     direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
     length = np.sqrt((direction**2).sum(1, keepdims=True))
-    skewed = {"SPOT": SKEWED_SPOT, "AREA": SKEWED_AREA}
     return Lights(
-        np.array([skewed.get(light.type, LIGHT_TYPES.index(light.type)) if light.axes
-                  else LIGHT_TYPES.index(light.type) for light in lights], np.int8),
+        np.array([registry.number(light) for light in lights], np.int8),
         np.array([light.position for light in lights], np.float64).reshape(-1, 3),
         direction / np.where(length > 0, length, 1),
         np.array([light.intensity for light in lights], np.float64).reshape(-1, 3),

@@ -1,12 +1,11 @@
 """Steps 4 and 5 of Ψ on a batch of receivers: which values and rays are needed, and the mean of what nodes see.
 
-`start` (n, K+1): the candidates of receiver p in ring g are rows start[p,g]:start[p,g+1] of `candidate`, as `lattice`
-makes them. A light of class k averages rings 0..k: serve (K,W) has for each ring the bits of the lights that count it,
-ring (L,) is each light's class, and m (n,K) the size of the set of each class. With one radius K = 1. The kernels and
-what they take stand in `averaging.c`.
+The kernels stand in `averaging.c`. Where surfaces let light through, the last step is that of `semitransparent.c`.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,27 +18,79 @@ from ...support.native import kernel, needs_memory
 VARIANCE = {"UNIFORM": 1 / 5, "SMOOTH": 1 / 7}
 
 ask, agreement, certify = kernel("psi_ask"), kernel("psi_agreement"), kernel("psi_certify")
-sizes = kernel("psi_sizes")
+_sizes = kernel("psi_sizes")
 _listed, _mean, _smooth_mean = kernel("psi_listed"), kernel("psi_mean"), kernel("psi_smooth_mean")
 
 
-def listed(start: NDArray[np.int64], soft: NDArray[np.uint64], serve: NDArray[np.uint64], uniform: NDArray[np.bool_],
-           seen: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+class Classes(NamedTuple):
+    """The soft lights by the radius of their balls; with one radius K = 1. A light of class k averages rings 0..k."""
+
+    ring: NDArray[np.int64]  # (L,) the class of each light
+    radius: NDArray[np.float64]  # (K,) r, world, ascending
+    serve: NDArray[np.uint64]  # (K,W) for each ring the soft lights that count it
+    own: NDArray[np.uint64]  # (K,W) the lights of each class
+
+
+class Neighbourhood(NamedTuple):
+    """The nodes around a batch of receivers, and what is known of them.
+
+    The candidates of receiver p in ring g are rows start[p,g]:start[p,g+1] of `candidate`, `seen` and `weight`, as
+    `lattice.candidates` makes them. The arrays are filled step by step.
+    """
+
+    start: NDArray[np.int64]  # (n,K+1)
+    candidate: NDArray[np.int32]  # (c,) which node
+    position: NDArray[np.float64]  # (u,3) of nodes, world
+    values: NDArray  # (u,…) of nodes, as the store keeps them
+    seen: NDArray[np.bool_]  # (c,) the receiver sees the node for certain, without a ray
+    weight: NDArray  # v(x_l,P): bool (c,), or float32 (c,C)
+    uniform: NDArray[np.bool_]  # (n,) all candidates agree, and the first is seen
+    m: NDArray[np.int32]  # (n,K) how many nodes step 3 keeps in each class's ball
+
+    def kept(self) -> NDArray[np.bool_]:
+        """Which candidates (c,) count."""
+        return any_channel(self.weight)
+
+
+def any_channel(v: NDArray) -> NDArray[np.bool_]:
+    """Which v(x_l,P), (n,) or (n,C), are not 0."""
+    return v if v.ndim == 1 else (v > 0).any(1)
+
+
+def classes(ring: NDArray[np.intp], radius: NDArray[np.float64], soft: NDArray[np.uint64]) -> Classes:
+    """Lights of these classes (L,), of which the lights in soft (W,) have soft shadows."""
+    def lights(among: NDArray[np.bool_]) -> NDArray[np.uint64]:
+        return mask_of(np.flatnonzero(among), len(ring))
+
+    return Classes(np.asarray(ring, np.int64), radius,
+                   np.stack([soft & lights(ring >= g) for g in range(len(radius))]),
+                   np.stack([lights(ring == k) for k in range(len(radius))]))
+
+
+def listed(near: Neighbourhood, soft: NDArray[np.uint64],
+           lights: Classes) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """(receiver, index into candidate) of every short ray that is needed: of those that are not `seen` anyway."""
-    total = _listed(start, soft, serve, uniform, seen, None, None)
+    of = near.start, soft, lights.serve, near.uniform, near.seen
+    total = _listed(*of, None, None)
     row, index = np.empty(total, np.int32), np.empty(total, np.int64)
-    _listed(start, soft, serve, uniform, seen, row, index)
+    _listed(*of, row, index)
     return row, index
 
 
-def mean(*arguments: NDArray) -> None:
-    """Uniform weights: S[rows] = (number of kept nodes that see the light)/m, eq. (4)."""
-    needs_memory(_mean(*arguments))
+def sizes(near: Neighbourhood) -> None:
+    """Fill m of the neighbourhood."""
+    _sizes(near.start, near.kept(), near.uniform, near.m)
 
 
-def smooth_mean(start: NDArray, candidate: NDArray, kept: NDArray, uniform: NDArray, values: NDArray, soft: NDArray,
-                ring: NDArray, radius: NDArray, P: NDArray, position: NDArray, m: NDArray, rows: NDArray,
-                S: NDArray) -> None:
-    """Smooth weights: S[rows] = Σ w·v / Σ w over the kept nodes, with w = max(1 − |x − P|²/r², 1e-9)."""
-    own = np.stack([mask_of(np.flatnonzero(ring == k), len(ring)) for k in range(len(radius))])
-    needs_memory(_smooth_mean(start, candidate, kept, uniform, values, soft, own, radius, P, position, m, rows, S))
+def mean(near: Neighbourhood, P: NDArray, soft: NDArray[np.uint64], lights: Classes, rows: NDArray[np.intp],
+         S: NDArray[np.float32]) -> None:
+    """Uniform weights: S[rows] (…,L,1) = (number of kept nodes that see the light)/m, eq. (4)."""
+    needs_memory(_mean(near.start, near.candidate, near.weight, near.uniform, near.values, soft, lights.serve,
+                       lights.ring, near.m, rows, S[..., 0]))
+
+
+def smooth_mean(near: Neighbourhood, P: NDArray[np.float64], soft: NDArray[np.uint64], lights: Classes,
+                rows: NDArray[np.intp], S: NDArray[np.float32]) -> None:
+    """Smooth weights: S[rows] (…,L,1) = Σ w·v / Σ w over the kept nodes, with w = max(1 − |x − P|²/r², 1e-9)."""
+    needs_memory(_smooth_mean(near.start, near.candidate, near.weight, near.uniform, near.values, soft, lights.own,
+                              lights.radius, P, near.position, near.m, rows, S[..., 0]))

@@ -1,4 +1,4 @@
-/* The kernel of through.c that reads node values, included once for each type T that these may have. */
+/* The kernel of semitransparent.c that reads node values, included once for each type T that these may have. */
 
 /* The value at a node of one channel; with its paths apart what they are worth at P is added. */
 static f64 NAME(value_at)(const Around *a, const T *value, i64 stride, i64 channel, const f64 *x, const f64 *P,
@@ -19,12 +19,12 @@ static f64 NAME(value_at)(const Around *a, const T *value, i64 stride, i64 chann
 
    With the paths apart v(i,x_l) = V + Σ_j α_j·ξ(P_j,P), the end of paper §5. With focus each counts with its own cosine
    at P: α_j·(N·ω_j)/(N·L_i), as Ω has that of the straight way. */
-KERNEL(NAME(through_mean),
+KERNEL(NAME(semitransparent_mean),
        "start i64[n,s]  candidate i32[c]  weight f32[c,C]  kept bool[c]  uniform bool[n]  values " T_NAME "[u,v]  "
        "soft u64[n,W]  ring i64[L]  smooth i64  radius f64[K]  P f64[n,3]  N f64[n,3]  position f64[L,3]  "
        "directional bool[L]  node f64[u,3]  alpha f64[a,3]  ends f64[a,3]  focus i64  m i32[n,K]  rows i64[n]  "
        "S f32[r,L,C]!")
-i64 NAME(through_mean)(i64 n, i64 s, i64 c, i64 C, i64 u, i64 v, i64 W, i64 L, i64 K, i64 a, i64 r, const i64 *start,
+i64 NAME(semitransparent_mean)(i64 n, i64 s, i64 c, i64 C, i64 u, i64 v, i64 W, i64 L, i64 K, i64 a, i64 r, const i64 *start,
                        const i32 *candidate, const f32 *weight, const u8 *kept, const u8 *uniform, const T *values,
                        const u64 *soft, const i64 *ring, i64 smooth, const f64 *radius, const f64 *P, const f64 *N,
                        const f64 *position, const u8 *directional, const f64 *node, const f64 *alpha, const f64 *ends,

@@ -1,0 +1,21 @@
+"""SUN: a direction, from which the same light comes everywhere. What arrives of it: `sun.h`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..scene.description import Light
+from .kind import LightKind, Shape
+
+
+def extent(light: Light) -> float:
+    """tan δ of half the angle that it is seen under: its radius at distance 1."""
+    return float(np.tan(light.angle / 2))
+
+
+def shape(light: Light) -> Shape:
+    """A disc in the sky."""
+    return Shape(disc=extent(light))
+
+
+KIND = LightKind(shape, extent, directional=True)

@@ -1,0 +1,148 @@
+"""The light that surfaces return: Ia·ka·Od + Σ S·Ω + emission, and how shadows dim it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..film.passes import shadow_number
+from ..rays.geometry import Hits
+from ..shadows import pairs
+from ..shadows.method import Check, Method, Receivers
+from ..shadows.registry import NONE
+from ..shadows.terminator import Terminator
+from ..support.statistics import Statistics
+from ..surface import shading
+from .plan import Plan
+from .world import World
+
+SHADED = 1 << 22  # receivers × lights held at once, at most
+
+
+class Sums(NamedTuple):
+    """The light of hits, added up."""
+
+    colour: NDArray[np.float64]  # (n,3)
+    terms: dict[str, NDArray[np.float64]]  # pass → its share (n,3) of colour; {} where nobody asks
+    shadows: dict[str, NDArray[np.float64]]  # shadow pass → (n,3), of what the camera sees first
+
+
+class Lighting:
+    """The lights of a world, with their shadows by a method."""
+
+    def __init__(self, world: World, plan: Plan, method: Method, passes: Sequence[str], stats: Statistics) -> None:
+        """method: that of the plan. passes: of the picture, of which some show shadows."""
+        self._world, self._plan, self._method, self._stats = world, plan, method, stats
+        self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
+        self.terminator = Terminator(world.scene, world.surfaces)
+        groups = np.array([light.shadow_pass for light in world.scene.lights], np.int64)
+        self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
+                               for name in passes if name.startswith("Shadow")}
+
+    def light_visibility(self, P: NDArray[np.float64], N: NDArray[np.float64],
+                         triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
+        """S_i (n,L,C) of all lights in front of receivers P with unit geometric normals N, both (n,3).
+
+        triangle (n,): that they are on; None: on surfaces that every light lights and soft shadows fall on.
+        """
+        toward = self._targets
+        away = np.where(toward.directional[None, :, None], toward.position[None], toward.position[None] - P[:, None])
+        facing = (away * N[:, None]).sum(2) > 0
+        active = np.zeros((len(P), max(1, (len(self._world.scene.lights) + 63) // 64)), np.uint64)
+        for i in range(facing.shape[1]):
+            active[:, i >> 6] |= facing[:, i].astype(np.uint64) << np.uint64(i & 63)
+        if triangle is not None and self._linked is not None:
+            active &= self._linked[self._world.owner(triangle)]
+        at = Receivers(np.ascontiguousarray(P), np.ascontiguousarray(N), active, triangle)
+        return self._method(at, lambda: None)
+
+    def direct(self, hits: Hits, direction: NDArray, check: Check, parts: bool = False,
+               first: bool = False, work: NDArray | None = None) -> Sums:
+        """Ia·ka·Od + Σ S·Ω + emission (n,3), of hits of rays with `direction`.
+
+        And its terms, by the passes that show them, where `parts`; and the shadow passes, (n,3), where `first`. work
+        (n,4): filled with what the debug passes show.
+        """
+        Od, sums = self.unshaded(hits, parts, first)
+        self.add_light(hits, direction, Od, sums, check, work)
+        return sums
+
+    def unshaded(self, hits: Hits, parts: bool, first: bool) -> tuple[NDArray, Sums]:
+        """Od (n,3) of the hits, and what `direct` returns, without the light of lights."""
+        m, settings = self._world.materials, self._world.scene.settings
+        Od = m.Od.take(hits.material, axis=0)
+        if self._world.textures:
+            image = m.image[hits.material]
+            for i, texture in enumerate(self._world.textures):
+                if texture is not None:
+                    texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
+        colour, ambient = np.empty_like(Od), np.empty_like(Od)
+        shading.unlit(m, hits.material, settings.ambient * np.array(self._world.scene.world_color), Od, colour, ambient)
+        terms = {"Emission": m.emission[hits.material], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
+                 "Glossy": np.zeros_like(colour)} if parts else {}
+        return Od, Sums(colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})
+
+    def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Check,
+                  work: NDArray | None = None, lights: NDArray[np.uint64] | None = None) -> None:
+        """Add the light of some lights (W,), None: of all, to what `direct` returns."""
+        colour, terms, shadows = sums
+        for part, lit, _, S in self.lit(hits, direction, self._world.materials, Od, bool(shadows), check, work, lights):
+            with self._stats.stage("shading"):
+                both = (terms["Diffuse"][part], terms["Glossy"][part]) if terms else ()
+                shading.gather(lit, S, colour[part], *both)
+                for name, shadow in shadows.items():
+                    shown = self._shadow_lights[name]
+                    shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
+
+    def shadow_ratio(self, hits: Hits, direction: NDArray, check: Check,
+                     work: NDArray | None = None) -> NDArray[np.float64]:
+        """(Σ S·Ω + Ia)/(Σ Ω + Ia) (n,3): what shadows leave of the light that a white matt surface returns.
+
+        1 where no light comes. work: as in `direct`.
+        """
+        m = self._world.materials
+        white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
+        lit = np.empty((len(hits.P), 3))
+        lit[:] = self._world.scene.settings.ambient * np.array(self._world.scene.world_color)
+        full = lit.copy()
+        for part, some, active, S in self.lit(hits, direction, white, np.ones_like(lit), False, check, work):
+            with self._stats.stage("shading"):
+                shading.gather(some, S, lit[part])
+                shading.gather(some, pairs.seen(active, len(self._world.scene.lights)), full[part])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
+
+    def lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
+            check: Check, work: NDArray | None, lights: NDArray[np.uint64] | None = None,
+            visibility: Method | None = None) -> Iterator[tuple[slice, shading.Lit, NDArray, NDArray]]:
+        """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of the hits, batch by batch.
+
+        None without lights. lights (W,): those that count; None: all. visibility: another than the plan's.
+        """
+        count = len(self._world.scene.lights)
+        step = max(64, SHADED // max(1, count))
+        for i in range(0, len(hits.P) if count else 0, step):
+            check()
+            part = slice(i, min(i + step, len(hits.P)))
+            some = hits.at(part)
+            lit = shading.Lit(self._world.lights, materials, some, direction[part], Od[part])
+            active = np.empty((len(some.P), (count + 63) // 64), np.uint64)
+            with self._stats.stage("shading"):
+                lift = self.terminator.lift(some)
+                facing = some if lift is None else some._replace(Ng=lift.side)
+                shading.reaching(lit._replace(hits=facing), unlit, active)
+                if self._linked is not None:
+                    shading.unlink(self._linked, self._world.owner(some.triangle), active)
+                if lights is not None:
+                    active &= lights
+            if lift is not None and self._plan.shadows != NONE and visibility is None:
+                with self._stats.stage("shadow terminator"):
+                    self.terminator.clear(lift, some, self._targets, active, self._world.closest)
+            method = visibility or self._method
+            probe = work[part] if work is not None and self._plan.kind.counts else None
+            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift), check, probe)
+            self.terminator.fade(some, self._targets, S)
+            yield part, lit, active, S

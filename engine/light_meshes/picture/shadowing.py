@@ -1,0 +1,129 @@
+"""The shadows of a picture, made ready: the method that the plan asks for, and all that it needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..glass.refraction import RefractedPaths
+from ..rays.tracer import Targets
+from ..scene.description import Settings
+from ..shadows import radius as light_size
+from ..shadows.casters import Casters, union
+from ..shadows.meshes.averaging import classes
+from ..shadows.meshes.certificate import Certificate, certificate
+from ..shadows.meshes.lattice import lattice
+from ..shadows.method import LatticeSetup, Method, Refraction, Setup, Through
+from ..support.bits import has
+from ..support.statistics import Statistics
+from .footprints import Footprints, footprints
+from .measured import Measured
+from .plan import Plan
+from .world import World
+
+
+@dataclass(frozen=True, eq=False)
+class Shadowing:
+    """A shadow method, and what it was made of: the next picture compares its own with that."""
+
+    world: World
+    settings: Settings  # with the step h and kI that are used
+    casters: Casters
+    targets: Targets  # of the lights
+    method: Method
+    channels: int  # of values at nodes, as `Plan.channels`
+    paths: bool  # shadow paths bend
+    refraction: Refraction | None
+    certificate: Certificate | None
+    radii: dict[int, float]  # r of lights that have one of their own
+    warnings: list[str]
+
+    @cached_property
+    def footprints(self) -> Footprints:
+        """The shadow casters as the next picture compares them with its own."""
+        return footprints(self.world, self.channels)
+
+    def path_warnings(self) -> list[str]:
+        """A sentence a light that was not followed through all the glass in its way, after a render."""
+        solvers = list(self.refraction.solvers.values()) if self.refraction else []
+        lights = self.world.scene.lights
+        most = [min((n for solver in solvers if (n := solver.lost(i))), default=0) for i in range(len(lights))]
+        return [f"light '{light.name}': it was followed through {n} bends only, so many surfaces of glass stand in its "
+                f"way or scatter it; behind more of them it falls straight through"
+                for light, n in zip(lights, most, strict=True) if n]
+
+
+def shadowing(world: World, settings: Settings, casters: Casters, plan: Plan, measured: Measured, stats: Statistics,
+              old: Shadowing | None) -> Shadowing:
+    """Make the method of `plan`. settings: with the step that is used; casters: those that are soft with it.
+
+    old: of the picture before, of which what is still right is taken over; nodes are not, see `reuse`.
+    """
+    targets = world.lights.targets()
+    refraction = _refraction(world, settings, casters, targets, old) if plan.paths else None
+    through = Through(plan.channels, world.glass.factor, refraction, world.glass.cutouts)
+    of_lattice: LatticeSetup | None = None
+    radii: dict[int, float] = {}
+    warnings: list[str] = []
+    if plan.kind.lattice:
+        of_lattice, radii, warnings = _lattice(world, settings, casters, plan, measured, stats, old)
+    own = plan.kind.own(settings if plan.shadows == settings.shadows else Settings())  # the plan may need no more
+    method = plan.kind.make(Setup(world.scene.lights, targets, world.tracer, stats, casters, settings, own, through,
+                                  of_lattice))
+    proof = of_lattice.certificate if of_lattice else None
+    return Shadowing(world, settings, casters, targets, method, plan.channels, plan.paths, refraction, proof, radii,
+                     warnings)
+
+
+def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: Measured, stats: Statistics,
+             old: Shadowing | None) -> tuple[LatticeSetup, dict[int, float], list[str]]:
+    """The lattice, with a class of lights a radius; r of lights that have one of their own; and warnings."""
+    lights, own = world.scene.lights, measured.own_radii
+    soft = union(casters.soft, len(lights))
+    steps, warnings = light_size.steps(lights, s, own)
+    warnings += light_size.small(lights, soft, s, steps, measured.h)
+    radii = {i: float(f"{s.h * steps[i]:.9g}") for i in own if has(soft, i)}
+    reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])  # none where forced
+    nodes = lattice(s.h, reach, s.lattice_rotation, s.lattice_origin)
+    proof = None
+    if plan.certificate:
+        proof = _certificate(world, s.h * float(reach[-1]), stats, old)
+        if proof is None:
+            plan.reasons["certificate"] = "off: no object is convex, no surface plane"
+    ring = np.searchsorted(reach, np.minimum(steps, reach[-1]))
+    return LatticeSetup(nodes, classes(ring, s.h * reach, soft), proof, plan.uniform_skip), radii, warnings
+
+
+def _certificate(world: World, r: float, stats: Statistics, old: Shadowing | None) -> Certificate | None:
+    """Where nothing but a receiver's own body is near; None: nowhere."""
+    casts = np.array([o.visible_shadow for o in world.scene.objects], np.bool_)
+    meets = casts[world.owner(np.arange(len(world.surfaces.triangles)))]
+    with stats.stage("certificate"):
+        before = old.certificate if old else None
+        if before and world.surfaces is before.surfaces and before.r == r and np.array_equal(before.casts, meets):
+            return before
+        return certificate(world.surfaces, meets, r)
+
+
+def _refraction(world: World, s: Settings, casters: Casters, targets: Targets,
+                old: Shadowing | None) -> Refraction | None:
+    """How shadow paths bend; None: what bends blocks no light."""
+    solvers: dict[int, RefractedPaths] = {}
+    if old and old.refraction and _same_paths(world, s, casters, targets, old):
+        solvers = old.refraction.solvers
+    else:
+        for n in sorted({g.casters for g in (*casters.whole, *casters.soft, *casters.sharp)}):
+            media = world.glass.media(casters.sets[n])
+            if media.solid.any():
+                solvers[n] = RefractedPaths(world.surfaces, media, targets, world.tracer, s.h, n, s.caustics == "FOCUS")
+    return Refraction(solvers, s.h / 2 if s.caustics == "FOCUS" else None, s.leak_free) if solvers else None
+
+
+def _same_paths(world: World, s: Settings, casters: Casters, targets: Targets, old: Shadowing) -> bool:
+    """Whether the refracted paths' beams, by sets of casters, are those of the old picture."""
+    sets, before = casters.sets, old.casters.sets
+    return (world.glass is old.world.glass and s.h == old.settings.h and s.caustics == old.settings.caustics
+            and all(np.array_equal(a, b) for a, b in zip(targets, old.targets, strict=True))
+            and len(sets) == len(before) and all(np.array_equal(a, b) for a, b in zip(sets, before, strict=True)))

@@ -1,0 +1,45 @@
+"""The rays of a wave: those of one kind that a tile traces at once."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Rays(NamedTuple):
+    """A row a ray. What a scene does not need is None, in all waves of a tile."""
+
+    pixel: NDArray[np.int64]  # (n,) the sample of the tile that each belongs to
+    weight: NDArray[np.float64]  # (n,3) what of the light that it finds counts there
+    origin: NDArray[np.float64]  # (n,3) world
+    direction: NDArray[np.float64]  # (n,3) unit
+    depth: NDArray[np.int16]  # (n,) bends so far
+    normal: NDArray[np.float64] | None = None  # (n,3) of the surface that it leaves; None: rays from the camera
+    # Where something is transparent:
+    clear: NDArray[np.bool_] | None = None  # (n,) straight through all surfaces so far
+    media: NDArray[np.int32] | None = None  # (n,m) the bodies that it is in, −1: none
+    mirrored: NDArray[np.int16] | None = None  # (n,) of its bends those at mirrors
+    # Where surfaces lie in one place:
+    start: NDArray[np.float64] | None = None  # (n,3) where it began to go straight on
+    last: NDArray[np.int32] | None = None  # (n,) the triangle that it met last, −1: none
+    # Where a pass asks:
+    part: NDArray[np.int8] | None = None  # (n,) how the camera sees what it meets: passes.DIRECT, …
+    left: NDArray[np.float64] | None = None  # (n,) of the sample, after what it saw so far and saw through
+
+    def at(self, rows: NDArray) -> Rays:
+        """The rays of these rows, or where a mask (n,) is set."""
+        index = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+        return Rays._make(a if a is None else a.take(index, axis=0) for a in self)
+
+    def seen_as(self, part: int) -> Rays:
+        """Rays that go on as `part`, if they have not been one yet."""
+        return self if self.part is None else self._replace(part=np.where(self.part == 0, np.int8(part), self.part))
+
+
+def joined(children: list[Rays]) -> Rays:
+    """All these rays, in their order; what one of them lacks all lack."""
+    if len(children) == 1:
+        return children[0]
+    return Rays._make(None if a[0] is None else np.concatenate(a) for a in zip(*children, strict=True))

@@ -1,0 +1,123 @@
+"""The world of a picture: its triangles and their textures, ready to be hit by rays, and what surfaces let through."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..glass.interfaces import Interfaces
+from ..rays.camera import camera_rays
+from ..rays.geometry import Hits, Surfaces, flatten, same_frame, surface
+from ..rays.tracer import Tracer
+from ..scene.description import Camera, Scene, same
+from ..shadows.casters import Casters, casters
+from ..shadows.registry import KINDS
+from ..support import processors
+from ..support.statistics import Statistics
+from ..surface import shading, textures
+
+COARSE = 64  # rays along each side of the coarse view
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A scene's surfaces, lights and materials as arrays, and the tracer that finds them."""
+
+    scene: Scene  # as it was described: the coarse view is that of its own camera
+    camera: Camera  # of the picture
+    surfaces: Surfaces
+    lost: list[str]  # a sentence for each object with triangles that cannot be drawn
+    textures: list[textures.Texture | None]  # of all images
+    unread: list[str]  # a sentence for each texture that cannot be read
+    glass: Interfaces
+    casters: Casters
+    tracer: Tracer
+    lights: shading.Lights
+    materials: shading.Materials
+
+    def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Objects (n,) that triangles (n,) belong to."""
+        return self.scene.geometry.instance_object[self.surfaces.instance[triangle]]
+
+    def closest(self, kind: str, origin: NDArray, direction: NDArray, normal: NDArray | None = None,
+                reach: NDArray | None = None, casters: int = 0,
+                passed: tuple[NDArray, NDArray] | None = None) -> tuple[NDArray[np.bool_], Hits]:
+        """Which rays hit (n,), and the surface at those that do; the arguments are those of `Tracer.closest`."""
+        triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters, passed)
+        hit = triangle >= 0
+        n = int(np.count_nonzero(hit))
+        hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32),
+                    np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.bool_))
+        rows = slice(None) if n == len(hit) else np.flatnonzero(hit)
+        surface(self.surfaces, triangle[rows], u[rows], v[rows], origin[rows], direction[rows], hits)
+        return hit, hits
+
+    def coarse_view(self) -> tuple[NDArray[np.float64], Hits]:
+        """What the scene's own camera sees on a grid of 64 × 64 rays: directions (n,3) of those that hit, and where."""
+        camera = dataclasses.replace(self.scene.camera, width=COARSE, height=COARSE, crop=None)
+        origin, direction, reach = camera_rays(camera, (0, 0, COARSE, COARSE), np.zeros((1, 2)))
+        hit, hits = self.closest("camera", origin, direction, None, reach)
+        return direction[hit], hits
+
+
+def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], None], old: World | None) -> World:
+    """The world of `scene` for a picture by `camera`.
+
+    old: that of the picture before, of which all is taken over that is still right. check() raises to give up.
+    """
+    with stats.stage("geometry"):
+        if old and same(scene.geometry, old.scene.geometry):  # one copy in memory, and known to be equal
+            scene = dataclasses.replace(scene, geometry=old.scene.geometry)
+        surfaces, lost = _kept_surfaces(scene, camera, old) or flatten(scene, camera)
+    check()
+    with stats.stage("textures"):
+        images, unread = textures.load(scene.images, textures.alphas(scene), processors.count(),
+                                       old.textures if old else [])
+    alike = old if old and surfaces is old.surfaces else None
+    if alike and _interfaces_key(scene, images) == _interfaces_key(alike.scene, alike.textures):
+        glass = alike.glass
+    else:
+        glass = Interfaces(scene, surfaces, images)
+    check()
+    with stats.stage("accelerator"):
+        settings, kind = scene.settings, KINDS[scene.settings.shadows]
+        bent = glass.bending & (settings.refraction == "FULL" and kind.bends)
+        who = casters(scene, surfaces, bent, kind.soft and settings.mode != "LOCAL", kind.lattice)
+        tracer = Tracer(scene, surfaces, glass.lets_through, bent, who.sets,
+                        alike.tracer if alike else None, glass.stacks)
+    check()
+    return World(scene, camera, surfaces, lost, images, unread, glass, who, tracer, shading.light_arrays(scene.lights),
+                 shading.material_arrays(scene.materials))
+
+
+def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:
+    """The old triangles, if they are the same and in a frame that suits the camera; and the warnings about them."""
+    if old and scene.geometry is old.scene.geometry and _traced(scene) == _traced(old.scene) and (
+            _frame_key(camera) == _frame_key(old.camera) or same_frame(old.surfaces, scene, camera)):
+        return old.surfaces, old.lost
+    return None
+
+
+def _traced(scene: Scene) -> list[tuple[str, bool, bool]]:
+    """Names, which warnings mention, and which objects the camera and any ray may meet."""
+    return [(o.name, o.visible_camera, o.visible_camera or o.visible_reflection or o.visible_shadow)
+            for o in scene.objects]
+
+
+def _frame_key(camera: Camera) -> tuple:
+    """What of a camera decides about the frame."""
+    return camera.matrix.tolist(), camera.window, camera.perspective, camera.clip_start
+
+
+def _interfaces_key(scene: Scene, images: list[textures.Texture | None]) -> tuple:
+    """What `Interfaces` depends on beside the triangles."""
+    return (
+        [(m.alpha, m.alpha_image, m.kt, m.mirror, m.ior, m.priority, m.fresnel, m.transparent_shadow)
+         for m in scene.materials],
+        [texture and texture.key for texture in images], scene.settings.refraction,
+        [o.visible_shadow for o in scene.objects],
+    )

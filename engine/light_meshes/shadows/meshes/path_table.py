@@ -1,0 +1,32 @@
+"""The refracted paths of all lattice nodes, kept apart from their values (end of paper §5)."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class PathTable:
+    """α_j and P_j of all nodes' paths. It only grows; threads share it."""
+
+    NONE = np.zeros((0, 3)), np.zeros((0, 3))
+
+    def __init__(self) -> None:
+        self.rows = self.NONE  # α (c,3), P_j (c,3); replaced, never changed where rows are in use
+        self._count = 0
+        self._lock = threading.Lock()
+
+    def append(self, alpha: NDArray[np.float64], ends: NDArray[np.float64]) -> int:
+        """Add paths, alpha and ends (k,3); returns the row of the first."""
+        with self._lock:
+            first, self._count = self._count, self._count + len(alpha)
+            if self._count > len(self.rows[0]):
+                room = np.zeros((2 * self._count, 3))
+                old_alpha, old_ends = self.rows
+                self.rows = (np.concatenate([old_alpha[:first], room[first:]]),
+                             np.concatenate([old_ends[:first], room[first:]]))
+            for array, new in zip(self.rows, (alpha, ends), strict=True):
+                array[first:self._count] = new
+            return first

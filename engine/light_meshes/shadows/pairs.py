@@ -1,0 +1,41 @@
+"""Pairs of a receiver and a light that are asked for, and what is known of them, as sets of bits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..support.native import kernel
+
+PAIRS = 1 << 19  # about so many rays are held at once
+
+_set, _pairs, _drop_dark = kernel("pairs_set"), kernel("pairs_listed"), kernel("pairs_drop_dark")
+collect = kernel("pairs_collect")
+
+
+def blocks(mask: NDArray[np.uint64], lights: int) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32]]]:
+    """The set bits of mask (n,W) as (row, light) arrays of bounded length."""
+    step = max(1, PAIRS // max(1, len(mask)))
+    for first in range(0, lights, step):
+        last = min(first + step, lights)
+        size = len(mask) * (last - first)
+        row, light = np.empty(size, np.int32), np.empty(size, np.int32)
+        n = _pairs(mask, first, last, row, light)
+        if n:
+            yield row[:n], light[:n]
+
+
+def seen(mask: NDArray[np.uint64], lights: int, channels: int = 1) -> NDArray[np.float32]:
+    """S (n,L,C): 1 where the bit of mask (n,W) is set, else 0."""
+    S = np.zeros((len(mask), lights, channels), np.float32)
+    _set(mask, lights, 1.0, S.reshape(len(S), -1))
+    return S
+
+
+def bright(S: NDArray[np.float32], mask: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """mask (n,W) without the bits of lights with S = 0: nothing can dim them."""
+    lit = mask.copy()
+    _drop_dark(S.reshape(-1, S.shape[1] * S.shape[2]), S.shape[1], lit)
+    return lit
