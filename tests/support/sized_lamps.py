@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,11 +14,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from light_meshes.picture.prepared import Prepared  # noqa: E402
+from light_meshes.rays.camera import camera_rays  # noqa: E402
 from light_meshes.scene.description import Light, Scene  # noqa: E402
-from light_meshes.shadows.area_sampling import AreaSampling  # noqa: E402
-from light_meshes.shadows.visibility import Sharp  # noqa: E402
+from light_meshes.shadows.method import Receivers  # noqa: E402
 from meshes import GREY, Mesh, Part, assemble, box, cylinder, look_down, move, rectangle, sphere, turn_z  # noqa: E402
-from scenes import settings  # noqa: E402
+from scenes import settings, with_settings  # noqa: E402
 
 HALF = 1.0  # of the square receiver
 
@@ -109,37 +108,31 @@ def scene_of(name: str, lamp: str, pixels: int = 160, **values: float) -> Scene:
     """The scene from above under the lamp."""
     light = replace(LAMPS[lamp], softness="SIZE")
     return assemble(SCENES[name](), look_down(0, 0, 2 * HALF, pixels, height=1e-3 + 6), [light],
-                    settings(**({"h": 0.0125, "kI": 2.0, "shadows": "AREA_SAMPLING"} | values)))
+                    settings(**({"h": 0.0125, "kI": 2.0, "shadows": "LIGHT_MESHES"} | values)))
 
 
-class Receivers:
-    """What the camera sees of a scene, and S of it by several methods."""
+class Seen:
+    """What the camera sees of a scene's first object, the receiver, and S of it by several methods."""
 
-    def __init__(self, scene: Scene, beneath: bool = True) -> None:
-        """beneath: the floor (the first object), also where something stands on it."""
-        from light_meshes.rays.camera import camera_rays
+    def __init__(self, scene: Scene) -> None:
         self.ready = Prepared(scene)
-        origin, direction, reach = camera_rays(scene.camera, (0, 0, scene.camera.width, scene.camera.height),
-                                               np.zeros((1, 2)))
-        self.hit, hits = self.ready.closest("camera", origin, direction, None, reach)
-        on = self.ready.owner(hits.triangle) == 0
-        self.pixel = np.flatnonzero(self.hit)[on]
-        self.P, self.N, self.triangle = hits.P[on], hits.Ng[on], hits.triangle[on]
-        self.active = np.full((on.sum(), 1), (1 << len(scene.lights)) - 1, np.uint64)
-        self.needed = scene.lights, self.ready.lights.targets(), self.ready.tracer, self.ready.stats
+        camera = scene.camera
+        origin, direction, reach = camera_rays(camera, (0, 0, camera.width, camera.height), np.zeros((1, 2)))
+        self.hit, hits = self.ready.world.closest("camera", origin, direction, None, reach)
+        on = self.ready.world.owner(hits.triangle) == 0
+        self.pixel = np.flatnonzero(self.hit)[on]  # of the picture, row by row from below
+        self.P, self.triangle = hits.P[on], hits.triangle[on]
+        active = np.full((int(on.sum()), 1), (1 << len(scene.lights)) - 1, np.uint64)
+        self.at = Receivers(hits.P[on], hits.Ng[on], active, hits.triangle[on])
+        self.counts = self.ready.stats.counts
 
-    def area(self, samples: int) -> np.ndarray:
-        """By `samples` rays."""
-        r = self.ready
-        sharp = Sharp(*self.needed, r.casters.whole)
-        way = AreaSampling(*self.needed, r.casters, sharp, None, samples, 1)
-        return self.of(way)
-
-    def sharp(self) -> np.ndarray:
-        return self.of(Sharp(*self.needed, self.ready.casters.whole))
-
-    def of(self, way) -> np.ndarray:
-        return way(self.P, self.N, self.active.copy(), lambda: None, self.triangle).reshape(len(self.P), -1)
+    def by(self, shadows: str, samples: int = 64, **values: float) -> np.ndarray:
+        """S (n,L) by a method; `samples` rays a light by AREA_SAMPLING."""
+        scene = with_settings(self.ready.scene, shadows=shadows, light_samples=samples, seed=1, **values)
+        ready = Prepared(scene)
+        S = ready.shadowing.method(self.at, lambda: None)[..., 0]
+        self.counts = ready.stats.counts
+        return S.astype(float)
 
 
 def rmse(a: np.ndarray, b: np.ndarray) -> float:
@@ -148,25 +141,26 @@ def rmse(a: np.ndarray, b: np.ndarray) -> float:
 
 def table(names: list[str], lamps: list[str], pixels: int, **values: float) -> None:
     """Print it."""
-    from light_meshes.shadows.sized import sized_lamps
-    import light_meshes.shadows.sized as sized
-    for k in [k for k in values if k.isupper()]:
-        setattr(sized, k, values.pop(k))
-    how = {k: values.pop(k) for k in list(values) if k in ("levels", "rays", "first_rays")}
-    print(f"{'scene':12} {'lamp':10} {'sharp':>7} {'area 4':>7} {'area 16':>7} {'size':>7}  pairs mixed rays   long/px  shadow/px")
+    print(f"{'scene':12} {'lamp':10} {'sharp':>7} {'one r':>7} {'area 4':>7} {'area 16':>7} {'SIZE':>7} | of pairs:"
+          f" mixed, by rays | rays a receiver: long, shadow")
     for name in names:
         for lamp in lamps:
-            r = Receivers(scene_of(name, lamp, pixels, **values))
-            truth = r.area(1024)
-            sharp = Sharp(*r.needed, r.ready.casters.whole)
-            r.ready.stats.counts.clear()
-            began = time.perf_counter()
-            S = r.of(sized_lamps(r.ready, r.ready.casters, sharp, None, **how))
-            c, n = r.ready.stats.counts, len(r.P)
-            print(f"{name:12} {lamp:10} {rmse(r.sharp(), truth):7.4f} {rmse(r.area(4), truth):7.4f} "
-                  f"{rmse(r.area(16), truth):7.4f} {rmse(S, truth):7.4f}  {n:6} {c['mixed_pairs'] / n:5.2f} "
-                  f"{c['ray_pairs'] / n:5.2f} {c['long_rays'] / n:6.2f} {c['shadow_rays'] / n:6.2f} "
-                  f"{time.perf_counter() - began:5.2f} s", flush=True)
+            seen = Seen(scene_of(name, lamp, pixels, **values))
+            truth, n = seen.by("AREA_SAMPLING", 1024), len(seen.P)
+            errors = [rmse(S, truth) for S in (seen.by("SHARP"), one_width(seen), seen.by("AREA_SAMPLING", 4),
+                                               seen.by("AREA_SAMPLING", 16), seen.by("LIGHT_MESHES"))]
+            c = seen.counts
+            print(f"{name:12} {lamp:10} " + " ".join(f"{e:7.4f}" for e in errors) +
+                  f" | {c['mixed_pairs'] / n:5.2f} {c['ray_pairs'] / n:5.2f} |"
+                  f" {c['long_rays'] / n:6.2f} {c['shadow_rays'] / n:6.2f}", flush=True)
+
+
+def one_width(seen: Seen) -> np.ndarray:
+    """S by light meshes of one width, LIGHT_SIZE, with kI = 3."""
+    scene = seen.ready.scene
+    ready = Prepared(replace(scene, lights=tuple(replace(light, softness="LIGHT_SIZE") for light in scene.lights),
+                             settings=replace(scene.settings, shadows="LIGHT_MESHES", weights="SMOOTH", auto_h=True)))
+    return ready.shadowing.method(seen.at, lambda: None)[..., 0].astype(float)
 
 
 if __name__ == "__main__":

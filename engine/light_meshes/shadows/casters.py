@@ -46,6 +46,15 @@ def union(groups: tuple[Group, ...], count: int) -> NDArray[np.uint64]:
     return words
 
 
+def kept(casters: Casters, lights: NDArray[np.uint64]) -> Casters:
+    """`casters` with soft shadows of `lights` (W,) only."""
+    def left(groups: tuple[Group, ...]) -> tuple[Group, ...]:
+        those = (g._replace(lights=g.lights & lights) for g in groups)
+        return tuple(g for g in those if g.lights.any())
+
+    return casters._replace(soft=left(casters.soft), sharp=left(casters.sharp))
+
+
 def smooth_lights(casters: Casters, lights: int) -> NDArray[np.uint64]:
     """The lights (W,) with no sharp shadow on surfaces that take soft ones."""
     shadows, sharp = union(casters.whole, lights), union(casters.sharp, lights)

@@ -1,8 +1,10 @@
 """Points on lamps with a size: what nodes and receivers aim at, when they ask how much of a lamp they see.
 
-A lamp is a sphere (point, spot), a disc of the sky (sun), or a rectangle or ellipse (area). The points are those of
-Sobol's sequence in the unit square, turned on the torus by whoever asks, so that neighbours complement each other, and
-mapped onto the lamp with equal areas. They depend on nothing else: the same for any tiles, threads and order.
+A lamp is a sphere (point, spot), a disc of the sky (sun), or a rectangle or ellipse (area). Of any 16 points each has
+a stratum of its own, of equal area, where it stands at random; in the other axis they follow van der Corput's sequence,
+turned by whoever asks, so that neighbours complement each other. (Hammersley's points, jittered: of the patterns that
+were tried they had the least error for straight edges, .037 of a disc at 16 points; Sobol's, turned, had .051 to .061.)
+They depend on nothing else: the same for any tiles, threads and order.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..lights.registry import KINDS
 from ..rays.tracer import Targets
 from ..scene.description import Light
 from ..support.native import kernel
@@ -32,20 +35,18 @@ class Shapes(NamedTuple):
 
 def shapes(lights: tuple[Light, ...]) -> Shapes:
     """The shapes of `lights`."""
-    kinds = [FREE if light.type != "AREA" else ELLIPSE if light.area_ellipse else RECTANGLE for light in lights]
-    size = [np.tan(light.angle / 2) if light.type == "SUN" else light.radius for light in lights]
-    return Shapes(np.array(kinds, np.uint8), np.array(size, np.float64),
-                  np.array([light.area_u for light in lights], np.float64).reshape(-1, 3),
-                  np.array([light.area_v for light in lights], np.float64).reshape(-1, 3))
+    found = [KINDS[light.type].shape(light) for light in lights]
+    kinds = [FREE if not shape.face else RECTANGLE if shape.rectangle else ELLIPSE for shape in found]
+    return Shapes(np.array(kinds, np.uint8), np.array([shape.disc for shape in found], np.float64),
+                  np.array([shape.u for shape in found], np.float64).reshape(-1, 3),
+                  np.array([shape.v for shape in found], np.float64).reshape(-1, 3))
 
 
-def narrowest(light: Light) -> float:
-    """Half of the lamp's least width, by which its narrowest penumbra goes: scene units; of a SUN at distance 1."""
-    if light.type == "SUN":
-        return float(np.tan(light.angle / 2))
-    if light.type != "AREA":
-        return light.radius
-    return min(float(np.linalg.norm(light.area_u)), float(np.linalg.norm(light.area_v)))
+def narrowest(shapes: Shapes) -> NDArray[np.float64]:
+    """Half of each lamp's least width (L,), by which its narrowest penumbra goes: scene units; of a sun at distance 1.
+    """
+    sides = np.minimum(np.sqrt((shapes.u**2).sum(1)), np.sqrt((shapes.v**2).sum(1)))
+    return np.where(shapes.shape == FREE, shapes.size, sides)
 
 
 def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: NDArray[np.float64],

@@ -1,34 +1,30 @@
 """Soft shadows of lamps with a size (softness SIZE): shares at nodes where penumbrae are wide, rays where they are not.
 
 For a receiver and a lamp: where all candidates of the finest lattice see the whole lamp, or nothing of it, that is S.
-Else the mean of slid shares (`meshes.shares`) is taken from the coarsest lattice whose r is less than the penumbra is
-wide, neighbouring lattices blended; and where the penumbra is narrower than the finest r, or something is within r, S
-is the share of points of the lamp that rays from the receiver reach.
+Else a plane fitted to slid shares (`meshes.shares`) is taken from the coarsest lattice whose r the penumbra is wider
+than, neighbouring lattices blended. Where the penumbra is narrower than the finest r, or something is within r, S is
+the share of points of the lamp that rays from the receiver reach.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rays.tracer import Targets, Tracer
+from ..rays.tracer import Targets
 from ..rays.tracer import points as places
-from ..support.native import kernel
-from ..support.statistics import Statistics
-from .casters import Casters, union
+from . import pairs
+from .casters import union
 from .lamp_points import narrowest, points, shapes, turns_of_points
 from .meshes.certificate import certificate
-from .meshes.lattice import Lattice
 from .meshes.shares import Groups, Lamps, Shares
+from .method import Check, Method, Receivers, Setup
+from .sharp import dim, sharp
 from .terminator import Lift, split, starts
-from .visibility import Check, blocks, dim, set_pairs
 
-if TYPE_CHECKING:
-    from ..picture.prepared import Prepared
-
-LEVELS = 4
+LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # a level counts where the penumbra is wider than so many r,
 BLEND = 0.5  # and alone from so many octaves above that on
 RAYS = 24  # from a receiver to a lamp, at most:
@@ -36,191 +32,198 @@ FIRST_RAYS = 16  # where these agree no more are traced
 BATCH = 1 << 15  # receivers at once
 
 
-class Nodes(NamedTuple):
-    """How many nodes there are, and their memory in bytes."""
+class Batch(NamedTuple):
+    """Receivers whose lights nodes may answer for, and where their answers go."""
 
-    count: int
-    bytes: int
+    at: Receivers
+    rows: NDArray[np.intp]  # (n,) of S
+    S: NDArray[np.float32]  # (…,L,C)
+    check: Check
+
+    def of(self, rows: NDArray[np.intp], active: NDArray[np.uint64]) -> Receivers:
+        """Some of the receivers, asked for other lights."""
+        on = self.at.triangle
+        return Receivers(self.at.P[rows], self.at.normals()[rows], active, None if on is None else on[rows])
 
 
-class SizedLamps:
-    """S of lamps with a size; the interface of `visibility`."""
+class SizedLamps(Method):
+    """S of lamps with a size."""
 
-    def __init__(self, lamps: Lamps, tracer: Tracer, stats: Statistics, casters: Casters, levels: list[Shares],
-                 sharp: Any, edges: Any, rays: int = 0, first_rays: int = 0) -> None:
-        """levels: from the finest on, each of twice the step. sharp: V(P), and of the segments to points of lamps;
-        edges: V(P) past the sharp casters, None: there are none. rays: from a receiver to a lamp, at most; first_rays:
-        of those that are traced before it is asked whether they agree."""
-        self.count, self._lamps, self._tracer, self._stats = len(lamps.narrow), lamps, tracer, stats
-        self._groups, self.soft = casters.soft, union(casters.soft, self.count)
+    def __init__(self, setup: Setup, others: Method, levels: int = LEVELS) -> None:
+        """setup: its casters are those of lamps with a size only. others: of all other lights, and of such lamps on
+        surfaces that take no soft shadows."""
+        assert setup.lattice is not None
+        casters = setup.casters
+        self.nodes, self._others = others.nodes, others
+        self._count, self._channels = len(setup.lights), max(1, setup.through.channels)
+        self._tracer, self._stats = setup.tracer, setup.stats
+        self._groups, self._soft = casters.soft, union(casters.soft, self._count)
         self._receives = casters.receives
-        self._levels, self._sharp, self._edges = levels, sharp, edges
-        self._rays, self._first_rays = rays or int(RAYS), first_rays or int(FIRST_RAYS)
+        self._sharp = sharp(setup, casters.whole)
+        self._edges = sharp(setup, casters.sharp) if casters.sharp else None
+        self._lamps = lamps(setup)
+        # Where light comes through surfaces the lamp's points see more or less of it, which a count of points is not.
+        self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
 
-    @property
-    def lattice(self) -> Lattice:
-        """The finest lattice."""
-        return self._levels[0].lattice
+    def _level(self, setup: Setup, coarser: float) -> Shares:
+        assert setup.lattice is not None
+        level = Shares(self._lamps, setup, setup.settings.h * coarser)
+        if setup.lattice.casts is not None:
+            with self._stats.stage("certificate"):
+                level.certificate = certificate(setup.lattice.surfaces, setup.lattice.casts, level.reach)
+        return level
 
-    @property
-    def store(self) -> Nodes:
-        """What the nodes of all lattices hold."""
-        return Nodes(sum(level.nodes for level in self._levels), sum(level.bytes for level in self._levels))
-
-    def __call__(self, P: NDArray, N: NDArray, active: NDArray[np.uint64], check: Check,
-                 triangle: NDArray[np.int32] | None = None, lift: Lift | None = None) -> NDArray[np.float32]:
-        """S, see `visibility`."""
-        S = np.zeros((len(P), self.count), np.float32)
-        soft = active & self.soft
-        if triangle is not None and self._receives is not None:
-            soft[~self._receives[triangle]] = 0
-        left, asked = active & ~soft, soft.copy()
-        lifted = np.zeros_like(soft)
-        if lift is not None:
-            split(*lift, P, N, *self._lamps.targets, asked, lifted)
+    def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
+        """S, see `Method`."""
+        S = np.zeros((len(at.P), self._count, self._channels), np.float32)
+        soft = at.active & self._soft
+        if at.triangle is not None and self._receives is not None:
+            soft[~self._receives[at.triangle]] = 0
+        asked, lifted = soft.copy(), np.zeros_like(soft)
+        if at.lift is not None:
+            split(*at.lift, at.P, at.N, *self._lamps.targets, asked, lifted)
         asked &= ~lifted
+        if not self.levels:
+            asked[:] = 0
         by_rays = soft & ~asked
-        rows = np.flatnonzero(asked.any(1))
-        for i in range(0, len(rows), BATCH):
+        lit = np.flatnonzero(asked.any(1))
+        for i in range(0, len(lit), BATCH):
             check()
-            row = rows[i:i + BATCH]
-            by_rays[row] |= self._ask(P[row], N[row], None if triangle is None else triangle[row], asked[row], row, S,
-                                      check)
-        self._trace(P, N, by_rays, None, S, lift, check)
-        dim(S, soft, self._edges, P, N, check, lift)
+            rows = lit[i:i + BATCH]
+            on = None if at.triangle is None else at.triangle[rows]
+            some = Receivers(at.P[rows], at.normals()[rows], asked[rows], on)
+            by_rays[rows] |= self._ask(Batch(some, rows, S, check))
+        self._stats.add(lamp_pairs=_count(soft))
+        for row, light in pairs.blocks(by_rays, self._count):
+            S[row, light] = self._by_rays(at, row, light, check)
+        dim(S, self._edges, at._replace(active=soft), check)
+        if probe is not None:
+            probe[:] = 0
+        left = at.active & ~soft
         if left.any():
-            S += self._sharp(P, N, left, check, triangle, lift)
+            S += self._others(at._replace(active=left), check, probe)  # S is 0 there so far
         return S
 
-    def _ask(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, soft: NDArray[np.uint64],
-             rows: NDArray[np.intp], S: NDArray[np.float32], check: Check) -> NDArray[np.uint64]:
-        """Fill S[rows] from nodes; returns the lights (n,W) that rays must answer for."""
-        level = self._levels[0]
-        with self._stats.stage("candidates"):
-            g = level.groups(P, N, triangle, soft)
-            grazing = level.grazing(g, N)
+    def _ask(self, batch: Batch) -> NDArray[np.uint64]:
+        """Fill S from nodes; returns the lights (n,W) that rays must answer for."""
+        at, level, stats = batch.at, self.levels[0], self._stats
+        with stats.stage("candidates"):
+            g = level.groups(at)
+            grazing = level.grazing(g, at.normals())
             g.lit[:] &= ~grazing
-            by_rays = grazing[g.group] & soft
-            soft = soft & ~by_rays
-        with self._stats.stage("nodes"):
-            seen, mixed = level.sorted(g, check)
-        certified = self._certified(level, N, triangle, g)
+            by_rays = grazing[g.group] & at.active
+            soft = at.active & ~by_rays
+        with stats.stage("nodes"):
+            seen, mixed = level.sorted(g, batch.check)
+        certified = self._certified(level, at, g)
         unsure = mixed & np.where(certified, np.uint64(0), ~np.uint64(0))[:, None]
         by_rays |= unsure[g.group] & soft
         agreed = soft & ~mixed[g.group]
-        with self._stats.stage("short rays"):
-            # Where something is near, the nearest candidate must be seen, or all may be behind it.
-            doubtful = np.flatnonzero(~certified[g.group] & agreed.any(1)).astype(np.int32)
-            witness = g.candidate[g.start[g.group[doubtful], 0]]
-            hidden = doubtful[self._tracer.occluded(P, doubtful, places(g.position), witness, N, closed=True)]
-            by_rays[hidden] |= agreed[hidden]
-            agreed[hidden] = 0
-            self._stats.add(short_rays=len(doubtful))
-        with self._stats.stage("average"):
-            part = np.zeros((len(P), self.count), np.float32)
-            set_pairs(agreed & seen[g.group], self.count, 1.0, part)
-            S[rows] += part
-        mixed[~certified] = 0
+        hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & agreed.any(1)).astype(np.int32))
+        by_rays[hidden] |= agreed[hidden]
+        agreed[hidden] = 0
+        with stats.stage("average"):
+            batch.S[batch.rows] += pairs.seen(agreed & seen[g.group], self._count)
+        mixed &= ~unsure
         todo = mixed[g.group] & soft
-        self._stats.add(receivers=len(P), pairs=_bits(soft), mixed_pairs=_bits(todo | by_rays))
+        stats.add(receivers=len(at.P), mixed_pairs=_count(todo | by_rays))
         if todo.any():
-            with self._stats.stage("nodes"):
-                shares = level.shares(g, mixed, check)
-            for row, light in blocks(todo, self.count):
-                self._means(P, N, triangle, row, light, g, shares, rows, S, check)
+            with stats.stage("nodes"):
+                shares = level.shares(g, mixed, batch.check)
+            for row, light in pairs.blocks(todo, self._count):
+                with stats.stage("average"):
+                    value, width = level.mean(at, row, light, g, shares)
+                self._refine(batch, row, light, value, width)
+                batch.S[batch.rows[row], light, 0] = value
         return by_rays
 
-    def _means(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, row: NDArray[np.int32],
-               light: NDArray[np.int32], g: Groups, shares: NDArray[np.uint8], rows: NDArray[np.intp],
-               S: NDArray[np.float32], check: Check) -> None:
-        """S[rows[row], light] of pairs from all levels, and rays."""
-        with self._stats.stage("average"):
-            value, width = self._levels[0].mean(P, N, row, light, g, shares)
+    def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Those of these receivers whose nearest candidate is not seen: all of them may be behind something."""
+        with self._stats.stage("short rays"):
+            nearest = g.candidate[g.start[g.group[rows], 0]]
+            self._stats.add(short_rays=len(rows))
+            return rows[self._tracer.occluded(at.P, rows, places(g.position), nearest, at.N, closed=True)]
+
+    def _refine(self, batch: Batch, row: NDArray[np.int32], light: NDArray[np.int32], value: NDArray[np.float32],
+                width: NDArray[np.float32]) -> None:
+        """Make the finest level's `value` (k,) of pairs, whose penumbrae are `width` r wide, that of rays where it is
+        too coarse for them, and of coarser levels where these do."""
         trust = _trust(width)
         near = np.flatnonzero(trust < 1)
         if len(near):
-            by_rays = self._shares_by_rays(P, N, row[near], light[near], None, check)
-            value[near] = trust[near] * value[near] + (1 - trust[near]) * by_rays
-            self._stats.add(ray_pairs=len(near))
+            rays = self._by_rays(batch.at, row[near], light[near], batch.check)[:, 0]
+            value[near] = trust[near] * value[near] + (1 - trust[near]) * rays
         rest = np.flatnonzero(width >= 2 * WIDE)
-        for level in self._levels[1:]:
+        for level in self.levels[1:]:
             if not len(rest):
-                break
-            found, width = self._coarser(level, P, N, triangle, row[rest], light[rest], check)
-            trust = _trust(width)
+                return
+            found, wide = self._coarser(level, batch, row[rest], light[rest])
+            trust = _trust(wide)
             value[rest] = (1 - trust) * value[rest] + trust * found
-            rest = rest[width >= 2 * WIDE]
-        S[rows[row], light] = value
+            rest = rest[wide >= 2 * WIDE]
 
-    def _coarser(self, level: Shares, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None,
-                 row: NDArray[np.int32], light: NDArray[np.int32],
-                 check: Check) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """What a coarser level says of pairs: S and width, 0 where it must not be asked."""
+    def _coarser(self, level: Shares, batch: Batch, row: NDArray[np.int32],
+                 light: NDArray[np.int32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What a coarser level says of pairs (k,): S, and the penumbra's width in its r; 0 where it has no say."""
         some, of = np.unique(row, return_inverse=True)
-        soft = np.zeros((len(some), (self.count + 63) // 64), np.uint64)
+        soft = np.zeros((len(some), batch.at.active.shape[1]), np.uint64)
         np.bitwise_or.at(soft, (of, light >> 6), np.uint64(1) << (light & 63).astype(np.uint64))
-        near = None if triangle is None else triangle[some]
-        P, N, of = P[some], N[some], of.astype(np.int32)
+        at = batch.of(some, soft)
         with self._stats.stage("candidates"):
-            g = level.groups(P, N, near, soft)
-        certified = self._certified(level, N, near, g)
+            g = level.groups(at)
+        certified = self._certified(level, at, g)
         g.lit[~certified] = 0
         with self._stats.stage("nodes"):
-            shares = level.shares(g, g.lit, check)
+            shares = level.shares(g, g.lit, batch.check)
         with self._stats.stage("average"):
-            found, width = level.mean(P, N, of, light, g, shares)
+            found, width = level.mean(at, of.astype(np.int32), light, g, shares)
         width[~certified[g.group[of]]] = 0
         return found, width
 
-    def _certified(self, level: Shares, N: NDArray, triangle: NDArray[np.int32] | None, g: Groups) -> NDArray[np.bool_]:
+    def _certified(self, level: Shares, at: Receivers, g: Groups) -> NDArray[np.bool_]:
         """Groups (g,) near which nothing but their own plane or convex body is."""
-        if level.certificate is None or triangle is None:
+        if level.certificate is None or at.triangle is None:
             return np.zeros(len(g.first), np.bool_)
         with self._stats.stage("certificate"):
-            return level.certificate.holds(g.place, N[g.first], triangle[g.first])
+            return level.certificate.holds(g.place, at.normals()[g.first], at.triangle[g.first])
 
-    def _trace(self, P: NDArray, N: NDArray, lights: NDArray[np.uint64], _: Any, S: NDArray[np.float32],
-               lift: Lift | None, check: Check) -> None:
-        """S of the lights (n,W), by rays."""
-        for row, light in blocks(lights, self.count):
-            S[row, light] = self._shares_by_rays(P, N, row, light, lift, check)
-            self._stats.add(ray_pairs=len(row))
-
-    def _shares_by_rays(self, P: NDArray, N: NDArray, row: NDArray[np.int32], light: NDArray[np.int32],
-                        lift: Lift | None, check: Check) -> NDArray[np.float32]:
-        """The share of `rays` points on light[k] that P[row[k]] sees; of first_rays where these agree."""
+    def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32],
+                 check: Check) -> NDArray[np.float32]:
+        """The share (k,C) of points on light[k] that P[row[k]] sees."""
+        self._stats.add(ray_pairs=len(row))
         with self._stats.stage("rays near contact"):
-            clear = self._count(P, N, row, light, lift, 0, self._first_rays, check)
-            share = clear / self._first_rays
-            if self._rays > self._first_rays:
-                more = np.flatnonzero((clear > 0) & (clear < self._first_rays))
-                clear[more] += self._count(P, N, row[more], light[more], lift, self._first_rays,
-                                           self._rays - self._first_rays, check)
-                share[more] = clear[more] / self._rays
+            clear = self._clear(at, row, light, 0, FIRST_RAYS, check)
+            share = clear / FIRST_RAYS
+            more = np.flatnonzero(((clear > 0) & (clear < FIRST_RAYS)).any(1))
+            clear = clear[more] + self._clear(at, row[more], light[more], FIRST_RAYS, RAYS - FIRST_RAYS, check)
+            share[more] = clear / RAYS
         return share.astype(np.float32)
 
-    def _count(self, P: NDArray, N: NDArray, row: NDArray[np.int32], light: NDArray[np.int32], lift: Lift | None,
-               first: int, count: int, check: Check) -> NDArray[np.float64]:
-        """How many of the points first..first+count of light[k] P[row[k]] sees."""
-        clear = np.zeros(len(row))
-        if not len(row):
-            return clear
-        turn = turns_of_points(P)
-        shapes, targets = self._lamps.shapes, self._lamps.targets
-        origin, normal, of = starts(lift, P, N, targets, row, light)
-        directional = targets.directional[light]
+    def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
+               check: Check) -> NDArray[np.float64]:
+        """What gets through (k,C), added up, to points first..first+count of light[k] from P[row[k]]."""
+        clear = np.zeros((len(row), self._channels))
+        turn = turns_of_points(at.P)
+        targets = self._lamps.targets
+        lift: Lift | None = at.lift
+        origin, normal, of = starts(lift, at.P, at.N, targets, row, light)
         for group in self._groups:
             mine = np.flatnonzero(_in(group.lights, light))
-            if not len(mine):
-                continue
             order = np.arange(len(mine), dtype=np.int32)
-            for j in range(first, first + count):
+            for j in range(first, first + count if len(mine) else first):
                 check()
-                to = points(shapes, targets, P, turn, row[mine], light[mine], j, 1)
-                clear[mine] += self._sharp.segments(origin, of[mine], Targets(to.position, directional[mine]), order,
-                                                    normal, group.casters)
+                to = points(self._lamps.shapes, targets, at.P, turn, row[mine], light[mine], j, 1)
+                way = Targets(to.position, targets.directional[light[mine]])
+                clear[mine] += self._sharp.segments(origin, of[mine], way, order, normal, group.casters)
         self._stats.add(shadow_rays=len(row) * count)
         return clear
+
+
+def lamps(setup: Setup) -> Lamps:
+    """What nodes and receivers must know of the lights."""
+    found = shapes(setup.lights)
+    facing = np.array([light.direction for light in setup.lights], np.float64).reshape(-1, 3)
+    return Lamps(setup.targets, found, narrowest(found), facing * (found.shape != 0)[:, None])
 
 
 def _trust(width: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -236,23 +239,6 @@ def _in(words: NDArray[np.uint64], light: NDArray[np.int32]) -> NDArray[np.bool_
     return found
 
 
-def _bits(mask: NDArray[np.uint64]) -> int:
-    return int(np.bitwise_count(mask).sum()) if hasattr(np, "bitwise_count") else int(
-        np.unpackbits(mask.view(np.uint8)).sum())
-
-
-def sized_lamps(ready: Prepared, casters: Casters, sharp: Any, edges: Any, levels: int = LEVELS, **how: Any) -> SizedLamps:
-    """The shadows of the lamps in `casters.soft`, for a scene made ready so far."""
-    s, lights = ready.scene.settings, ready.scene.lights
-    facing = np.array([light.direction if light.type == "AREA" else (0, 0, 0) for light in lights], np.float64)
-    lamps = Lamps(ready.lights.targets(), shapes(lights), np.array([narrowest(light) for light in lights]), facing)
-    found = []
-    casts = np.array([o.visible_shadow for o in ready.scene.objects], np.bool_)
-    meets = casts[ready.owner(np.arange(len(ready.surfaces.triangles)))]
-    for k in range(levels):
-        level = Shares(lamps, ready.tracer, ready.surfaces, ready.stats, casters.soft, s.h * 2**k, s.kI,
-                       s.lattice_rotation, s.lattice_origin)
-        with ready.stats.stage("certificate"):
-            level.certificate = certificate(ready.surfaces, meets, level.reach)
-        found.append(level)
-    return SizedLamps(lamps, ready.tracer, ready.stats, casters, found, sharp, edges, **how)
+def _count(mask: NDArray[np.uint64]) -> int:
+    """How many bits are set."""
+    return int(np.unpackbits(mask.view(np.uint8)).sum())

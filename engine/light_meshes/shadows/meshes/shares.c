@@ -163,11 +163,11 @@ static void across(const f64 *n, f64 *e, f64 *f) {
    narrowest penumbra that was met, over r; 0: too few candidates to say. */
 KERNEL(shares_mean,
        "P f64[n,3]  N f64[n,3]  row i32[k]  light i32[k]  group i32[n]  start i64[g,s]  candidate i32[c]  "
-       "position f64[u,3]  shares u8[u,l]  points i64  h f64  r f64  tall f64  light_position f64[L,3]  "
+       "position f64[u,3]  shares u8[u,l]  points i64  h f64  r f64  light_position f64[L,3]  "
        "directional bool[L]  narrow f64[L]  facing f64[L,3]  S f32[k]!  width f32[k]!")
 i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f64 *P, const f64 *N, const i32 *row,
                 const i32 *light, const i32 *group, const i64 *start, const i32 *candidate, const f64 *position,
-                const u8 *shares, i64 points, f64 h, f64 r, f64 tall, const f64 *light_position,
+                const u8 *shares, i64 points, f64 h, f64 r, const f64 *light_position,
                 const u8 *directional, const f64 *narrow, const f64 *facing, f32 *S, f32 *width) {
     f64 distance[256];
     (void)n, (void)g, (void)c, (void)u, (void)L;
@@ -182,7 +182,7 @@ i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f6
             i64 node = candidate[q];
             const f64 *x = position + 3 * node;
             f64 d[3] = {x[0] - o[0], x[1] - o[1], x[2] - o[2]}, way[3];
-            f64 above = dot(d, normal), near = dot(d, d) / (tall * tall);
+            f64 above = dot(d, normal), near = dot(d, d) / (r * r);
             for (int j = 0; j < 3; j++) way[j] = lamp[j] - (directional[i] ? 0.0 : x[j]);
             f64 rise = dot(way, normal);
             if (near >= 1.0 || above <= 0.0 || rise <= 0.0) continue;

@@ -11,19 +11,18 @@ nothing does.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...rays.geometry import Surfaces
-from ...rays.tracer import Targets, Tracer
+from ...rays.tracer import Targets
 from ...support.bits import mask_of
 from ...support.native import kernel, needs_memory
-from ...support.statistics import Statistics
-from ..casters import Group
+from .. import pairs
 from ..lamp_points import Shapes, points, turns_of_nodes
+from ..method import Check, Receivers, Setup
 from .averaging import ask
 from .certificate import Certificate
 from .lattice import candidates, lattice
@@ -36,7 +35,6 @@ PAIRS = 1 << 15  # of node and lamp traced at once
 
 _groups, _sorted, _mean = kernel("shares_groups"), kernel("shares_sorted"), kernel("shares_mean")
 _distances, _grazing = kernel("shares_distances"), kernel("shares_grazing")
-Check = Callable[[], None]
 
 
 class Groups(NamedTuple):
@@ -64,14 +62,14 @@ class Lamps(NamedTuple):
 class Shares:
     """One lattice of such nodes."""
 
-    def __init__(self, lamps: Lamps, tracer: Tracer, surfaces: Surfaces, stats: Statistics, groups: tuple[Group, ...],
-                 h: float, kI: float, rotate: bool, origin: tuple[float, float, float]) -> None:
-        """h: step, world; r = h·kI. groups: the lamps by what shadows them."""
-        self.count = len(lamps.narrow)
-        self.h, self.r = h, h * kI
-        self.lattice = lattice(h, np.array([kI + ACROSS]), rotate, origin)
-        self._lamps, self._tracer, self._surfaces, self._stats = lamps, tracer, surfaces, stats
-        self._casters = groups
+    def __init__(self, lamps: Lamps, setup: Setup, h: float) -> None:
+        """h: step, world; r = h·kI."""
+        assert setup.lattice is not None
+        settings, self.count = setup.settings, len(lamps.narrow)
+        self.h, self.r = h, h * settings.kI
+        self.lattice = lattice(h, np.array([settings.kI + ACROSS]), settings.lattice_rotation, settings.lattice_origin)
+        self._lamps, self._tracer, self._surfaces, self._stats = lamps, setup.tracer, setup.lattice.surfaces, setup.stats
+        self._casters = setup.casters.soft
         self._first = NodeStore(self.count, 1, np.uint8)
         self._all = NodeStore(self.count, 2, np.uint8)
         self._every = np.stack([mask_of(range(self.count), self.count)])
@@ -92,14 +90,14 @@ class Shares:
         """Memory of the nodes."""
         return self._first.bytes + self._all.bytes
 
-    def groups(self, P: NDArray, N: NDArray, triangle: NDArray[np.int32] | None, soft: NDArray[np.uint64]) -> Groups:
-        """Group receivers (n,3) that ask for the lights in soft (n,W)."""
-        n, s, L = len(P), self._surfaces, self.lattice
+    def groups(self, at: Receivers) -> Groups:
+        """The groups of receivers, which ask for the lights in at.active."""
+        n, s, L, N = len(at.P), self._surfaces, self.lattice, at.normals()
         table = np.full(1 << int(2 * n + 2).bit_length(), -1, np.int32)
         cells, group = np.empty((n, 3), np.int64), np.empty(n, np.int32)
-        first, place, lit = np.empty(n, np.int64), np.empty((n, 3)), np.empty_like(soft)
-        count = _groups(L.h, L.rotation, L.origin, s.centre, s.scale, s.vertices, s.triangles, P, N, triangle, soft,
-                        table, cells, group, first, place, lit)
+        first, place, lit = np.empty(n, np.int64), np.empty((n, 3)), np.empty_like(at.active)
+        count = _groups(L.h, L.rotation, L.origin, s.centre, s.scale, s.vertices, s.triangles, at.P, N, at.triangle,
+                        at.active, table, cells, group, first, place, lit)
         first, place, lit = first[:count].copy(), place[:count].copy(), lit[:count].copy()
         start, candidate, nodes = candidates(L, place, N[first])
         return Groups(group, first, place, lit, start, candidate, nodes, L.position(nodes))
@@ -124,14 +122,13 @@ class Shares:
                                                     lambda nodes, todo: self._trace_all(nodes, todo, check))
         return found
 
-    def mean(self, P: NDArray, N: NDArray, row: NDArray[np.int32], light: NDArray[np.int32], g: Groups,
+    def mean(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], g: Groups,
              shares: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """S (k,) of pairs of receiver and light, and the width of the narrowest penumbra near, in r; 0: too few nodes.
         """
         S, width = np.empty(len(row), np.float32), np.empty(len(row), np.float32)
-        lamps = self._lamps
-        _mean(P, N, row, light, g.group, g.start, g.candidate, g.position, shares, POINTS, self.h, self.r, self.r,
-              *lamps.targets, lamps.narrow, lamps.facing, S, width)
+        _mean(at.P, at.N, row, light, g.group, g.start, g.candidate, g.position, shares, POINTS, self.h, self.r,
+              *self._lamps.targets, self._lamps.narrow, self._lamps.facing, S, width)
         return S, width
 
     def _need(self, g: Groups, lights: NDArray[np.uint64]) -> NDArray[np.uint64]:
@@ -139,12 +136,12 @@ class Shares:
         ask(g.start, g.candidate, lights, self._every, need)
         return need
 
-    def _pairs(self, todo: NDArray[np.uint64], check: Check):
+    def _pairs(self, todo: NDArray[np.uint64],
+               check: Check) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32], int]]:
         """(row, light, casters) of what is to be traced, in bounded pieces."""
-        from ..visibility import blocks
         for casters in self._casters:
             for i in range(0, len(todo), PAIRS):
-                for row, light in blocks(todo[i:i + PAIRS] & casters.lights, self.count):
+                for row, light in pairs.blocks(todo[i:i + PAIRS] & casters.lights, self.count):
                     for k in range(0, len(row), PAIRS):
                         check()
                         yield row[k:k + PAIRS] + np.int32(i), light[k:k + PAIRS], casters.casters
