@@ -13,12 +13,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from light_meshes.picture.prepared import Prepared  # noqa: E402
-from light_meshes.rays.camera import camera_rays  # noqa: E402
-from light_meshes.scene.description import Light, Scene  # noqa: E402
-from light_meshes.shadows.method import Receivers  # noqa: E402
-from meshes import GREY, Mesh, Part, assemble, box, cylinder, look_down, move, rectangle, sphere, turn_z  # noqa: E402
-from scenes import settings, with_settings  # noqa: E402
+from light_meshes.picture.prepared import Prepared
+from light_meshes.rays.camera import camera_rays
+from light_meshes.scene.description import Light, Scene
+from light_meshes.shadows.method import Receivers
+from meshes import GREY, Mesh, Part, assemble, box, cylinder, look_down, move, rectangle, sphere, turn_z
+from scenes import settings, with_settings
 
 HALF = 1.0  # of the square receiver
 
@@ -30,8 +30,8 @@ def floor() -> Part:
 def posts(thickness: float = 0.1) -> list[Part]:
     """Upright posts on the floor, four of them half as thick."""
     places = [(x, y) for x in (-0.6, 0.0, 0.6) for y in (-0.6, 0.0, 0.6)]
-    return [floor()] + [Part(box((x - t / 2, y - t / 2, 0), (x + t / 2, y + t / 2, 0.5)), GREY, f"post {n}")
-                        for n, (x, y) in enumerate(places) for t in [thickness / (1 + n % 2)]]
+    return [floor(), *(Part(box((x - t / 2, y - t / 2, 0), (x + t / 2, y + t / 2, 0.5)), GREY, f"post {n}")
+                        for n, (x, y) in enumerate(places) for t in [thickness / (1 + n % 2)])]
 
 
 def tabletop() -> list[Part]:
@@ -69,7 +69,7 @@ def plant(leaves: int = 10000) -> list[Part]:
     b *= (0.01 / np.linalg.norm(b, axis=1))[:, None]
     v = np.stack([centre - a, centre - b, centre + a, centre + b], 1).reshape(-1, 3)
     k = 4 * np.arange(leaves)[:, None]
-    t = np.concatenate([k + (0, 1, 2), k + (0, 2, 3)])
+    t = np.concatenate([k + np.array(which) for which in ((0, 1, 2), (0, 2, 3))])
     return [floor(), Part(Mesh(v, t), GREY, "plant")]
 
 

@@ -12,8 +12,12 @@ static u64 mixed(u64 x) {
 
 static f64 random_of(u64 x) { return (f64)(mixed(x) >> 11) * 0x1p-53; }
 
-/* Which stratum of 16 point j has. Any four that follow each other, from a multiple of four on, spread over all. */
-static i64 stratum(i64 j) { return (j >> 2) ^ 5 * (j & 3); }
+/* Which stratum of 16 point j has. The first four have one of each four that follow each other, the first eight one of
+   each two; so do they where the strata change places by ^. */
+static i64 stratum(i64 j) {
+    static const i64 further[4] = {0, 3, 1, 2};
+    return further[j >> 2] ^ 5 * (j & 3);
+}
 
 static f64 reversed(i64 i) { return (f64)((i & 1) << 3 | (i & 2) << 1 | (i & 4) >> 1 | i >> 3) / 16.0; }
 
@@ -51,9 +55,9 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
         key = mixed(key + (u64)i * 0x9E3779B97F4A7C15u);
         for (i64 n = first; n < first + count; n++) {
             f64 *point = out + 3 * (at * count + n - first);
-            i64 j = stratum(n & 15);
+            i64 j = stratum(n & 15) ^ (i64)(mixed(key + (u64)(n >> 4)) & 15);
             f64 turned = own[0] + 0.7548776662466927 * (f64)i + 0.5698402909980532 * (f64)(n >> 4);
-            f64 a = ((f64)j + random_of(key + (u64)(n - (n & 15) + j))) / 16.0, b = part(reversed(j) + turned);
+            f64 a = ((f64)j + random_of(key ^ (u64)(256 + n - (n & 15) + j))) / 16.0, b = part(reversed(j) + turned);
             f64 x = 2.0 * a - 1.0, y = 2.0 * b - 1.0;
             if (shape[i] != RECTANGLE) x = sqrt(a) * cos(2 * PI * b), y = sqrt(a) * sin(2 * PI * b);
             for (int j = 0; j < 3; j++) point[j] = c[j] + x * e[j] + y * f[j];

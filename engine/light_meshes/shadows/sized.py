@@ -25,7 +25,8 @@ from .sharp import dim, sharp
 from .terminator import Lift, split, starts
 
 LEVELS = 4  # lattices, each of twice the step of the one before
-WIDE = 0.7  # a level counts where the penumbra is wider than so many r,
+WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
+WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
 RAYS = 24  # from a receiver to a lamp, at most:
 FIRST_RAYS = 16  # where these agree no more are traced
@@ -148,19 +149,19 @@ class SizedLamps(Method):
                 width: NDArray[np.float32]) -> None:
         """Make the finest level's `value` (k,) of pairs, whose penumbrae are `width` r wide, that of rays where it is
         too coarse for them, and of coarser levels where these do."""
-        trust = _trust(width)
+        trust = _trust(width, WIDE)
         near = np.flatnonzero(trust < 1)
         if len(near):
             rays = self._by_rays(batch.at, row[near], light[near], batch.check)[:, 0]
             value[near] = trust[near] * value[near] + (1 - trust[near]) * rays
-        rest = np.flatnonzero(width >= 2 * WIDE)
+        rest = np.flatnonzero(width >= 2 * WIDER)
         for level in self.levels[1:]:
             if not len(rest):
                 return
             found, wide = self._coarser(level, batch, row[rest], light[rest])
-            trust = _trust(wide)
+            trust = _trust(wide, WIDER)
             value[rest] = (1 - trust) * value[rest] + trust * found
-            rest = rest[wide >= 2 * WIDE]
+            rest = rest[wide >= 2 * WIDER]
 
     def _coarser(self, level: Shares, batch: Batch, row: NDArray[np.int32],
                  light: NDArray[np.int32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -226,10 +227,10 @@ def lamps(setup: Setup) -> Lamps:
     return Lamps(setup.targets, found, narrowest(found), facing * (found.shape != 0)[:, None])
 
 
-def _trust(width: NDArray[np.float32]) -> NDArray[np.float32]:
-    """How far a level counts where the penumbra is so many r wide."""
+def _trust(width: NDArray[np.float32], least: float) -> NDArray[np.float32]:
+    """How far a level counts where the penumbra is so many r wide, and must be `least`."""
     with np.errstate(divide="ignore"):
-        octaves = np.log2(width / WIDE)
+        octaves = np.log2(width / least)
     return np.clip(octaves / BLEND, 0, 1).astype(np.float32)
 
 

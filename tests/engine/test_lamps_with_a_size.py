@@ -1,0 +1,173 @@
+"""Lamps with a size (softness SIZE): S is near that of very many rays, and right where the answer is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import Light
+from scenes import (
+    all_lights,
+    combined,
+    edge,
+    four_lights,
+    light_leak,
+    tabletop,
+    wall,
+    with_lights,
+    with_objects,
+    with_settings,
+)
+from sized_lamps import LAMPS, SCENES, Seen, one_width, rmse, scene_of
+
+QUICK = [("posts", "sphere"), ("boxes", "sun"), ("board", "rectangle"), ("ball", "disc")]
+
+
+def check_near(name, lamp):
+    """S is nearer to the truth than that of 16 rays, and at least twice as near as with one width."""
+    seen = Seen(scene_of(name, lamp, 100, h=0.02))
+    truth = seen.by("AREA_SAMPLING", 1024)
+    sixteen, found = (rmse(S, truth) for S in (seen.by("AREA_SAMPLING", 16), seen.by("LIGHT_MESHES")))
+    assert 0 < found <= sixteen
+    assert found <= 0.5 * rmse(one_width(seen), truth)
+
+
+@pytest.mark.parametrize(("name", "lamp"), QUICK)
+def test_nearer_than_sixteen_rays(name, lamp):
+    check_near(name, lamp)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lamp", LAMPS)
+@pytest.mark.parametrize("name", SCENES)
+def test_nearer_than_sixteen_rays_in_every_scene(name, lamp):
+    if (name, lamp) not in QUICK:
+        check_near(name, lamp)
+
+
+def disc_over_edge(beta, radius=0.4, **values):
+    """The edge of H12 under a level disc: the penumbra's half width is the disc's radius, whatever β."""
+    scene = edge(beta=beta, light_radius=1.0, pixels=100, size=3 * radius, **values)
+    lamp = Light("disc", "AREA", (1.0,) * 3, position=scene.lights[0].position, direction=(0.0, 0.0, -1.0),
+                 area_u=(radius, 0.0, 0.0), area_v=(0.0, radius, 0.0), area_ellipse=True, softness="SIZE")
+    return with_lights(scene, lamp)
+
+
+@pytest.mark.parametrize("degrees", [90, 45, 25, 15])
+def test_a_straight_edge_has_the_profile_of_a_disc(degrees):
+    radius = 0.4
+    seen = Seen(disc_over_edge(np.radians(degrees), radius, h=0.05, kI=2.0))
+    S, u = seen.by("LIGHT_MESHES")[:, 0], np.clip(seen.P[:, 0] / radius, -1, 1)
+    exact = 0.5 + (u * np.sqrt(1 - u * u) + np.arcsin(u)) / np.pi
+    assert rmse(S, exact) <= 0.01
+    middle = np.abs(u) < 0.3
+    slope, at = np.polyfit(u[middle], S[middle] - 0.5, 1)
+    assert abs(at / slope) <= 0.05  # of half the width: where S is ½
+    assert (seen.counts["ray_pairs"] == 0) or degrees == 15  # nodes can do it, unless the light grazes
+
+
+def test_no_seams():
+    """From pixel to pixel S jumps no more than the truth by 1/64, as levels and groups change along a wedge."""
+    seen = Seen(scene_of("board", "sphere", 128, h=0.0125))
+    picture = np.full((2, 128 * 128), np.nan)
+    truth = seen.by("AREA_SAMPLING", 4096)[:, 0]
+    picture[:, seen.pixel] = seen.by("LIGHT_MESHES")[:, 0], truth
+    picture = picture.reshape(2, 128, 128)
+    wide = (truth.min() < 0.1) & np.isfinite(picture[0])
+    for axis in (1, 2):
+        step, true = np.abs(np.diff(picture, axis=axis))
+        excess = (step - true)[np.isfinite(step) & np.isfinite(true)]
+        assert np.quantile(excess, 0.99) <= 1 / 64
+    assert wide.any()
+
+
+def test_finer_is_nearer():
+    """RMSE falls with h where nodes answer: the order is at least ½ from step to step."""
+    errors = []
+    for h in (0.08, 0.04, 0.02):
+        seen = Seen(disc_over_edge(np.pi / 2, 0.4, h=h, kI=2.0))
+        u = np.clip(seen.P[:, 0] / 0.4, -1, 1)
+        errors.append(rmse(seen.by("LIGHT_MESHES")[:, 0], 0.5 + (u * np.sqrt(1 - u * u) + np.arcsin(u)) / np.pi))
+    assert errors[0] > errors[2]
+
+
+@pytest.mark.parametrize("kind", ["POINT", "SPOT", "AREA", "SUN"])
+def test_without_a_size_shadows_are_sharp(kind):
+    light = next(light for light in four_lights().lights if light.type == kind)
+    light = replace(light, radius=0.0, angle=0.0, area_u=(0.0,) * 3, area_v=(0.0,) * 3, softness="SIZE")
+    scene = with_lights(four_lights(48), light)
+    assert np.array_equal(combined(scene), combined(with_settings(scene, shadows="SHARP")))
+
+
+def test_a_vanishing_size_tends_to_sharp_shadows():
+    scene = all_lights(tabletop(64), softness="SIZE", radius=1e-6)
+    sharp = combined(with_settings(scene, shadows="SHARP"))
+    assert np.mean(combined(scene) != sharp) < 1e-3
+
+
+def test_tiles_and_threads_do_not_matter():
+    scene = all_lights(tabletop(48, h=0.05, kI=2.0), softness="SIZE", radius=0.3)
+    whole = render_image(scene, threads=1, tile_size=64).passes["Combined"]
+    assert np.array_equal(whole, render_image(scene, threads=2, tile_size=7).passes["Combined"])
+
+
+def test_other_lights_keep_their_bits():
+    """A lamp of one width has the same S beside a lamp with a size, and that has the same alone."""
+    scene = four_lights(48)
+    sized = replace(scene.lights[0], softness="SIZE")
+    both, one, other = (Seen(with_lights(scene, *lights)).by("LIGHT_MESHES") for lights in (
+        (sized, scene.lights[2]), (scene.lights[2],), (sized,)))
+    assert np.array_equal(both[:, 1], one[:, 0]) and np.array_equal(both[:, 0], other[:, 0])
+    assert ((both > 0.05) & (both < 0.95)).any(0).all()
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.3])
+def test_no_light_leaks_through_a_wall(radius):
+    """H1: the floor behind the wall gets nothing of the lamp."""
+    scene = all_lights(wall(), softness="SIZE", radius=radius)
+    behind = combined(scene)[:, 34:].max()  # pixels right of the wall
+    assert behind == 0 and combined(scene).max() > 0
+
+
+def test_no_light_leaks_through_a_plate():
+    """S2: the low lamp, as small as it is in truth, lights nothing that no point of it sees."""
+    scene = all_lights(light_leak(64, h=0.1, kI=2.0), softness="SIZE", radius=0.05)
+    seen = Seen(scene)
+    truth, found = seen.by("AREA_SAMPLING", 1024), seen.by("LIGHT_MESHES")
+    assert found[truth == 0].max() == 0 and (truth == 0).sum() > 100
+
+
+def test_sharp_casters_shadow_sharply():
+    """V of sharp casters times S of the others; and receivers that take no soft shadows have sharp ones."""
+    scene = all_lights(tabletop(64, h=0.05, kI=2.0), softness="SIZE", radius=0.3)
+    seen = Seen(with_objects(scene, bar={"cast_soft_shadows": False}))
+    bar, cylinder = (Seen(with_objects(scene, **{other: {"visible_shadow": False}})) for other in ("cylinder", "bar"))
+    product = bar.by("SHARP") * cylinder.by("LIGHT_MESHES")
+    assert rmse(seen.by("LIGHT_MESHES"), product) < 0.01
+    hard = Seen(with_objects(scene, tabletop={"receive_soft_shadows": False}))
+    assert np.array_equal(hard.by("LIGHT_MESHES"), hard.by("SHARP"))
+
+
+def test_blockers_of_a_lamp():
+    """A lamp that only some objects shadow."""
+    scene = all_lights(tabletop(64, h=0.05, kI=2.0), softness="SIZE", radius=0.3)
+    without = Seen(with_objects(scene, bar={"visible_shadow": False}))
+    linked = Seen(all_lights(scene, blockers=(0, 1)))
+    assert rmse(linked.by("LIGHT_MESHES"), without.by("LIGHT_MESHES")) < 0.01
+    assert rmse(linked.by("LIGHT_MESHES"), Seen(scene).by("LIGHT_MESHES")) > 0.02
+
+
+def test_through_glass_every_ray_counts_what_it_passes():
+    """Where surfaces let light through S is by rays: what 1,024 of them say, as near as 16 do."""
+    scene = all_lights(tabletop(64, h=0.05, kI=2.0), softness="SIZE", radius=0.3)
+    clear = tuple(replace(m, kt=(0.5, 0.4, 0.3)) if m.name == "bar" else m for m in scene.materials)
+    seen = Seen(replace(scene, materials=clear))
+
+    def mean(way, samples):
+        ready = Prepared(with_settings(seen.ready.scene, shadows=way, light_samples=samples))
+        return ready.shadowing.method(seen.at, lambda: None).astype(float)
+
+    truth = mean("AREA_SAMPLING", 1024)
+    assert truth.shape[2] == 3 and (np.ptp(truth[:, 0], axis=1) > 0.01).any()
+    assert rmse(mean("LIGHT_MESHES", 1), truth) <= rmse(mean("AREA_SAMPLING", 16), truth)
