@@ -56,40 +56,48 @@ def disc_over_edge(beta, radius=0.4, **values):
 
 @pytest.mark.parametrize("degrees", [90, 45, 25, 15])
 def test_a_straight_edge_has_the_profile_of_a_disc(degrees):
-    radius = 0.4
-    seen = Seen(disc_over_edge(np.radians(degrees), radius, h=0.05, kI=2.0))
-    S, u = seen.by("LIGHT_MESHES")[:, 0], np.clip(seen.P[:, 0] / radius, -1, 1)
+    """The profile: the mean along the edge. Single points: nearer than those of 16 rays, where nodes answer."""
+    radius, pixels = 0.4, 100
+    seen = Seen(disc_over_edge(np.radians(degrees), radius, h=0.05, kI=3.0))
+    S, x = np.full(pixels**2, np.nan), np.zeros(pixels**2)
+    S[seen.pixel], x[seen.pixel] = seen.by("LIGHT_MESHES")[:, 0], seen.P[:, 0]
+    u = np.clip(x.reshape(pixels, pixels)[0] / radius, -1, 1)
     exact = 0.5 + (u * np.sqrt(1 - u * u) + np.arcsin(u)) / np.pi
-    assert rmse(S, exact) <= 0.01
+    S = S.reshape(pixels, pixels)
+    assert np.isfinite(S).all() and rmse(S.mean(0), exact) <= 0.01
     middle = np.abs(u) < 0.3
-    slope, at = np.polyfit(u[middle], S[middle] - 0.5, 1)
+    slope, at = np.polyfit(u[middle], S.mean(0)[middle] - 0.5, 1)
     assert abs(at / slope) <= 0.05  # of half the width: where S is ½
-    assert (seen.counts["ray_pairs"] == 0) or degrees == 15  # nodes can do it, unless the light grazes
+    assert rmse(S, exact) <= (0.01 if degrees >= 45 else 0.029)  # 16 rays: .030 whatever the angle
 
 
 def test_no_seams():
-    """From pixel to pixel S jumps no more than the truth by 1/64, as levels and groups change along a wedge."""
-    seen = Seen(scene_of("board", "sphere", 128, h=0.0125))
-    picture = np.full((2, 128 * 128), np.nan)
-    truth = seen.by("AREA_SAMPLING", 4096)[:, 0]
-    picture[:, seen.pixel] = seen.by("LIGHT_MESHES")[:, 0], truth
-    picture = picture.reshape(2, 128, 128)
-    wide = (truth.min() < 0.1) & np.isfinite(picture[0])
-    for axis in (1, 2):
-        step, true = np.abs(np.diff(picture, axis=axis))
-        excess = (step - true)[np.isfinite(step) & np.isfinite(true)]
-        assert np.quantile(excess, 0.99) <= 1 / 64
-    assert wide.any()
+    """From pixel to pixel S jumps by no more than the truth and 1/64, along a penumbra that grows across four levels.
+
+    Where it is narrower than the finest r there are rays, which have grain: there the bound does not hold.
+    """
+    seen = Seen(scene_of("board", "sphere", 128, h=0.0125, kI=3.0))
+    values = seen.by("LIGHT_MESHES")[:, 0], seen.by("AREA_SAMPLING", 1024)[:, 0], seen.P[:, 0] > 0
+    S, truth, wide = np.full((3, 128 * 128), np.nan)
+    S[seen.pixel], truth[seen.pixel], wide[seen.pixel] = values
+    S, truth, wide = (a.reshape(128, 128) for a in (S, truth, wide))
+    for axis in (0, 1):
+        step, true = np.abs(np.diff(S, axis=axis)), np.abs(np.diff(truth, axis=axis))
+        excess = (step - true)[(np.minimum(*(np.take(wide, range(k, 127 + k), axis) for k in (0, 1))) > 0)]
+        assert len(excess) > 3000 and np.nanmax(excess) <= 1 / 64 + 4 / 1024**0.5 / 4  # and the truth's own noise
 
 
 def test_finer_is_nearer():
-    """RMSE falls with h where nodes answer: the order is at least ½ from step to step."""
-    errors = []
-    for h in (0.08, 0.04, 0.02):
-        seen = Seen(disc_over_edge(np.pi / 2, 0.4, h=h, kI=2.0))
+    """RMSE falls with the step, and with kI, which is how many nodes are averaged."""
+    def error(h, kI):
+        seen = Seen(disc_over_edge(np.pi / 2, 0.4, h=h, kI=kI))
         u = np.clip(seen.P[:, 0] / 0.4, -1, 1)
-        errors.append(rmse(seen.by("LIGHT_MESHES")[:, 0], 0.5 + (u * np.sqrt(1 - u * u) + np.arcsin(u)) / np.pi))
-    assert errors[0] > errors[2]
+        return rmse(seen.by("LIGHT_MESHES")[:, 0], 0.5 + (u * np.sqrt(1 - u * u) + np.arcsin(u)) / np.pi)
+
+    steps = [error(h, 2.0) for h in (0.2, 0.1, 0.05)]
+    assert steps[0] > 1.3 * steps[1] > 1.3**2 * steps[2]
+    nodes = [error(0.05, kI) for kI in (1.5, 2.0, 3.0)]
+    assert nodes == sorted(nodes, reverse=True)
 
 
 @pytest.mark.parametrize("kind", ["POINT", "SPOT", "AREA", "SUN"])
@@ -143,8 +151,8 @@ def test_sharp_casters_shadow_sharply():
     scene = all_lights(tabletop(64, h=0.05, kI=2.0), softness="SIZE", radius=0.3)
     seen = Seen(with_objects(scene, bar={"cast_soft_shadows": False}))
     bar, cylinder = (Seen(with_objects(scene, **{other: {"visible_shadow": False}})) for other in ("cylinder", "bar"))
-    product = bar.by("SHARP") * cylinder.by("LIGHT_MESHES")
-    assert rmse(seen.by("LIGHT_MESHES"), product) < 0.01
+    product, top = bar.by("SHARP") * cylinder.by("LIGHT_MESHES"), seen.at.N[:, 2] > 0.5
+    assert rmse(seen.by("LIGHT_MESHES")[top], product[top]) < 0.01
     hard = Seen(with_objects(scene, tabletop={"receive_soft_shadows": False}))
     assert np.array_equal(hard.by("LIGHT_MESHES"), hard.by("SHARP"))
 
@@ -171,3 +179,15 @@ def test_through_glass_every_ray_counts_what_it_passes():
     truth = mean("AREA_SAMPLING", 1024)
     assert truth.shape[2] == 3 and (np.ptp(truth[:, 0], axis=1) > 0.01).any()
     assert rmse(mean("LIGHT_MESHES", 1), truth) <= rmse(mean("AREA_SAMPLING", 16), truth)
+
+
+def test_the_plan_says_how_each_lamp_gets_its_shadow():
+    lights = (replace(four_lights().lights[0], softness="SIZE", name="lamp"),
+              replace(four_lights().lights[1], softness="SIZE", angle=0.0, name="dot"))
+    done = render_image(with_settings(with_lights(four_lights(48), *lights), shadow_rate=2))
+    reasons = done.statistics["plan"]
+    assert reasons["lamps with a size"].startswith("shares at nodes: 'lamp': 4 lattices, of h = 0.08 to 0.64")
+    assert reasons["lamps without a size"].startswith("sharp: 'dot'")
+    assert reasons["shadow rate"].startswith("1: lamps with a size")
+    counts = [done.statistics[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")]
+    assert counts[0] > counts[1] >= counts[2] > 0

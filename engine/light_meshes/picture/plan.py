@@ -15,7 +15,10 @@ from ..glass.interfaces import Interfaces
 from ..scene.description import Light, Material, Scene
 from ..shadows.casters import Casters, smooth_lights, union
 from ..shadows.method import Kind
+from ..shadows.radius import extent
 from ..shadows.registry import KINDS, NONE
+from ..shadows.sized import LEVELS, MORE_RAYS, RAYS
+from ..support.bits import has
 
 
 @dataclass
@@ -68,6 +71,8 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
                   3: ("RGB a light", "coloured glass")}[p.channels]
         p.decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
+    if p.kind.lattice:
+        _lamps_with_a_size(p, scene, casters)
     if s.shadow_rate > 1:
         _shadow_rate(p, scene, casters, passes)
     if p.kind.lattice:
@@ -152,11 +157,39 @@ def _shadow_rate(p: Plan, scene: Scene, casters: Casters, passes: tuple[str, ...
     s = scene.settings
     why_not = ("only light meshes' shadows are smooth" if not p.kind.lattice else
                "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
+               "lamps with a size have narrow penumbrae where shadows touch" if any(_sized(scene, casters)) else
                "light that glass has bent may change from pixel to pixel" if p.paths else
                "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
     p.shadow_rate = 1 if why_not else s.shadow_rate
     p.decide("shadow rate", p.shadow_rate, why_not or
              "what the camera sees is interpolated between points up to so many pixels apart")
+
+
+def _sized(scene: Scene, casters: Casters) -> list[str]:
+    """The names of the lights that have the soft shadow of their own shape."""
+    soft = union(casters.soft, len(scene.lights))
+    return [light.name for i, light in enumerate(scene.lights) if light.softness == "SIZE" and has(soft, i)]
+
+
+def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters) -> None:
+    """How the lamps get their shadows that have those of their own shape, and which have sharp ones."""
+    def names(of: list[str]) -> str:
+        return ", ".join(f"'{name}'" for name in of[:3]) + (f" and {len(of) - 3} more" if len(of) > 3 else "")
+
+    lamps, h = _sized(scene, casters), scene.settings.h
+    points = [light.name for light in scene.lights if light.softness == "SIZE" and light.soft_shadows
+              and any(light.intensity) and not extent(light)]
+    if points:
+        p.decide("lamps without a size", "sharp", f"{names(points)}: one ray says all of a point")
+    if lamps:
+        how, why = "shares at nodes", (
+            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; up to {RAYS} "
+            "rays where it is narrower than r, or something is near")
+        if p.paths:
+            how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
+        elif p.channels:
+            how, why = "rays", f"light comes through surfaces: up to {MORE_RAYS} from each receiver to each lamp"
+        p.decide("lamps with a size", how, f"{names(lamps)}: {why}")
 
 
 def _short_rays(p: Plan, scene: Scene) -> None:

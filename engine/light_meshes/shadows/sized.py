@@ -28,7 +28,8 @@ LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
-RAYS = 24  # from a receiver to a lamp, at most:
+RAYS = 24  # from a receiver to a lamp, at most,
+MORE_RAYS = 32  # and where no nodes help, as light comes through surfaces:
 FIRST_RAYS = 16  # where these agree no more are traced
 BATCH = 1 << 15  # receivers at once
 
@@ -63,8 +64,9 @@ class SizedLamps(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
-        # Where light comes through surfaces the lamp's points see more or less of it, which a count of points is not.
+        # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
         self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
+        self._rays = RAYS if self.levels else MORE_RAYS
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
         assert setup.lattice is not None
@@ -196,8 +198,8 @@ class SizedLamps(Method):
             clear = self._clear(at, row, light, 0, FIRST_RAYS, check)
             share = clear / FIRST_RAYS
             more = np.flatnonzero(((clear > 0) & (clear < FIRST_RAYS)).any(1))
-            clear = clear[more] + self._clear(at, row[more], light[more], FIRST_RAYS, RAYS - FIRST_RAYS, check)
-            share[more] = clear / RAYS
+            clear = clear[more] + self._clear(at, row[more], light[more], FIRST_RAYS, self._rays - FIRST_RAYS, check)
+            share[more] = clear / self._rays
         return share.astype(np.float32)
 
     def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,

@@ -68,7 +68,8 @@ class Shares:
         settings, self.count = setup.settings, len(lamps.narrow)
         self.h, self.r = h, h * settings.kI
         self.lattice = lattice(h, np.array([settings.kI + ACROSS]), settings.lattice_rotation, settings.lattice_origin)
-        self._lamps, self._tracer, self._surfaces, self._stats = lamps, setup.tracer, setup.lattice.surfaces, setup.stats
+        self._lamps, self._tracer, self._stats = lamps, setup.tracer, setup.stats
+        self._surfaces = setup.lattice.surfaces
         self._casters = setup.casters.soft
         self._first = NodeStore(self.count, 1, np.uint8)
         self._all = NodeStore(self.count, 2, np.uint8)
