@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from light_meshes import Scene, Shape, rectangle
 from light_meshes.lights import registry
 from light_meshes.picture.render import render_image
 from light_meshes.scene import snapshot
 from light_meshes.scene.description import LIGHT_TYPES
 from light_meshes.support import sources
-from meshes import Part, assemble, look_down, rectangle
 from recipes import PACKAGE, changes, copied, run, shown
-from scenes import WHITE, settings, sun
+from scenes import WHITE, look_down, settings, sun
 
 RADIUS = 0.7
 
@@ -51,8 +51,8 @@ def test_it_is_a_pair_of_files_and_three_lines_elsewhere(extended):
 def test_it_lights_a_disc(extended, tmp_path, shadows):
     """Where the beam falls the floor is as the sun lights it; elsewhere it is dark, and so is a plate's shadow."""
     lamp = sun((0, 0, -1), 2.0)
-    scene = assemble([Part(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"),
-                      Part(rectangle((0, -3), (3, 3), 1.0), WHITE, "plate", visible={"visible_camera": False})],
+    scene = Scene.from_shapes([Shape(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"),
+                      Shape(rectangle((0, -3), (3, 3), 1.0), WHITE, "plate", flags={"visible_camera": False})],
                      look_down(0, 0, 2, 48), [lamp], settings(shadows=shadows, ambient=0.0))
     done = render_image(scene, ("Combined", "Position"))
     lit, P = done.passes["Combined"][..., :3], done.passes["Position"]

@@ -11,7 +11,7 @@ from light_meshes.scene.description import SHADOWS, Settings
 from light_meshes.scene.errors import SceneError
 from light_meshes.shadows import registry
 from recipes import changes, copied, run, shown
-from scenes import four_lights, with_settings
+from scenes import four_lights
 
 
 @pytest.fixture(scope="module")
@@ -30,9 +30,9 @@ def test_it_is_one_new_file_and_at_most_two_lines_elsewhere(extended):
 
 @pytest.mark.parametrize("share", [None, 0.25])
 def test_it_renders(extended, tmp_path, share):
-    scene = replace(with_settings(four_lights(24), mode="LOCAL"), world_color=(0.0, 0.0, 0.0))  # no light but lamps
+    scene = replace(four_lights(24).with_settings(mode="LOCAL"), world_color=(0.0, 0.0, 0.0))  # no light but lamps
     full = render_image(scene).passes["Combined"]
-    snapshot.write(with_settings(scene, mode="RAY_CASTING"), tmp_path / "scene")
+    snapshot.write(scene.with_settings(mode="RAY_CASTING"), tmp_path / "scene")
     own = [] if share is None else ["--set", f"method.share={share}"]
     done = run(extended, "render", tmp_path / "scene", "-o", tmp_path / "half.exr", "--set", "shadows=HALF", *own)
     assert done.returncode == 0, done.stderr
@@ -42,7 +42,7 @@ def test_it_renders(extended, tmp_path, share):
 
 
 def test_a_snapshot_holds_its_setting(extended, tmp_path):
-    scene = with_settings(four_lights(8), method={"share": 0.25})
+    scene = four_lights(8).with_settings(method={"share": 0.25})
     snapshot.write(scene, tmp_path / "scene")
     assert snapshot.read(tmp_path / "scene").settings == scene.settings
     done = run(extended, "render", tmp_path / "scene", "-o", tmp_path / "x.exr", "--set", "shadows=HALF")

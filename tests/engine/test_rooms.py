@@ -5,6 +5,7 @@ Imports count wherever they stand, also those inside functions and those for typ
 
 import ast
 import re
+import tomllib
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -94,3 +95,10 @@ def test_c_sources_include_headers_of_rooms_below_them():
 def test_every_module_is_in_a_room_and_few_at_the_root():
     assert not [name for name in graph() if name and not room(name)]
     assert len(list(PACKAGE.glob("*.py"))) <= 8
+
+
+def test_every_room_is_built_into_the_wheel():
+    with (PACKAGE.parents[1] / "pyproject.toml").open("rb") as file:
+        packages = set(tomllib.load(file)["tool"]["setuptools"]["packages"])
+    folders = {path.parent.relative_to(PACKAGE.parent).as_posix() for path in PACKAGE.rglob("__init__.py")}
+    assert {folder.replace("/", ".") for folder in folders} <= packages

@@ -24,9 +24,7 @@ INLINE Way area_way(const Source *s, f64 px, f64 py, f64 pz) {
    direction. */
 INLINE Way skewed_area_way(const Source *s, f64 px, f64 py, f64 pz) {
     Way way = from_place(s, px, py, pz);
-    f64 p, q, r;
-    by_axes(s, &way, &p, &q, &r);
-    f64 turned = 1.0 / sqrt(p * p + q * q + r * r);
+    f64 p, q, r, turned = by_axes(s, &way, &p, &q, &r);
     const f64 *a = s->axes, *c = s->axes + 3, *e = s->axes + 6;
     way.lit &= cosine_of_axis(s, &way) > 0.0;
     way.x = p * a[0] + q * c[0] + r * e[0];

@@ -20,9 +20,7 @@ INLINE Way spot_way(const Source *s, f64 px, f64 py, f64 pz) {
 /* With axes of its own: the cone is that of a plain one along (ω·a₁, ω·a₂, ω·a₃). */
 INLINE Way skewed_spot_way(const Source *s, f64 px, f64 py, f64 pz) {
     Way way = from_place(s, px, py, pz);
-    f64 p, q, r;
-    by_axes(s, &way, &p, &q, &r);
-    f64 turned = 1.0 / sqrt(p * p + q * q + r * r);
+    f64 p, q, r, turned = by_axes(s, &way, &p, &q, &r);
     in_cone(s, -r * turned, &way);
     return way;
 }

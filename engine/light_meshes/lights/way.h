@@ -33,10 +33,12 @@ INLINE f64 cosine_of_axis(const Source *s, const Way *way) {
     return -(way->x * s->u + way->y * s->v + way->z * s->w) * way->inverse;
 }
 
-/* The way back, by the axes of a light that is scaled unevenly or sheared, along the third of which it looks. */
-INLINE void by_axes(const Source *s, const Way *way, f64 *p, f64 *q, f64 *r) {
+/* The way back, by the axes of a light that is scaled unevenly or sheared, along the third of which it looks. Returns
+   1/its length. */
+INLINE f64 by_axes(const Source *s, const Way *way, f64 *p, f64 *q, f64 *r) {
     const f64 *a = s->axes, *c = s->axes + 3, *e = s->axes + 6;
     *p = way->x * a[0] + way->y * a[1] + way->z * a[2];
     *q = way->x * c[0] + way->y * c[1] + way->z * c[2];
     *r = way->x * e[0] + way->y * e[1] + way->z * e[2];
+    return 1.0 / sqrt(*p * *p + *q * *q + *r * *r);
 }

@@ -89,7 +89,7 @@ class Lighting:
                   work: NDArray | None = None, lights: NDArray[np.uint64] | None = None) -> None:
         """Add the light of some lights (W,), None: of all, to what `direct` returns."""
         colour, terms, shadows = sums
-        for part, lit, _, S in self.lit(hits, direction, self._world.materials, Od, bool(shadows), check, work, lights):
+        for part, lit, _, S in self.lit(self._surfaces(hits, direction, Od), bool(shadows), check, work, lights):
             with self._stats.stage("shading"):
                 both = (terms["Diffuse"][part], terms["Glossy"][part]) if terms else ()
                 shading.gather(lit, S, colour[part], *both)
@@ -108,27 +108,33 @@ class Lighting:
         lit = np.empty((len(hits.P), 3))
         lit[:] = self._world.scene.settings.ambient * np.array(self._world.scene.world_color)
         full = lit.copy()
-        for part, some, active, S in self.lit(hits, direction, white, np.ones_like(lit), False, check, work):
+        surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white)
+        for part, some, active, S in self.lit(surfaces, False, check, work):
             with self._stats.stage("shading"):
                 shading.gather(some, S, lit[part])
                 shading.gather(some, pairs.seen(active, len(self._world.scene.lights)), full[part])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
-    def lit(self, hits: Hits, direction: NDArray, materials: shading.Materials, Od: NDArray, unlit: bool,
-            check: Check, work: NDArray | None, lights: NDArray[np.uint64] | None = None,
-            visibility: Method | None = None) -> Iterator[tuple[slice, shading.Lit, NDArray, NDArray]]:
-        """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of the hits, batch by batch.
+    def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
+        """These hits, in the light of all lights."""
+        return shading.Lit(self._world.lights, self._world.materials, hits, direction, Od)
 
-        None without lights. lights (W,): those that count; None: all. visibility: another than the plan's.
+    def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
+            lights: NDArray[np.uint64] | None = None, visibility: Method | None = None) -> Iterator[
+                tuple[slice, shading.Lit, NDArray[np.uint64], NDArray[np.float32]]]:
+        """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of surfaces, batch by batch.
+
+        None without lights. unlit: see `shading.reaching`. lights (W,): those that count; None: all. visibility:
+        another method than the plan's.
         """
-        count = len(self._world.scene.lights)
+        count, n = len(self._world.scene.lights), len(surfaces.hits.P)
         step = max(64, SHADED // max(1, count))
-        for i in range(0, len(hits.P) if count else 0, step):
+        for i in range(0, n if count else 0, step):
             check()
-            part = slice(i, min(i + step, len(hits.P)))
-            some = hits.at(part)
-            lit = shading.Lit(self._world.lights, materials, some, direction[part], Od[part])
+            part = slice(i, min(i + step, n))
+            lit = surfaces.at(part)
+            some = lit.hits
             active = np.empty((len(some.P), (count + 63) // 64), np.uint64)
             with self._stats.stage("shading"):
                 lift = self.terminator.lift(some)

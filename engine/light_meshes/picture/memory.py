@@ -20,16 +20,19 @@ from ..film.passes import letters
 from ..rays.camera import depth
 from ..scene.description import Scene
 from ..scene.errors import SceneError
+from ..shadows.meshes.lattice import above_a_plane
+from ..shadows.psi import CANDIDATES
 from ..shadows.registry import KINDS
 from ..support import processors
 from ..surface import textures
+from .lighting import SHADED
 from .world import World
 
 BASE = 80 << 20  # Python and its libraries
 MESH = 60  # a triangle as the snapshot has it, once for all its instances; what nobody looks at stays in the file
 TRIANGLE, VERTEX = 60, 12  # of an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again in each accelerator
-RAYS = 1 << 15  # camera rays that a thread has under way
+BATCH = 1 << 15  # camera rays of a tile, about: each thread has one under way
 LARGER = 4  # times as many where tiles compute the points at their edges twice (`sparse`)
 RAY, LIT, CANDIDATE = 700, 8, 24  # one of them; a receiver and a light; a receiver and a node
 NODE = 16  # beside its values
@@ -49,13 +52,13 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
     x0, y0, x1, y1 = crop_of(scene)
     pixels, threads, lights = (x1 - x0) * (y1 - y0), processors.count(), len(scene.lights)
     glass = any(m.alpha < 1 or m.alpha_image >= 0 or any(m.kt) for m in scene.materials)
-    most = RAYS * LARGER if scene.settings.shadow_rate > 1 else RAYS
+    most = BATCH * LARGER if scene.settings.shadow_rate > 1 else BATCH
     rays = min(most, pixels * scene.settings.samples / (4 * threads))
-    shaded = min(rays * lights, 1 << 22)  # receivers × lights at once
+    shaded = min(rays * lights, SHADED)
     work = rays * RAY + shaded * (LIT + 8 * glass)
     if KINDS[scene.settings.shadows].lattice:
-        near = 2 * np.pi / 3 * scene.settings.kI**3  # nodes of a receiver; a batch shares most of them
-        work += min(rays * near, 1 << 20) * CANDIDATE + 3 * shaded * (24 if glass else 0.5)
+        near = above_a_plane(scene.settings.kI)  # nodes of a receiver; a batch shares most of them
+        work += min(rays * near, CANDIDATES) * CANDIDATE + 3 * shaded * (24 if glass else 0.5)
     return [
         Part(BASE, "the engine itself", "close other programs"),
         _triangles(scene, glass),
@@ -107,7 +110,7 @@ def nodes(scene: Scene, world: World, radii: NDArray[np.float64], channels: int)
     x0, y0, x1, y1 = crop_of(scene)
     lights = len(scene.lights)
     each = NODE + (4 * lights * channels if channels else lights / 8)
-    reached = (x1 - x0) * (y1 - y0) * s.samples * 2 * np.pi / 3 * reach**3
+    reached = (x1 - x0) * (y1 - y0) * s.samples * above_a_plane(reach)
     if reached * each > 16 << 20:
         direction, hits = world.coarse_view()
         camera = world.scene.camera

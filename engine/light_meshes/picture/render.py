@@ -18,10 +18,8 @@ from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
 from .integrator import radiance
-from .memory import LARGER
+from .memory import BATCH, LARGER
 from .prepared import Prepared
-
-BATCH = 32768  # camera rays a tile, about
 
 
 class Cancelled(Exception):  # noqa: N818  (it is no error)

@@ -24,7 +24,7 @@ i64 reuse_forget(i64 n, i64 L, i64 b, i64 W, const f64 *x, const f64 *position, 
                     near = enters > near ? enters : near, far = leaves < far ? leaves : far;
                 }
                 if (near > far) continue;
-                known[k * W + (i >> 6)] &= ~bit(i);
+                clear_bit(known + k * W, i);
                 break;
             }
         }

@@ -102,7 +102,7 @@ def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: 
 def _casts(world: World) -> NDArray[np.bool_]:
     """The triangles (T,) that shadow rays may meet."""
     casts = np.array([o.visible_shadow for o in world.scene.objects], np.bool_)
-    return casts[world.owner(np.arange(len(world.surfaces.triangles)))]
+    return casts[world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))]
 
 
 def _certificate(world: World, r: float, stats: Statistics, old: Shadowing | None) -> Certificate | None:

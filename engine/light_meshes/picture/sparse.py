@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ..rays.camera import camera_rays, coarser
 from ..rays.geometry import Hits
 from ..shadows.casters import Casters, smooth_lights
-from ..shadows.meshes.lattice import Lattice
+from ..shadows.meshes.lattice import Lattice, above_a_plane
 from ..shadows.method import Check
 from ..shadows.unshadowed import Unshadowed
 from ..support.bits import mask_of
@@ -81,8 +81,8 @@ def typical(world: World, lighting: Lighting) -> float:
     direction, hits = world.coarse_view()
     matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
     light = np.zeros((len(hits.P), 3))
-    for part, lit, _, S in lighting.lit(hits, direction, matt, np.ones_like(light), False, lambda: None, None,
-                                        visibility=Unshadowed(lights)):
+    surfaces = shading.Lit(world.lights, matt, hits, direction, np.ones_like(light))
+    for part, lit, _, S in lighting.lit(surfaces, False, lambda: None, visibility=Unshadowed(lights)):
         shading.gather(lit, S, light[part])
     brightest = light.max(1)
     return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
@@ -116,7 +116,7 @@ class Sparse:
         self._steps = [s.shadow_rate >> k for k in range(s.shadow_rate.bit_length()) if s.shadow_rate >> k >= least]
         self._gloss = bool((m.ks > 0).any())
         self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
-        nodes = 2 * np.pi / 3 * lattice.reach[0]**3  # of a point on a plane, each with a step of 1/nodes
+        nodes = above_a_plane(lattice.reach[0])  # of a point on a plane, each with a step of 1/nodes
         self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
         self._step = 1 / nodes if uniform else 0.0
         self._lights = smooth_lights(casters, lights)
@@ -213,8 +213,8 @@ class Sparse:
         n = len(hits.P)
         white, light, rough = np.ones((n, 3)), np.zeros((n, 6 if self._gloss else 3)), np.zeros((2, n))
         both, matt, gloss = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-        light_of = self._lighting.lit(hits, direction, self._white, white, False, check, None, self._lights)
-        for part, lit, _, S in light_of:
+        surfaces = shading.Lit(self._world.lights, self._white, hits, direction, white)
+        for part, lit, _, S in self._lighting.lit(surfaces, False, check, None, self._lights):
             with self._stats.stage("shading"):
                 shading.gather(lit, S, both[part], matt[part], gloss[part])
                 shading.steps(lit, S, self._together, self._jump, self._step, *rough[:, part])

@@ -3,7 +3,7 @@
 
 /* A uniform number in [0,1) from 64 bits (SplitMix64's finaliser). */
 static f64 random_of(u64 x) {
-    x = (x ^ x >> 30) * 0xBF58476D1CE4E5B9u;
+    x = (x ^ x >> 30) * MIX;
     x = (x ^ x >> 27) * 0x94D049BB133111EBu;
     x ^= x >> 31;
     return (f64)(x >> 11) * 0x1p-53;

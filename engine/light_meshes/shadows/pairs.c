@@ -33,7 +33,7 @@ i64 pairs_drop_dark(i64 n, i64 s, i64 W, const f32 *S, i64 lights, u64 *mask) {
         for (i64 i = 0; i < lights; i++) {
             int dark = 1;
             for (i64 k = i * C; k < (i + 1) * C; k++) dark &= S[p * s + k] == 0;
-            if (dark) mask[p * W + (i >> 6)] &= ~bit(i);
+            if (dark) clear_bit(mask + p * W, i);
         }
     return 0;
 }
@@ -43,6 +43,6 @@ KERNEL(pairs_collect, "row i32[r]  light i32[r]  blocked bool[r]  found u64[n,W]
 i64 pairs_collect(i64 r, i64 n, i64 W, const i32 *row, const i32 *light, const u8 *blocked, u64 *found) {
     (void)n;
     for (i64 k = 0; k < r; k++)
-        if (!blocked[k]) found[row[k] * W + (light[k] >> 6)] |= bit(light[k]);
+        if (!blocked[k]) set_bit(found + row[k] * W, light[k]);
     return 0;
 }

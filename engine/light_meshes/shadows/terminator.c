@@ -149,8 +149,8 @@ i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, con
         for (i64 i = 0; cutoff[p] > 0.0 && i < L; i++) {
             if (!has(soft + p * W, i)) continue;
             f64 share = amount(&lifts, p, i);
-            if (share > 0.0) lifted[p * W + (i >> 6)] |= bit(i);
-            if (share == 1.0) soft[p * W + (i >> 6)] &= ~bit(i);
+            if (share > 0.0) set_bit(lifted + p * W, i);
+            if (share == 1.0) clear_bit(soft + p * W, i);
         }
     return 0;
 }
@@ -175,8 +175,8 @@ i64 terminator_merge(i64 n, i64 L, i64 m, i64 W, i64 C, const f64 *above, const 
                 f32 *value = S + (p * L + i) * C + c;
                 *value = known ? (f32)((1.0 - share) * *value + share * S_lifted[(at * L + i) * C + c]) : 0;
             }
-            if (known) own[i >> 6] |= bit(i);
-            else own[i >> 6] &= ~bit(i);
+            if (known) set_bit(own, i);
+            else clear_bit(own, i);
         }
     }
     return 0;

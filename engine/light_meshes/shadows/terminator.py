@@ -62,7 +62,7 @@ class Terminator:
               closest: Callable[..., tuple[NDArray[np.bool_], Hits]]) -> None:
         """Shorten `lift` to half of the way that is free, for the lights in `active`: never through a wall.
 
-        closest: traces, as `Prepared.closest`.
+        closest: traces, as `World.closest`.
         """
         rows = np.empty(len(hits.P), np.int64)
         rows = rows[:_grazing(*lift, hits.P, hits.Ng, *targets, active, rows)]

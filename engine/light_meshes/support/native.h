@@ -33,7 +33,15 @@ typedef double f64;
 /* Sets of lights as words of 64 bits: light i is bit i & 63 of word i >> 6 (bits.py). */
 static inline u64 has(const u64 *words, i64 i) { return words[i >> 6] >> (i & 63) & 1; }
 static inline u64 bit(i64 i) { return (u64)1 << (i & 63); }
+static inline void set_bit(u64 *words, i64 i) { words[i >> 6] |= bit(i); }
+static inline void clear_bit(u64 *words, i64 i) { words[i >> 6] &= ~bit(i); }
 static inline int lowest(u64 word) { return __builtin_ctzll(word); }
+
+/* Odd numbers by which hashes multiply, to spread bits: xxHash's, and SplitMix64's. */
+#define SPREAD 0x9E3779B185EBCA87u
+#define SPREAD_2 0xC2B2AE3D27D4EB4Fu
+#define SPREAD_3 0x165667B19E3779F9u
+#define MIX 0xBF58476D1CE4E5B9u
 
 static inline f64 square(f64 x) { return x * x; }
 static inline f64 squared_distance(const f64 *a, const f64 *b) {

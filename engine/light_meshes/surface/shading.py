@@ -90,6 +90,10 @@ class Lit(NamedTuple):
     direction: NDArray[np.float64]  # (n,3) unit
     Od: NDArray[np.float64]  # (n,3)
 
+    def at(self, rows: slice) -> Lit:
+        """These receivers."""
+        return self._replace(hits=self.hits.at(rows), direction=self.direction[rows], Od=self.Od[rows])
+
     @property
     def taken(self) -> tuple[NDArray, ...]:
         """What the kernels in `shading.c` take of it, in their order."""

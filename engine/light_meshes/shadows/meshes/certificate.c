@@ -38,7 +38,7 @@ static f64 height_above(const Plane *p, const f32 *vertex) {
 
 /* A hash table of cells or planes; −1: free. */
 static i64 slot_of(i64 size, const i64 *keys, i64 key) {
-    u64 mask = (u64)size - 1, x = (u64)key * 0x9E3779B185EBCA87u, slot = (x ^ x >> 32) & mask;
+    u64 mask = (u64)size - 1, x = (u64)key * SPREAD, slot = (x ^ x >> 32) & mask;
     while (keys[slot] != key && keys[slot] >= 0) slot = (slot + 1) & mask;
     return (i64)slot;
 }

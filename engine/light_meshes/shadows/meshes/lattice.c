@@ -14,11 +14,11 @@ i64 lattice_positions(i64 n, f64 h, const f64 *R, const f64 *origin, const i32 *
 }
 
 static inline u64 hash(i32 i, i32 j, i32 k) {
-    u64 x = (u64)(u32)i * 0x9E3779B185EBCA87u;
-    x ^= (u64)(u32)j * 0xC2B2AE3D27D4EB4Fu;
-    x ^= (u64)(u32)k * 0x165667B19E3779F9u;
+    u64 x = (u64)(u32)i * SPREAD;
+    x ^= (u64)(u32)j * SPREAD_2;
+    x ^= (u64)(u32)k * SPREAD_3;
     x ^= x >> 29;
-    x *= 0xBF58476D1CE4E5B9u;
+    x *= MIX;
     return x ^ x >> 32;
 }
 

@@ -46,6 +46,11 @@ class Lattice(NamedTuple):
         return out
 
 
+def above_a_plane(reach: float) -> float:
+    """How many nodes, about, a ball of radius r = reach·h around a point of a plane has above it."""
+    return 2 * np.pi / 3 * reach**3
+
+
 def lattice(h: float, reach: NDArray[np.float64], rotate: bool = True,
             origin: tuple[float, float, float] = (0, 0, 0)) -> Lattice:
     """The lattice of step h for balls of radii h·reach (K,), ascending; `rotate` turns and shifts it generically."""

@@ -24,7 +24,7 @@ static inline void give_number(LightSets *s, i64 row, i64 number) {
 static inline i64 search_set(const LightSets *s, const u64 *lights) {
     u64 x = 0, mask = (u64)s->places - 1;
     for (i64 w = 0; w < s->W; w++) {
-        x = (x ^ lights[w]) * 0x9E3779B185EBCA87u;
+        x = (x ^ lights[w]) * SPREAD;
         x ^= x >> 29;
     }
     for (u64 place = (x ^ x >> 32) & mask;; place = (place + 1) & mask) {

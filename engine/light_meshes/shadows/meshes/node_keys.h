@@ -27,9 +27,9 @@ static inline Key key_of(const i64 *base, const i32 *node) {
 
 /* Where a search begins; *mark: the bits of the hash that the table keeps beside a row. */
 static inline u64 place_of(Key key, i64 size, u64 *mark) {
-    u64 x = (key.near ^ key.far * 0xC2B2AE3D27D4EB4Fu) * 0x9E3779B185EBCA87u;
+    u64 x = (key.near ^ key.far * SPREAD_2) * SPREAD;
     x ^= x >> 32;
-    x *= 0xBF58476D1CE4E5B9u;
+    x *= MIX;
     x ^= x >> 29;
     *mark = x & 0xFFFFFFFFu;
     return (x >> 32) * (u64)size >> 32;
