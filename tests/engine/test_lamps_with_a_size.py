@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Light
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import render_image
-from light_meshes.scene.description import Light
 from scenes import (
     all_lights,
     combined,
@@ -17,7 +17,6 @@ from scenes import (
     wall,
     with_lights,
     with_objects,
-    with_settings,
 )
 from sized_lamps import LAMPS, SCENES, Seen, one_width, rmse, scene_of
 
@@ -105,12 +104,12 @@ def test_without_a_size_shadows_are_sharp(kind):
     light = next(light for light in four_lights().lights if light.type == kind)
     light = replace(light, radius=0.0, angle=0.0, area_u=(0.0,) * 3, area_v=(0.0,) * 3, softness="SIZE")
     scene = with_lights(four_lights(48), light)
-    assert np.array_equal(combined(scene), combined(with_settings(scene, shadows="SHARP")))
+    assert np.array_equal(combined(scene), combined(scene.with_settings(shadows="SHARP")))
 
 
 def test_a_vanishing_size_tends_to_sharp_shadows():
     scene = all_lights(tabletop(64), softness="SIZE", radius=1e-6)
-    sharp = combined(with_settings(scene, shadows="SHARP"))
+    sharp = combined(scene.with_settings(shadows="SHARP"))
     assert np.mean(combined(scene) != sharp) < 1e-3
 
 
@@ -173,7 +172,7 @@ def test_through_glass_every_ray_counts_what_it_passes():
     seen = Seen(replace(scene, materials=clear))
 
     def mean(way, samples):
-        ready = Prepared(with_settings(seen.ready.scene, shadows=way, light_samples=samples))
+        ready = Prepared(seen.ready.scene.with_settings(shadows=way, light_samples=samples))
         return ready.shadowing.method(seen.at, lambda: None).astype(float)
 
     truth = mean("AREA_SAMPLING", 1024)
@@ -184,7 +183,7 @@ def test_through_glass_every_ray_counts_what_it_passes():
 def test_the_plan_says_how_each_lamp_gets_its_shadow():
     lights = (replace(four_lights().lights[0], softness="SIZE", name="lamp"),
               replace(four_lights().lights[1], softness="SIZE", angle=0.0, name="dot"))
-    done = render_image(with_settings(with_lights(four_lights(48), *lights), shadow_rate=2))
+    done = render_image(with_lights(four_lights(48), *lights).with_settings(shadow_rate=2))
     reasons = done.statistics["plan"]
     assert reasons["lamps with a size"].startswith("shares at nodes: 'lamp': 4 lattices, of h = 0.08 to 0.64")
     assert reasons["lamps without a size"].startswith("sharp: 'dot'")

@@ -13,34 +13,33 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from light_meshes import Light, Mesh, Scene, Shape, box, cylinder, rectangle, rotate_z, sphere, translate
 from light_meshes.picture.prepared import Prepared
 from light_meshes.rays.camera import camera_rays
-from light_meshes.scene.description import Light, Scene
 from light_meshes.shadows.method import Receivers
-from meshes import GREY, Mesh, Part, assemble, box, cylinder, look_down, move, rectangle, sphere, turn_z
-from scenes import settings, with_settings
+from scenes import GREY, look_down, settings
 
 HALF = 1.0  # of the square receiver
 
 
-def floor() -> Part:
-    return Part(rectangle((-4, -4), (4, 4), 0.0), GREY, "floor")
+def floor() -> Shape:
+    return Shape(rectangle((-4, -4), (4, 4), 0.0), GREY, "floor")
 
 
-def posts(thickness: float = 0.1) -> list[Part]:
+def posts(thickness: float = 0.1) -> list[Shape]:
     """Upright posts on the floor, four of them half as thick."""
     places = [(x, y) for x in (-0.6, 0.0, 0.6) for y in (-0.6, 0.0, 0.6)]
-    return [floor(), *(Part(box((x - t / 2, y - t / 2, 0), (x + t / 2, y + t / 2, 0.5)), GREY, f"post {n}")
+    return [floor(), *(Shape(box((x - t / 2, y - t / 2, 0), (x + t / 2, y + t / 2, 0.5)), GREY, f"post {n}")
                         for n, (x, y) in enumerate(places) for t in [thickness / (1 + n % 2)])]
 
 
-def tabletop() -> list[Part]:
+def tabletop() -> list[Shape]:
     """S3's cylinder and bar, smaller."""
-    return [floor(), Part(cylinder(0.3, 0.2, 0.8, 64), GREY, "cylinder"),
-            Part(box((0.15, -0.06, 0.5), (0.8, 0.06, 0.62)), GREY, "bar")]
+    return [floor(), Shape(cylinder(0.3, 0.2, 0.8, 64), GREY, "cylinder"),
+            Shape(box((0.15, -0.06, 0.5), (0.8, 0.06, 0.62)), GREY, "bar")]
 
 
-def boxes(count: int = 60) -> list[Part]:
+def boxes(count: int = 60) -> list[Shape]:
     """Clutter: turned boxes on and above the floor."""
     random = np.random.default_rng(3)
     parts = [floor()]
@@ -48,17 +47,17 @@ def boxes(count: int = 60) -> list[Part]:
         size = random.uniform(0.02, 0.12, 3)
         x, y = random.uniform(-1, 1, 2)
         z = size[2] if n % 2 else random.uniform(0.1, 0.6)
-        parts.append(Part(box(-size, size), GREY, f"box {n}", [move(x, y, z) @ turn_z(random.uniform(0, 3))]))
+        parts.append(Shape(box(-size, size), GREY, f"box {n}", [translate(x, y, z) @ rotate_z(random.uniform(0, 3))]))
     return parts
 
 
-def board() -> list[Part]:
+def board() -> list[Shape]:
     """A board that leans from the floor at x = −.8 to a height of 1.2 at x = .6, .6 wide."""
     v = np.array([(-0.8, -0.3, 0), (-0.8, 0.3, 0), (0.6, 0.3, 1.2), (0.6, -0.3, 1.2)], float)
-    return [floor(), Part(Mesh(v, np.array([(0, 1, 2), (0, 2, 3)])), GREY, "board")]
+    return [floor(), Shape(Mesh(v, np.array([(0, 1, 2), (0, 2, 3)])), GREY, "board")]
 
 
-def plant(leaves: int = 10000) -> list[Part]:
+def plant(leaves: int = 10000) -> list[Shape]:
     """A bush of small leaves, two triangles each."""
     random = np.random.default_rng(5)
     centre = random.normal(0, 1, (leaves, 3))
@@ -70,23 +69,23 @@ def plant(leaves: int = 10000) -> list[Part]:
     v = np.stack([centre - a, centre - b, centre + a, centre + b], 1).reshape(-1, 3)
     k = 4 * np.arange(leaves)[:, None]
     t = np.concatenate([k + np.array(which) for which in ((0, 1, 2), (0, 2, 3))])
-    return [floor(), Part(Mesh(v, t), GREY, "plant")]
+    return [floor(), Shape(Mesh(v, t), GREY, "plant")]
 
 
-def curved() -> list[Part]:
+def curved() -> list[Shape]:
     """A hollow of a sphere of radius 3 as the receiver, and two balls above it."""
     n = 97
     x, y = np.meshgrid(np.linspace(-1.5, 1.5, n), np.linspace(-1.5, 1.5, n), indexing="ij")
     v = np.stack([x, y, 3 - np.sqrt(9 - x**2 - y**2)], -1).reshape(-1, 3)
     i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
     t = np.concatenate([np.stack([i, i + n, i + n + 1], 1), np.stack([i, i + n + 1, i + 1], 1)])
-    return [Part(Mesh(v, t), GREY, "hollow"), Part(sphere(0.25), GREY, "ball", [move(-0.3, 0.2, 0.7)]),
-            Part(sphere(0.1), GREY, "small", [move(0.4, -0.3, 0.25)])]
+    return [Shape(Mesh(v, t), GREY, "hollow"), Shape(sphere(0.25), GREY, "ball", [translate(-0.3, 0.2, 0.7)]),
+            Shape(sphere(0.1), GREY, "small", [translate(0.4, -0.3, 0.25)])]
 
 
-def ball() -> list[Part]:
+def ball() -> list[Shape]:
     """A sphere that stands on the floor."""
-    return [floor(), Part(sphere(0.4, 96, 48), GREY, "ball", [move(0, 0, 0.4)])]
+    return [floor(), Shape(sphere(0.4, 96, 48), GREY, "ball", [translate(0, 0, 0.4)])]
 
 
 SCENES = {"posts": posts, "thin posts": lambda: posts(0.02), "tabletop": tabletop, "boxes": boxes, "board": board,
@@ -107,7 +106,7 @@ LAMPS = {
 def scene_of(name: str, lamp: str, pixels: int = 160, **values: float) -> Scene:
     """The scene from above under the lamp."""
     light = replace(LAMPS[lamp], softness="SIZE")
-    return assemble(SCENES[name](), look_down(0, 0, 2 * HALF, pixels, height=1e-3 + 6), [light],
+    return Scene.from_shapes(SCENES[name](), look_down(0, 0, 2 * HALF, pixels, height=1e-3 + 6), [light],
                     settings(**({"h": 0.0125, "kI": 2.0, "shadows": "LIGHT_MESHES"} | values)))
 
 
@@ -128,7 +127,7 @@ class Seen:
 
     def by(self, shadows: str, samples: int = 64, **values: float) -> np.ndarray:
         """S (n,L) by a method; `samples` rays a light by AREA_SAMPLING."""
-        scene = with_settings(self.ready.scene, shadows=shadows, light_samples=samples, seed=1, **values)
+        scene = self.ready.scene.with_settings(shadows=shadows, light_samples=samples, seed=1, **values)
         ready = Prepared(scene)
         S = ready.shadowing.method(self.at, lambda: None)[..., 0]
         self.counts = ready.stats.counts
