@@ -1,4 +1,4 @@
-"""The ray tracer's shadow stage against Embree alone, on the very same rays."""
+"""Compare the ray tracer's shadow stage with Embree alone on the same rays."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ Chunk = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # 
 
 
 class Recorder:
-    """An Embree scene that keeps the rays it is asked about."""
+    """An Embree scene that stores the rays that it is called with."""
 
     def __init__(self, scene: Any) -> None:
         self.scene = scene
         self.chunks: list[Chunk] = []
 
     def run(self, origins: NDArray, directions: NDArray, dists: NDArray, **options: Any) -> Any:
-        """As EmbreeScene.run."""
+        """The same as EmbreeScene.run."""
         if options.get("query") == "OCCLUDED":
             self.chunks.append((origins.copy(), directions.copy(), dists.copy()))
         return self.scene.run(origins, directions, dists=dists, **options)
 
 
 class ShadowRays:
-    """The shadow rays of a sharp picture, in the order of its tiles, ready made for Embree."""
+    """The shadow rays of a picture with sharp shadows, in the order of its tiles and in the form that Embree needs."""
 
     def __init__(self, scene: Scene, tile: int) -> None:
         ready = Prepared(scene)
@@ -50,12 +50,12 @@ class ShadowRays:
                         for i in range(0, self.count, CHUNK)]
 
     def trace(self, threads: int) -> float:
-        """Thread seconds of Embree for all of them, as `threads` threads take them in chunks."""
+        """Return the thread seconds that Embree needs for all rays, in chunks on `threads` threads."""
         def run(chunk: Chunk) -> None:
             self._embree.run(chunk[0], chunk[1], dists=chunk[2], query="OCCLUDED")
 
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, self._chunks[:threads]))  # the threads are up, the caches warm
+            list(pool.map(run, self._chunks[:threads]))  # start the threads and warm the caches up
             started = time.perf_counter()
             list(pool.map(run, self._chunks))
             return (time.perf_counter() - started) * threads

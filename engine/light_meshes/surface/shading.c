@@ -1,19 +1,19 @@
-/* Ω, what light i brings to a receiver where nothing stands between (shading.py), for receivers side by side.
+/* Ω, the light that light i brings to a receiver if nothing stands between (shading.py), for several receivers at once.
 
-   Loops over the receivers of a block have no branch that depends on one, so that compilers make vectors of them. Each
-   is written once for all types of light: the type is a constant wherever `arriving` stands, and what others need of it
-   is left out. */
+   The loops over the receivers of a block have no branch that depends on the receiver, so that compilers can
+   vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
+   inlined, so code that only other types need is removed. */
 #include "../lights/types.h"
 
-enum { SIDE = 32 };  /* receivers that are lit side by side */
+enum { SIDE = 32 };  /* how many receivers are lit at once */
 
-/* Receivers side by side. Bits 0..2 of `returns`: channels in which matt is not 0, 3..5 those of gloss. */
+/* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for gloss. */
 typedef struct {
     f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
     u64 returns[SIDE];
 } Block;
 
-/* All lights and materials, and the hits of rays with `direction`, as shading.py has them. */
+/* All lights and materials, and the hits of rays with `direction`, as in shading.py. */
 typedef struct {
     const i8 *type;
     const f64 *position, *direction, *intensity, *edge, *slope, *axes;
@@ -50,7 +50,8 @@ static Source source_of(const Lights *l, i64 i) {
                     {c[0], c[1], c[2]}, l->axes + 9 * i};
 }
 
-/* Takes the receivers from `first` on; the last also fills the places that are left. Returns whether any shines. */
+/* Loads the receivers from `first` on; the last receiver also fills places that are left over. Returns whether any
+   of them has gloss. */
 static int fill(Block *b, i64 first, const Materials *materials, const Receivers *hits) {
     int glossy = 0;
     for (int k = 0; k < SIDE; k++) {
@@ -70,7 +71,8 @@ static int fill(Block *b, i64 first, const Materials *materials, const Receivers
     return glossy;
 }
 
-/* What of a light arrives at a receiver: ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both times |L − P|. */
+/* What arrives from a light at a receiver: whether ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both multiplied
+   by |L − P|. */
 typedef struct {
     int lit;
     f64 power, inverse, cosine, lobe;
@@ -85,7 +87,7 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
     return (Arriving){way.lit, way.power, way.inverse, cosine, lobe};
 }
 
-/* Sets the light's bit of the receivers that it reaches. */
+/* Sets the light's bit for the receivers that it reaches. */
 INLINE void mark(int kind, const Source *s, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
     for (int k = 0; k < SIDE; k++) {
         Arriving a = arriving(kind, s, b, k);
@@ -95,8 +97,8 @@ INLINE void mark(int kind, const Source *s, u64 own, u64 colour, int unlit, cons
     }
 }
 
-/* Fills active: the bits of ξ_i·Ω_i ≠ 0. unlit: lights that reach P (ξ_i·I_i·f_att ≠ 0) count even where the material
-   returns nothing (the shadow passes want them). */
+/* Fills active with the bits of the lights for which ξ_i·Ω_i ≠ 0. unlit: also sets the bits of lights that reach P
+   (ξ_i·I_i·f_att ≠ 0) but from which the material reflects nothing; the shadow passes need these. */
 KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
 i64 shading_reaching(i64 L, i64 M, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
     GATHERED;
@@ -148,8 +150,8 @@ INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int
     }
 }
 
-/* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour; to matt and gloss, where there are any, its two terms. S is 0
-   where ξ_i·Ω_i is, which is not asked again. */
+/* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
+   must be 0 where ξ_i·Ω_i is 0; this is not checked again. */
 KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
 i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour, f64 *matt, f64 *gloss) {
     GATHERED;
@@ -180,7 +182,8 @@ i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour,
     return 0;
 }
 
-/* Adds to one, matt and gloss, what a light would give a white surface if it were seen; most: S where that is above 1. */
+/* Adds to one (matt and gloss) what a light would give a white surface if it were visible; most: S if that is above
+   1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
     Arriving a = arriving(s->kind, s, b, k);
     f64 power = a.power * (most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])));
@@ -188,10 +191,11 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
     if (s->glossy && b->returns[k] > 7 && a.lobe > 0.0 && a.cosine > 0.0) one[1] += power * lobe_power(a, nShiny);
 }
 
-/* By how much the light of a white surface may change nearby: by the share `jump` of lights seen in part, by `step` of all
-   others. order: lights whose numbers in `group` are equal stand side by side. They stand together in the scene and count
-   as one, in part where one is; groups go their own ways, and so the root of their squares' sum counts. Where S > 1,
-   focused light, S times that. */
+/* Computes how much the light of a white surface may change nearby. A light that is partly visible changes by the
+   share `jump`, all others by `step`. order: sorts lights so that those with equal numbers in `group` follow each
+   other. Lights of a group are close together in the scene and count as one, which is partly visible if one of them
+   is. Different groups are independent, so the root of the sum of their squares is used. Where S > 1 (focused
+   light), the value is multiplied by S. */
 KERNEL(shading_steps,
        LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  jump f64  step f64  matt f64[n]!  gloss f64[n]!")
 i64 shading_steps(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, const i64 *group, const i64 *order, f64 jump,
@@ -199,8 +203,8 @@ i64 shading_steps(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, const i64 *gr
     GATHERED;
     Block block;
     for (i64 first = 0; first < n; first += SIDE) {
-        f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of a group, and the squares' sum: matt and gloss */
-        int some[SIDE] = {0};                            /* a light of the group is seen in part */
+        f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of the group, and the sum of squares: matt and gloss */
+        int some[SIDE] = {0};  /* whether a light of the group is partly visible */
         fill(&block, first, &materials, &hits);
         for (i64 at = 0; at < L; at++) {
             i64 i = order[at];
@@ -226,7 +230,7 @@ i64 shading_steps(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, const i64 *gr
     return 0;
 }
 
-/* Emission + Ia·ka·Od, and the second term alone. */
+/* Computes emission + Ia·ka·Od, and separately only the second term. */
 KERNEL(shading_unlit,
        "ka f64[M]  emission f64[M,3]  material i32[n]  Ia f64[3]  Od f64[n,3]  colour f64[n,3]!  ambient f64[n,3]!")
 i64 shading_unlit(i64 M, i64 n, const f64 *ka, const f64 *emission, const i32 *material, const f64 *Ia, const f64 *Od,
@@ -251,7 +255,8 @@ i64 shading_unlink(i64 o, i64 W, i64 n, const u64 *linked, const i32 *owner, u64
     return 0;
 }
 
-/* R = d − 2(d·N)N by the shading normal; by the geometric one where that would enter the surface. */
+/* Computes R = d − 2(d·N)N with the shading normal, or with the geometric one if R would otherwise enter the
+   surface. */
 KERNEL(shading_mirrored, "way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  out f64[n,3]!")
 i64 shading_mirrored(i64 n, const f64 *way, const f64 *Ng, const f64 *Ns, f64 *out) {
     for (i64 p = 0; p < n; p++) {
