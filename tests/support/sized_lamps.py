@@ -90,7 +90,6 @@ def ball() -> list[Shape]:
 
 SCENES = {"posts": posts, "thin posts": lambda: posts(0.02), "tabletop": tabletop, "boxes": boxes, "board": board,
           "plant": plant, "curved": curved, "ball": ball}
-_AIM = (-0.4 / 2.0396, -0.4 / 2.0396, -2.0 / 2.0785)
 LAMPS = {
     "sphere": Light("lamp", "POINT", (1.0,) * 3, position=(1.0, 0.7, 2.5), radius=0.3),
     "spot": Light("lamp", "SPOT", (1.0,) * 3, position=(-0.8, 1.0, 2.2), direction=(0.31, -0.39, -0.87),

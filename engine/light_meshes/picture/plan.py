@@ -20,6 +20,8 @@ from ..shadows.registry import KINDS, NONE
 from ..shadows.sized import LEVELS, MORE_RAYS, RAYS
 from ..support.bits import has
 
+LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that nodes may answer
+
 
 @dataclass
 class Plan:
@@ -31,6 +33,7 @@ class Plan:
     paths: bool = False  # shadow paths bend (eq. 6)
     uniform_skip: bool = False
     shadow_rate: int = 1  # pixels between the points whose light is interpolated
+    certifies_lamps: bool = False  # the same for lamps with a size, which it spares more rays
     certificate: bool = False  # no short rays where nothing else is near
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
@@ -183,8 +186,8 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters) -> None:
         p.decide("lamps without a size", "sharp", f"{names(points)}: one ray says all of a point")
     if lamps:
         how, why = "shares at nodes", (
-            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; up to {RAYS} "
-            "rays where it is narrower than r, or something is near")
+            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; {RAYS} rays "
+            f"where it is narrower than r, up to {MORE_RAYS} where something is near")
         if p.paths:
             how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
         elif p.channels:
@@ -203,6 +206,7 @@ def _short_rays(p: Plan, scene: Scene) -> None:
              "nodes behind glass count in part" if through else "exact, saves short rays")
     rays, triangles = s.samples * scene.camera.width * scene.camera.height, len(scene.geometry.triangle_materials)
     p.certificate = rays >= 2 * triangles
+    p.certifies_lamps = LAMP_RAYS * rays >= 2 * triangles
     p.decide("certificate", "on" if p.certificate else "off",
              "no short rays where only a convex object, or one plane, is near" if p.certificate else
              "more triangles to look at than it would save short rays")

@@ -94,6 +94,8 @@ def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: 
         proof = _certificate(world, s.h * float(reach[-1]), stats, old)
         if proof is None:
             plan.reasons["certificate"] = "off: no object is convex, no surface plane"
+    elif any(light.softness == "SIZE" for light in lights) and plan.certifies_lamps:
+        casts = _casts(world)
     ring = np.searchsorted(reach, np.minimum(steps, reach[-1]))
     found = LatticeSetup(nodes, classes(ring, s.h * reach, soft), proof, plan.uniform_skip, world.surfaces, casts)
     return found, radii, warnings

@@ -28,9 +28,9 @@ LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
-RAYS = 24  # from a receiver to a lamp, at most,
-MORE_RAYS = 32  # and where no nodes help, as light comes through surfaces:
-FIRST_RAYS = 16  # where these agree no more are traced
+# Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
+RAYS = 16  # from a receiver to a lamp where the penumbra is narrow,
+MORE_RAYS = 32  # and where no node may answer and they disagree
 BATCH = 1 << 15  # receivers at once
 
 
@@ -66,7 +66,6 @@ class SizedLamps(Method):
         self._lamps = lamps(setup)
         # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
         self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
-        self._rays = RAYS if self.levels else MORE_RAYS
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
         assert setup.lattice is not None
@@ -98,7 +97,7 @@ class SizedLamps(Method):
             by_rays[rows] |= self._ask(Batch(some, rows, S, check))
         self._stats.add(lamp_pairs=_count(soft))
         for row, light in pairs.blocks(by_rays, self._count):
-            S[row, light] = self._by_rays(at, row, light, check)
+            S[row, light] = self._by_rays(at, row, light, np.ones(len(row), np.bool_), check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0
@@ -154,7 +153,7 @@ class SizedLamps(Method):
         trust = _trust(width, WIDE)
         near = np.flatnonzero(trust < 1)
         if len(near):
-            rays = self._by_rays(batch.at, row[near], light[near], batch.check)[:, 0]
+            rays = self._by_rays(batch.at, row[near], light[near], width[near] == 0, batch.check)[:, 0]
             value[near] = trust[near] * value[near] + (1 - trust[near]) * rays
         rest = np.flatnonzero(width >= 2 * WIDER)
         for level in self.levels[1:]:
@@ -190,16 +189,16 @@ class SizedLamps(Method):
         with self._stats.stage("certificate"):
             return level.certificate.holds(g.place, at.normals()[g.first], at.triangle[g.first])
 
-    def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32],
+    def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], alone: NDArray[np.bool_],
                  check: Check) -> NDArray[np.float32]:
-        """The share (k,C) of points on light[k] that P[row[k]] sees."""
+        """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         self._stats.add(ray_pairs=len(row))
         with self._stats.stage("rays near contact"):
-            clear = self._clear(at, row, light, 0, FIRST_RAYS, check)
-            share = clear / FIRST_RAYS
-            more = np.flatnonzero(((clear > 0) & (clear < FIRST_RAYS)).any(1))
-            clear = clear[more] + self._clear(at, row[more], light[more], FIRST_RAYS, self._rays - FIRST_RAYS, check)
-            share[more] = clear / self._rays
+            clear = self._clear(at, row, light, 0, RAYS, check)
+            share = clear / RAYS
+            more = np.flatnonzero(alone & ((clear > 0) & (clear < RAYS)).any(1))
+            clear = clear[more] + self._clear(at, row[more], light[more], RAYS, MORE_RAYS - RAYS, check)
+            share[more] = clear / MORE_RAYS
         return share.astype(np.float32)
 
     def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
