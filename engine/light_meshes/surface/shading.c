@@ -79,15 +79,16 @@ static int fill(Block *b, i64 first, const Materials *materials, const Receivers
     return glossy;
 }
 
-/* What of a light arrives at a receiver: ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both times |L − P|. */
+/* What of a light arrives at a receiver: ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both times |L − P|.
+   `lit` is as wide as the numbers: vectors of both have the same length. */
 typedef struct {
-    int lit;
+    i64 lit;
     f64 power, inverse, cosine, lobe;
 } Arriving;
 
 INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
     f64 x, y, z, inverse = 1.0, power = 1.0;
-    int lit = 1;
+    i64 lit = 1;
     if (kind == SUN) {
         x = -s->u, y = -s->v, z = -s->w;
     } else {
@@ -148,11 +149,12 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
     }
 
 /* Sets the light's bit of the receivers that it reaches. */
-INLINE void mark(int kind, const Source *s, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
+INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, const Block *b, u64 *bits) {
+    u64 matt_colour = s->diffuse ? colour : 0, gloss_colour = s->glossy ? colour << 3 : 0;
     for (int k = 0; k < SIDE; k++) {
         Arriving a = arriving(kind, s, b, k);
-        int matt = s->diffuse & ((b->returns[k] & colour) != 0), gloss = s->glossy & ((b->returns[k] & colour << 3) != 0);
-        int lit = a.lit & (unlit | (matt & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
+        i64 matt = (b->returns[k] & matt_colour) != 0, gloss = (b->returns[k] & gloss_colour) != 0;
+        i64 lit = a.lit & (unlit | (matt & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
         bits[k] |= lit ? own : 0;
     }
 }
@@ -228,6 +230,10 @@ i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour,
                     i64 p = k < count ? first + k : n - 1;
                     share[c][k] = S[(p * L + i) * C + c];
                 }
+            u32 any = 0;  /* −0 and 0 are none */
+            for (i64 c = 0; c < C; c++)
+                for (int k = 0; k < SIDE; k++) any |= share[c][k] != 0.0;
+            if (!any) continue;
             if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
             if (shines && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
         }
