@@ -52,7 +52,7 @@ def test_ready_made_rays_meet_the_same(both, n):
     hit = other.triangle >= 0
     assert (one.triangle == other.triangle).all() and (far == farther).all()
     assert (one.u[hit] == other.u[hit]).all() and (one.v[hit] == other.v[hit]).all()
-    assert n < 100 or 0.1 < blocked.mean() < 0.9 and 0.1 < hit.mean() < 0.9
+    assert n < 100 or (0.1 < blocked.mean() < 0.9 and 0.1 < hit.mean() < 0.9)
 
 
 @pytest.mark.parametrize("normals", [False, True])
@@ -71,7 +71,8 @@ def test_rays_made_on_the_way_meet_the_same(both, normals):
     target, directional = random.uniform(-1, 1, (50, 3)), random.random(50) < 0.3
     which, to = random.integers(n, size=n).astype(np.int32), random.integers(50, size=n).astype(np.int32)
     for closed in (False, True):
-        one, other = (a.occluded_of(*frame, o, normal, which, target, directional, to, closed) for a in (direct, by_run))
+        segments = *frame, o, normal, which, target, directional, to, closed
+        one, other = (a.occluded_of(*segments) for a in (direct, by_run))
         assert 0.1 < one.mean() < 0.9 and (one == other).all()
 
 

@@ -14,7 +14,7 @@ from ..support.native import kernel
 from ..support.text import quoted
 from .mattes import KINDS, Mattes
 
-_sum = kernel("passes_add")
+_sum, _means = kernel("passes_add"), kernel("passes_means")
 
 NO_DEPTH = 1e10  # as Cycles writes it
 
@@ -92,7 +92,6 @@ class Tile:
 
     def add_light(self, rays: dict[str, NDArray], weight: NDArray, colour: NDArray, terms: dict[str, NDArray]) -> None:
         """Combined += weight·colour. `terms`: pass → its share of colour, where the camera itself sees the surface."""
-        colour = np.broadcast_to(colour, weight.shape)
         _add(self.samples["Combined"], rays["pixel"], weight, colour)
         if not self.parts:
             return
@@ -100,8 +99,7 @@ class Tile:
             rows = rays["part"] == part
             for name, share in shares.items():
                 if name in self.samples:
-                    share = np.broadcast_to(share, weight.shape)
-                    _add(self.samples[name], rays["pixel"][rows], weight[rows], share[rows])
+                    _add(self.samples[name], rays["pixel"][rows], weight[rows], share[rows] if share.ndim > 1 else share)
 
     def take_alpha(self, pixel: NDArray, weight: NDArray) -> None:
         """Alpha −= the mean of weight (n,3): here the picture stays open."""
@@ -127,17 +125,20 @@ class Tile:
         if name.startswith(KINDS):
             found = self.mattes.developed(name, len(self.seen) // per_pixel, per_pixel)
             return found.reshape(box[3] - box[1], box[2] - box[0], -1)
-        pixels = self.samples[name].reshape(-1, per_pixel, self.samples[name].shape[1])
-        total = pixels[:, 0]
-        if name not in _CENTRE:
-            total = total.copy()
-            for s in range(1, per_pixel):
-                total += pixels[:, s]
-            total /= per_pixel
-        return total.reshape(box[3] - box[1], box[2] - box[0], -1)
+        samples = self.samples[name]
+        if name in _CENTRE:
+            means = samples[::per_pixel]
+        else:
+            means = np.empty((len(samples) // per_pixel, samples.shape[1]))
+            _means(samples, means)
+        return means.reshape(box[3] - box[1], box[2] - box[0], -1)
 
 
 def _add(samples: NDArray[np.float64], pixel: NDArray[np.int64], weight: NDArray[np.float64],
          colour: NDArray[np.float64], first: int = 0) -> None:
-    """Add weight·colour to samples[pixel], from column `first` on; the rays of one pixel in their order."""
-    _sum(samples, first, pixel, np.ascontiguousarray(weight, np.float64), np.ascontiguousarray(colour, np.float64))
+    """Add weight·colour to samples[pixel], from column `first` on; the rays of one pixel in their order.
+
+    colour: of each ray (n,c), or one (c,) of all.
+    """
+    colour = np.ascontiguousarray(colour, np.float64)
+    _sum(samples, first, pixel, np.ascontiguousarray(weight, np.float64), colour if colour.ndim > 1 else colour[None])
