@@ -165,3 +165,25 @@ def test_the_certificate_stays_while_the_casters_and_r_do():
                       with_object(scene, 2, visible_shadow=False)):
             _, _, first, then = after(scene, other)
             assert first.certificate is not then.certificate
+
+
+def test_it_does_not_depend_on_threads():
+    """Convex instances and planes, of several objects each, are found by threads that share them out."""
+    parts = [Part(SHAPES[name]) for name in ("ball", "stairs", "cut sheet", "room", "cut box", "bowl", "coarse ball")]
+    scene = assemble([*parts, *parts], GREY, LIGHTS, look_at((3, -4, 3), (0, 0, 0), 64, 64), settings(samples=4))
+    found = []
+    for threads in (1, 2, 5):
+        processors.tell(threads)
+        try:
+            found.append(forced_on(scene).certificate)
+        finally:
+            processors.tell(None)
+    for other in found[1:]:
+        for name in ("body", "clear", "keys", "only", "cell"):
+            assert np.array_equal(getattr(found[0], name), getattr(other, name)), name
+        assert all(np.array_equal(a, b) for a, b in zip(found[0].convex, other.convex, strict=True))
+
+
+def test_without_lamps_there_is_none():
+    ready = prepare(replace(tabletop(64, shadows="LIGHT_MESHES", samples=16), lights=()), ("Combined",))
+    assert ready.certificate is None and "certificate" not in ready.stats.seconds
