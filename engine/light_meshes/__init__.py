@@ -1,8 +1,80 @@
-"""Light Meshes: soft shadows from point lights by the light meshes method (Debelov et al., 2008)."""
+"""Light Meshes: soft shadows from point lights by the light meshes method (Debelov et al., 2008).
+
+What a program needs to describe a scene, render it and write the picture is here; docs/python.md shows how. A name is
+imported when it is first used: the version costs no time, and a scene's description no more than numpy.
+"""
 
 import sys
+from typing import TYPE_CHECKING
 
 if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:
     del sys.path[0]  # run as a program: nothing of the current folder is run
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from .film.passes import PASSES
+    from .frontends.program import Picture, read_snapshot, render, write_snapshot
+    from .picture.render import Cancelled
+    from .scene.description import Camera, Geometry, Image, Light, Material, Object, Scene, Settings, Shape
+    from .scene.errors import SceneError
+    from .scene.mesh import Mesh, box, cylinder, rectangle, sphere
+    from .scene.transforms import rotate_x, rotate_y, rotate_z, scale, translate
+    from .support.sources import KernelError
+else:
+    _MODULES = {
+        "film.passes": ("PASSES",),
+        "frontends.program": ("Picture", "read_snapshot", "render", "write_snapshot"),
+        "picture.render": ("Cancelled",),
+        "scene.description": (
+            "Camera", "Geometry", "Image", "Light", "Material", "Object", "Scene", "Settings", "Shape"),
+        "scene.errors": ("SceneError",),
+        "scene.mesh": ("Mesh", "box", "cylinder", "rectangle", "sphere"),
+        "scene.transforms": ("rotate_x", "rotate_y", "rotate_z", "scale", "translate"),
+        "support.sources": ("KernelError",),
+    }
+
+    def __getattr__(name):
+        """The object of that name, from the module that has it."""
+        from importlib import import_module
+
+        for module, names in _MODULES.items():
+            if name in names:
+                found = globals()[name] = getattr(import_module(f".{module}", __name__), name)
+                return found
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__():
+        """What the package exports, whether imported yet or not."""
+        return sorted({*globals(), *__all__})
+
+__all__ = [
+    "PASSES",
+    "Camera",
+    "Cancelled",
+    "Geometry",
+    "Image",
+    "KernelError",
+    "Light",
+    "Material",
+    "Mesh",
+    "Object",
+    "Picture",
+    "Scene",
+    "SceneError",
+    "Settings",
+    "Shape",
+    "__version__",
+    "box",
+    "cylinder",
+    "read_snapshot",
+    "rectangle",
+    "render",
+    "rotate_x",
+    "rotate_y",
+    "rotate_z",
+    "scale",
+    "sphere",
+    "translate",
+    "write_snapshot",
+]

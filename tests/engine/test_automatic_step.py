@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Scene, Shape, box, rectangle
 from light_meshes.film.images import Framebuffer
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import draw, measure, render_image
 from light_meshes.scene.description import Light
 from light_meshes.scene.errors import SceneError
-from meshes import GREY, Part, assemble, box, look_at, rectangle
-from scenes import WHITE, point, settings, sun, with_lights, with_settings
+from scenes import GREY, WHITE, point, settings, sun, with_lights
 
 LAMP = point((4.1, 1.0, 5.9), radius=0.1, name="lamp")  # where Blender's first scene has it
 KINDS = {
@@ -25,10 +25,11 @@ KINDS = {
 
 def first_scene(*lights, **values):
     """Blender's cube, camera and lamp, on a floor."""
-    parts = [Part(box((-1, -1, -1), (1, 1, 1)), GREY, "cube"),
-             Part(rectangle((-10, -10), (10, 10), -1.0), WHITE, "floor")]
-    return assemble(parts, look_at((7.36, -6.93, 4.96), (0.2, -0.2, 0.1), 39.6, 120, 68), lights or [LAMP],
-                    settings(**({"auto_h": True, "kI": 3.0, "weights": "SMOOTH", "samples": 4} | values)))
+    parts = [Shape(box((-1, -1, -1), (1, 1, 1)), GREY, "cube"),
+             Shape(rectangle((-10, -10), (10, 10), -1.0), WHITE, "floor")]
+    camera = Camera.look_at((7.36, -6.93, 4.96), (0.2, -0.2, 0.1), 39.6, 120, 68)
+    return Scene.from_shapes(parts, camera, lights or [LAMP],
+                             settings(**({"auto_h": True, "kI": 3.0, "weights": "SMOOTH", "samples": 4} | values)))
 
 
 def own(light, r):
@@ -57,14 +58,14 @@ def test_no_point_of_the_first_scene_is_without_a_node(kind, softness, kI):
 def test_a_radius_larger_than_the_step_changes_nothing():
     scene = first_scene(own(LAMP, 0.2))
     h = measure(scene)["h"]
-    by_hand = render_image(with_settings(scene, auto_h=False, h=h))
+    by_hand = render_image(scene.with_settings(auto_h=False, h=h))
     assert render_image(scene).statistics["h"] == h
     np.testing.assert_array_equal(render_image(scene).passes["Combined"], by_hand.passes["Combined"])
 
 
 def test_the_edge_is_nearer_to_a_lamp_with_a_size_than_a_sharp_one_is():
     scene = first_scene(sized(replace(LAMP, radius=0.2)), samples=9)
-    soft, sharp, area = (render_image(with_settings(scene, shadows=shadows, light_samples=256)).passes["Combined"]
+    soft, sharp, area = (render_image(scene.with_settings(shadows=shadows, light_samples=256)).passes["Combined"]
                          for shadows in ("LIGHT_MESHES", "SHARP", "AREA_SAMPLING"))
     error = [np.sqrt(((a - area)**2).mean()) for a in (soft, sharp)]
     assert error[0] < 0.75 * error[1]
@@ -111,10 +112,10 @@ def test_nodes_are_bounded_however_small_the_radius():
 
 def test_a_radius_of_very_many_steps_makes_the_step_coarser_where_it_may():
     scene = first_scene(own(LAMP, 2.0))
-    found = render_image(with_settings(scene, samples=1))
+    found = render_image(scene.with_settings(samples=1))
     assert found.warnings == [] and found.statistics["radii"] == [pytest.approx(2.0)]
     assert found.statistics["h"] == pytest.approx(2.0 / 16)
-    mixed = render_image(with_settings(first_scene(own(LAMP, 2.0), point((-3, -4, 5), 20, name="other")), samples=1))
+    mixed = render_image(first_scene(own(LAMP, 2.0), point((-3, -4, 5), 20, name="other")).with_settings(samples=1))
     assert "'lamp'" in mixed.warnings[0] and mixed.statistics["radii"][0] == pytest.approx(mixed.statistics["r"])
 
 
@@ -130,7 +131,7 @@ def test_it_depends_on_nothing_but_the_scene_and_its_camera():
     np.testing.assert_array_equal(crop.passes["Combined"], whole.passes["Combined"][20:40, 10:50])
     # What an animation measures once, and gives to each of its frames.
     found = measure(scene)
-    given = with_settings(with_lights(scene, own(LAMP, found["radii"][0]), scene.lights[1]), measured_h=found["h"])
+    given = with_lights(scene, own(LAMP, found["radii"][0]), scene.lights[1]).with_settings(measured_h=found["h"])
     np.testing.assert_array_equal(render_image(given).passes["Combined"], whole.passes["Combined"])
     # And what the window keeps between pictures, whose lamps have changed.
     first = Prepared(first_scene(LAMP, scene.lights[1]))

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Scene, Shape, box, cylinder, rectangle
 from light_meshes.bench import command, decisions, errors, plots, rates, runs, scenes, targets
 from light_meshes.bench.embree import ShadowRays
 from light_meshes.picture.plan import forced
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Light, Material
-from meshes import Part, assemble, box, cylinder, look_at, rectangle
 from profiles import QUANTISATION, half_ball
-from scenes import edge, four_lights, hall, settings, with_lights, with_settings
+from scenes import edge, four_lights, hall, settings, with_lights
 
 needs_blender = pytest.mark.skipif(not importlib.util.find_spec("bpy"), reason="bpy is not installed")
 
@@ -94,7 +94,7 @@ def test_the_same_power_whatever_the_number_of_lights():
 # --- Rays, targets ------------------------------------------------------------------------------------------
 
 def test_embree_alone_gets_the_very_rays_of_the_picture():
-    scene = with_settings(hall(4, width=48), shadows="SHARP")
+    scene = hall(4, width=48).with_settings(shadows="SHARP")
     rays = ShadowRays(scene, 16)
     assert rays.count == render_image(scene, tile_size=16).statistics["shadow_rays"] > 1000
     assert rays.trace(2) > 0
@@ -170,10 +170,11 @@ def test_a_shadow_rate_is_measured_against_every_sample(tmp_path):
 
 def glass(**values):
     bent = Material("glass", Od=(0.4, 0.4, 0.4), kd=0.3, kt=(0.7, 0.7, 0.7), ior=1.5)
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), name="floor"),
-             Part(cylinder(0.6, 0.3, 1.0, 16), bent, "glass"), Part(box((0.8, -0.2, 0), (1.2, 0.2, 0.9)), name="box")]
-    return assemble(parts, look_at((3, -4, 3), (0, 0, 0.3), 40, 32, 32), [Light("light", "POINT", (20.0,) * 3,
-                    position=(1.5, -1.0, 4.0))], settings(h=0.1, kI=2.0, refraction="FULL", mode="WHITTED", **values))
+    parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), name="floor"),
+             Shape(cylinder(0.6, 0.3, 1.0, 16), bent, "glass"), Shape(box((0.8, -0.2, 0), (1.2, 0.2, 0.9)), name="box")]
+    return Scene.from_shapes(parts, Camera.look_at((3, -4, 3), (0, 0, 0.3), 40, 32, 32),
+                             [Light("light", "POINT", (20.0,) * 3, position=(1.5, -1.0, 4.0))],
+                             settings(h=0.1, kI=2.0, refraction="FULL", mode="WHITTED", **values))
 
 
 def still():

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Mesh, Scene, Shape, box, rectangle, scale, sphere, translate
 from light_meshes.picture.render import render_image
-from light_meshes.scene.description import SHADOWS, Camera, Light
+from light_meshes.scene.description import SHADOWS, Light
 from light_meshes.scene.errors import SceneError
-from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, scale, sphere
-from scenes import GREY, WHITE, four_lights, point, settings, sun, tabletop, with_lights, with_settings
+from scenes import GREY, WHITE, four_lights, joined, look_down, point, settings, sun, tabletop, with_lights
 
 SUPPORT = Path(__file__).parents[1] / "support"
 
@@ -24,9 +24,9 @@ def finite(result):
 
 
 def with_part(mesh, name="extra", **values):
-    floor = Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor")
-    return assemble([floor, Part(mesh, GREY, name)], look_at((2, -3, 2), (0, 0, 0), 45, 32, 32),
-                    [point((1, 1, 3))], settings(h=0.1, **values))
+    floor = Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor")
+    return Scene.from_shapes([floor, Shape(mesh, GREY, name)], Camera.look_at((2, -3, 2), (0, 0, 0), 45, 32, 32),
+                             [point((1, 1, 3))], settings(h=0.1, **values))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 3e38])
@@ -78,8 +78,8 @@ def test_lights_without_energy_add_nothing(shadows):
 
 @pytest.mark.parametrize("shadows", SHADOWS)
 def test_an_empty_scene_is_the_world(shadows):
-    scene = assemble([], look_down(0, 0, 1, 16), [point((0, 0, 3))], settings(shadows=shadows, auto_h=True),
-                     world_color=(0.25, 0.5, 0.75))
+    scene = Scene.from_shapes([], look_down(0, 0, 1, 16), [point((0, 0, 3))], settings(shadows=shadows, auto_h=True),
+                              world_color=(0.25, 0.5, 0.75))
     result = render_image(scene, PASSES)
     assert (result.passes["Combined"] == np.float32([0.25, 0.5, 0.75, 1])).all()
     assert finite(result)
@@ -103,13 +103,13 @@ def test_a_light_whose_size_nothing_opaque_tells_has_the_scenes_radius():
 @pytest.mark.parametrize("auto_h", [True, False])
 def test_a_camera_that_looks_at_nothing_sees_the_world(auto_h):
     scene = tabletop(16, auto_h=auto_h)
-    away = look_at((0, 0, 9), (0, 0, 20), 40, 16, 16)
+    away = Camera.look_at((0, 0, 9), (0, 0, 20), 40, 16, 16)
     picture = render_image(replace(scene, camera=away)).passes["Combined"]
     assert (picture == np.float32([0.05, 0.05, 0.05, 1])).all()
 
 
 def test_a_camera_inside_a_solid_sees_its_unlit_inside():
-    scene = replace(tabletop(32), camera=look_at((0.01, 0.02, 1.0), (1, 0.3, 1.0), 40, 32, 32),
+    scene = replace(tabletop(32), camera=Camera.look_at((0.01, 0.02, 1.0), (1, 0.3, 1.0), 40, 32, 32),
                     world_color=(0.0, 0.0, 0.0))
     result = render_image(scene, PASSES)
     assert finite(result)
@@ -120,12 +120,12 @@ def test_a_camera_inside_a_solid_sees_its_unlit_inside():
 def test_a_light_inside_a_closed_box_stays_in_it():
     """H4 for opaque surfaces: 1 inside, 0 outside."""
     shell = box((-1, -1, 0.0), (1, 1, 2))
-    parts = [Part(rectangle((-6, -6), (6, 6), -0.5), WHITE, "floor"), Part(shell, GREY, "box")]
+    parts = [Shape(rectangle((-6, -6), (6, 6), -0.5), WHITE, "floor"), Shape(shell, GREY, "box")]
     for shadows in ("SHARP", "LIGHT_MESHES"):
-        outside = assemble(parts, look_at((4, -5, 4), (0, 0, 0), 45, 48, 48), [point((0.2, 0.1, 0.9))],
-                           settings(h=0.1, shadows=shadows))
+        outside = Scene.from_shapes(parts, Camera.look_at((4, -5, 4), (0, 0, 0), 45, 48, 48), [point((0.2, 0.1, 0.9))],
+                                    settings(h=0.1, shadows=shadows))
         assert (render_image(outside).passes["Combined"][..., :3] == 0).all()
-        inside = replace(outside, camera=look_at((-0.8, -0.7, 1.8), (0.5, 0.6, 0.2), 60, 48, 48))
+        inside = replace(outside, camera=Camera.look_at((-0.8, -0.7, 1.8), (0.5, 0.6, 0.2), 60, 48, 48))
         assert (render_image(inside, ("Shadow",)).passes["Shadow"] == 1).all()
 
 
@@ -137,8 +137,8 @@ def test_a_floor_of_slivers_is_a_floor(shadows):
     a = np.arange(2000)
     slivers = np.vstack([np.c_[a, a + 1, a + 2002], np.c_[a, a + 2002, a + 2001], np.c_[a, a, a + 1]])
     low = np.tan(np.radians(0.1))
-    pictures = [render_image(assemble(
-        [Part(mesh, WHITE, "floor"), Part(box((0.2, -0.3, 0.0), (0.6, 0.3, 0.002)), GREY, "step")],
+    pictures = [render_image(Scene.from_shapes(
+        [Shape(mesh, WHITE, "floor"), Shape(box((0.2, -0.3, 0.0), (0.6, 0.3, 0.002)), GREY, "step")],
         look_down(0.3, 0, 3, 64), [sun((1, 0.3, -low))], settings(h=0.05, shadows=shadows)), PASSES)
         for mesh in (Mesh(rows, slivers), rectangle((-2, -20), (2, 20), 0.0))]
     assert finite(pictures[0])
@@ -155,10 +155,10 @@ def test_the_ends_of_kIs_range_render(kI):  # noqa: N802
 
 
 def test_a_singular_matrix_gives_a_flat_object_and_no_nan():
-    scene = assemble([Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
-                      Part(sphere(0.5, 12, 8), WHITE, "flat", [move(0, 0, 1) @ scale(1, 1, 0)]),
-                      Part(box((0, 0, 0), (1, 1, 1)), WHITE, "gone", [scale(0, 0, 0)])],
-                     look_at((2, -3, 2), (0, 0, 0), 45, 32, 32), [point((1, 1, 3))], settings(h=0.1))
+    scene = Scene.from_shapes([Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+                               Shape(sphere(0.5, 12, 8), WHITE, "flat", [translate(0, 0, 1) @ scale(1, 1, 0)]),
+                               Shape(box((0, 0, 0), (1, 1, 1)), WHITE, "gone", [scale(0, 0, 0)])],
+                              Camera.look_at((2, -3, 2), (0, 0, 0), 45, 32, 32), [point((1, 1, 3))], settings(h=0.1))
     assert finite(render_image(scene, PASSES))
 
 
@@ -179,7 +179,7 @@ def test_an_instance_whose_matrix_is_no_number_is_named():
     Light("open", "SPOT", (1.0, 1.0, 1.0), position=(0, 0, 3), spot_angle=np.pi, spot_blend=1.0),
 ], ids=lambda light: light.name)
 def test_odd_lights_give_a_finite_picture(light):
-    assert finite(render_image(with_lights(with_settings(tabletop(32), shadows="LIGHT_MESHES"), light), PASSES))
+    assert finite(render_image(with_lights(tabletop(32).with_settings(shadows="LIGHT_MESHES"), light), PASSES))
 
 
 def test_a_distant_lamp_is_a_sun():
@@ -198,12 +198,13 @@ def test_a_world_of_a_hundred_thousand_steps_needs_no_more_memory():
 import numpy as np
 from light_meshes.picture.render import render_image
 from light_meshes.support.statistics import peak_memory
-from meshes import Part, assemble, box, look_at, rectangle
+from light_meshes import Camera, Scene, Shape, box, rectangle
 from scenes import GREY, point, settings
-parts = [Part(rectangle((-{size}, -{size}), ({size}, {size}), 0.0), GREY, "floor"),
-         Part(box((-.2, -.2, 0), (.2, .2, .6)), GREY, "post"),
-         Part(box(({size} - 1, 0, 0), ({size}, 1, {size})), GREY, "tower")]
-scene = assemble(parts, look_at((2, -3, 2), (0, 0, 0), 60, 128, 128), [point((1, 1, 3))], settings(h=0.05))
+parts = [Shape(rectangle((-{size}, -{size}), ({size}, {size}), 0.0), GREY, "floor"),
+         Shape(box((-.2, -.2, 0), (.2, .2, .6)), GREY, "post"),
+         Shape(box(({size} - 1, 0, 0), ({size}, 1, {size})), GREY, "tower")]
+camera = Camera.look_at((2, -3, 2), (0, 0, 0), 60, 128, 128)
+scene = Scene.from_shapes(parts, camera, [point((1, 1, 3))], settings(h=0.05))
 picture = render_image(scene).passes["Combined"]
 assert np.isfinite(picture).all() and (picture[..., 0] > 0).mean() > .3
 print(peak_memory())
@@ -218,8 +219,8 @@ print(peak_memory())
 
 def test_auto_h_is_not_moved_by_a_kilometre_of_ground():
     near = tabletop(64, auto_h=True)
-    ground = Part(rectangle((-1000, -1000), (1000, 1000), -0.3), GREY, "ground")
-    both = assemble([ground], near.camera, near.lights, near.settings)
+    ground = Shape(rectangle((-1000, -1000), (1000, 1000), -0.3), GREY, "ground")
+    both = Scene.from_shapes([ground], near.camera, near.lights, near.settings)
     h = {name: render_image(s).statistics["h"] for name, s in (("table", near), ("ground", joined(near, both)))}
     assert h["ground"] == pytest.approx(h["table"], rel=0.5)
     small = replace(near, geometry=replace(near.geometry, instance_matrix=scale(1e-3, 1e-3, 1e-3)
@@ -236,5 +237,5 @@ def test_a_pass_that_does_not_exist_is_named():
 
 
 def test_one_pixel_is_a_picture():
-    camera = Camera(move(0, 0, 5), (-0.1, 0.1, -0.1, 0.1), 1, 1)
+    camera = Camera(translate(0, 0, 5), (-0.1, 0.1, -0.1, 0.1), 1, 1)
     assert render_image(replace(tabletop(8), camera=camera)).passes["Combined"].shape == (1, 1, 4)

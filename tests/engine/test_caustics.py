@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Scene, Shape, box, rectangle, sphere, translate
 from light_meshes.picture.render import Prepared, render_image
 from light_meshes.scene.description import Material
-from meshes import Part, assemble, box, look_at, look_down, move, rectangle, sphere
 from refraction_reference import sphere_roots
-from scenes import GREY, point, settings, with_settings
+from scenes import GREY, look_down, point, settings
 
 CENTRE, RADIUS, INDEX, T = np.array([0, 0, 0.9]), 0.6, 1.5, 0.95  # S5
 LIGHT = np.array([0.8, -0.6, 4.2])
@@ -20,12 +20,12 @@ def glass(t=T, ior=INDEX, **more):
 
 def lens(material, width=64, rings=48, **values):
     """S5 (Fig. 5)."""
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
-             Part(sphere(RADIUS, 2 * rings, rings), material, "lens", [move(*CENTRE)]),
-             Part(sphere(0.3, 32, 16), Material("red", Od=(0.7, 0.2, 0.1)), "ball", [move(-0.9, 0.4, 0.3)])]
+    parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+             Shape(sphere(RADIUS, 2 * rings, rings), material, "lens", [translate(*CENTRE)]),
+             Shape(sphere(0.3, 32, 16), Material("red", Od=(0.7, 0.2, 0.1)), "ball", [translate(-0.9, 0.4, 0.3)])]
     values = {"refraction": "FULL", "max_depth": 8, "h": 0.05, "kI": 3.0} | values
-    return assemble(parts, look_at((2.6, -4.2, 2.6), (-0.2, 0, 0.5), 36, width, width), [point(LIGHT, 20.0)],
-                    settings(mode="WHITTED", **values))
+    return Scene.from_shapes(parts, Camera.look_at((2.6, -4.2, 2.6), (-0.2, 0, 0.5), 36, width, width),
+                             [point(LIGHT, 20.0)], settings(mode="WHITTED", **values))
 
 
 def on_the_floor(scene, half=1.5, cells=200):
@@ -90,8 +90,8 @@ def test_soft_shadows_are_the_mean_of_the_nodes_paths():
     """M3 under a unit sphere, light 4 above its middle: S is the mean over DLM(P) of V + t²·(paths by root finding)."""
     segments, t = 144, 0.9
     ball = sphere(1.0, segments, segments // 2)
-    scene = assemble([Part(rectangle((-4, -4), (4, 4), -1.5), GREY, "floor"), Part(ball, glass(t), "ball")],
-                     look_down(0, 0, 4, 8), [point((0, 0, 4))], settings(refraction="FULL", h=0.1, kI=2.0))
+    scene = Scene.from_shapes([Shape(rectangle((-4, -4), (4, 4), -1.5), GREY, "floor"), Shape(ball, glass(t), "ball")],
+                              look_down(0, 0, 4, 8), [point((0, 0, 4))], settings(refraction="FULL", h=0.1, kI=2.0))
     ready = Prepared(scene)
     random = np.random.default_rng(5)
     P = np.c_[random.uniform(-2.2, 2.2, (1000, 2)), np.full(1000, -1.5)]
@@ -132,10 +132,10 @@ def test_an_index_of_one_makes_m3_equal_m1(shadows, leak_free):
 
 def beside_the_table(**values):
     """S on a table's edge, lit from above; a ball of heavy glass below sends light up past the edge."""
-    parts = [Part(box((0, -1, 0.9), (1, 1, 1)), GREY, "table"),
-             Part(sphere(0.3, 64, 32), glass(0.9, ior=2.4), "ball", [move(-1, 0, 0.8)])]
-    scene = assemble(parts, look_down(0, 0, 4, 8), [point((-1, 0, 4))],
-                     settings(h=0.03, kI=3.0, refraction="FULL", **values))
+    parts = [Shape(box((0, -1, 0.9), (1, 1, 1)), GREY, "table"),
+             Shape(sphere(0.3, 64, 32), glass(0.9, ior=2.4), "ball", [translate(-1, 0, 0.8)])]
+    scene = Scene.from_shapes(parts, look_down(0, 0, 4, 8), [point((-1, 0, 4))],
+                              settings(h=0.03, kI=3.0, refraction="FULL", **values))
     P = np.array([(x, 0.0, 1.0) for x in (0.005, 0.01, 0.02, 0.04, 0.08, 0.2)])
     return Prepared(scene).light_visibility(P, np.repeat([[0.0, 0, 1]], len(P), 0)).reshape(-1)
 
@@ -154,12 +154,13 @@ def test_away_from_leaks_both_forms_agree():
 
 
 def test_sheets_alone_never_start_the_solver():
-    sheet = Part(rectangle((-1, -1), (1, 1), 1.0), glass(0.5), "sheet")
-    floor = Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor")
-    ready = Prepared(assemble([sheet, floor], look_down(0, 0, 4, 8), [point(LIGHT)], settings(refraction="FULL")))
+    sheet = Shape(rectangle((-1, -1), (1, 1), 1.0), glass(0.5), "sheet")
+    floor = Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor")
+    ready = Prepared(Scene.from_shapes([sheet, floor], look_down(0, 0, 4, 8), [point(LIGHT)],
+                                       settings(refraction="FULL")))
     assert not ready.plan.paths and "no closed mesh" in ready.plan.reasons["refracted shadow paths"]
     assert Prepared(lens(glass(), 8, 8)).plan.paths
-    assert not Prepared(with_settings(lens(glass(), 8, 8), refraction="VIEW")).plan.paths
+    assert not Prepared(lens(glass(), 8, 8).with_settings(refraction="VIEW")).plan.paths
 
 
 @pytest.mark.parametrize("values", [{}, {"shadows": "SHARP"}, {"leak_free": True}, {"caustics": "FOCUS"}], ids=str)

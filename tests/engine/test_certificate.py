@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from kept import after, moved, with_light, with_object
+from light_meshes import Camera, Mesh, Scene, Shape, box, cylinder, rectangle, sphere
 from light_meshes.picture.plan import forced
 from light_meshes.picture.render import prepare, render_image
 from light_meshes.rays.tracer import points
 from light_meshes.shadows.meshes.certificate import MARGIN
 from light_meshes.shadows.meshes.lattice import candidates
-from meshes import GREY, Mesh, Part, assemble, box, cylinder, look_at, rectangle, sphere
-from scenes import four_lights, point, random_scene, settings, sun, tabletop
+from scenes import GREY, four_lights, point, random_scene, settings, sun, tabletop
 from test_metamorphic import turned
 
 LIGHTS = [point((1.5, -1.0, 3.0)), point((-2.0, 0.5, 2.5), name="b"), sun((0.3, 0.4, -1.0))]
@@ -60,13 +60,13 @@ SHAPES = {
 def scene_of(mesh: Mesh, seed: int | None, **values):
     """A shape above a floor and beside a small box, all turned by `seed`."""
     T = np.eye(4) if seed is None else turned(seed)
-    parts = [Part(mesh, GREY, "shape", [T]), Part(rectangle((-4, -4), (4, 4), -0.9), GREY, "floor", [T]),
-             Part(box((0.9, -0.3, -0.9), (1.1, 0.1, -0.4)), GREY, "near", [T])]
-    camera = look_at((0.6, -2.6, 1.9), (0, 0, 0), 60, 64, 48)
-    return assemble(parts, replace(camera, matrix=T @ camera.matrix),
-                    [replace(light, position=tuple(T[:3, :3] @ light.position),
-                             direction=tuple(T[:3, :3] @ light.direction)) for light in LIGHTS],
-                    settings(**({"h": 0.04, "samples": 2} | values)))
+    parts = [Shape(mesh, GREY, "shape", [T]), Shape(rectangle((-4, -4), (4, 4), -0.9), GREY, "floor", [T]),
+             Shape(box((0.9, -0.3, -0.9), (1.1, 0.1, -0.4)), GREY, "near", [T])]
+    camera = Camera.look_at((0.6, -2.6, 1.9), (0, 0, 0), 60, 64, 48)
+    return Scene.from_shapes(parts, replace(camera, matrix=T @ camera.matrix),
+                             [replace(light, position=tuple(T[:3, :3] @ light.position),
+                                      direction=tuple(T[:3, :3] @ light.direction)) for light in LIGHTS],
+                             settings(**({"h": 0.04, "samples": 2} | values)))
 
 
 def both(scene):

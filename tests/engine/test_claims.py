@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 import scenes
+from light_meshes import box, cylinder
 from light_meshes.picture.render import render_image
-from meshes import box, cylinder
 from oracle import camera_ray
 from profiles import QUANTISATION
 from scenes import S3_LIGHT, bar_shadow, tabletop

@@ -15,7 +15,7 @@ from light_meshes.film.passes import PASSES
 from light_meshes.picture.render import render_image
 from light_meshes.scene import snapshot
 from light_meshes.scene.errors import SceneError
-from scenes import tabletop, with_lights, with_settings
+from scenes import tabletop, with_lights
 
 
 def run(*arguments):
@@ -65,7 +65,7 @@ def test_settings_are_changed_by_set(folder):
     done = run("render", folder / "scene", "-o", folder / "out.exr", "--set", "shadows=SHARP", "--set", "samples=4",
                "--set", "filter_size=1.5")
     assert done.returncode == 0
-    expected = render_image(with_settings(tabletop(40), shadows="SHARP", samples=4, filter_size=1.5))
+    expected = render_image(tabletop(40).with_settings(shadows="SHARP", samples=4, filter_size=1.5))
     np.testing.assert_array_equal(read(folder / "out.exr")[0][..., :4], expected.passes["Combined"])
 
 

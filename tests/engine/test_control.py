@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Scene, Shape, box, rectangle, sphere, translate
 from light_meshes.picture.render import Prepared, render_image
 from light_meshes.scene.description import SHADOWS, WEIGHTS, Material
 from light_meshes.scene.errors import SceneError
-from meshes import GREY, Part, assemble, box, look_down, move, rectangle, sphere
 from oracle import Oracle
 from scenes import (
+    GREY,
     WHITE,
     all_lights,
     all_materials,
@@ -17,13 +18,13 @@ from scenes import (
     combined,
     four_lights,
     hall,
+    look_down,
     point,
     settings,
     sun,
     tabletop,
     with_lights,
     with_objects,
-    with_settings,
 )
 from test_same_picture import same_bits
 from test_semitransparent import glass, still_life
@@ -59,7 +60,7 @@ def test_a_lights_radius_is_its_own(weights):
     lights = [replace(light, softness="RADIUS", soft_radius=0.08 * n)
               for light, n in zip(scene.lights, steps, strict=True)]
     lights[1] = replace(lights[1], softness="SCENE")
-    apart = sum(combined(with_settings(with_lights(scene, light), kI=n))
+    apart = sum(combined(with_lights(scene, light).with_settings(kI=n))
                 for light, n in zip(scene.lights, steps, strict=True))
     np.testing.assert_allclose(combined(with_lights(scene, *lights)), apart, rtol=1e-5, atol=1e-6)
 
@@ -80,7 +81,7 @@ def test_one_lattice_serves_all_radii():
 def test_the_uniform_skip_changes_no_bit_with_many_radii(weights):
     scene = hall(9, width=64, weights=weights)
     lights = [replace(light, softness="RADIUS", soft_radius=0.02 * (1 + n % 5)) for n, light in enumerate(scene.lights)]
-    on, off = (render_image(with_settings(with_lights(scene, *lights), uniform_skip=skip)) for skip in (True, False))
+    on, off = (render_image(with_lights(scene, *lights).with_settings(uniform_skip=skip)) for skip in (True, False))
     same_bits(on, off)
     assert on.statistics["uniform_skips"] > 0 and on.statistics["short_rays"] < off.statistics["short_rays"]
     assert on.statistics["empty_sets"] > 0  # r = 0.4h: many balls hold no node
@@ -96,7 +97,7 @@ def test_a_sharp_casters_edge_is_exactly_the_sharp_one():
     P = np.stack([x, y, np.zeros(8000)], 1)
     P = P[np.hypot(x + 0.6, y - 0.3) > 0.6]  # the ball's neighbourhood has other nodes without it
     N = np.repeat(UP, len(P), 0)
-    edge = Prepared(with_settings(all_lights(scene, blockers=(BALL,)), shadows="SHARP")).light_visibility(P, N)
+    edge = Prepared(all_lights(scene, blockers=(BALL,)).with_settings(shadows="SHARP")).light_visibility(P, N)
     soft = Prepared(with_objects(scene, ball={"visible_shadow": False})).light_visibility(P, N)
     S = Prepared(mixed).light_visibility(P, N)
     np.testing.assert_array_equal(S, edge * soft)
@@ -110,7 +111,7 @@ def test_a_sharp_casters_edge_is_exactly_the_sharp_one():
 @pytest.mark.parametrize("shadows", ["LIGHT_MESHES", "AREA_SAMPLING"])
 def test_a_sharp_receiver_is_exactly_sharp_there_and_nothing_else_changes(shadows):
     scene = four_lights(64, shadows=shadows, light_samples=16)
-    sharp = combined(with_settings(scene, shadows="SHARP"))
+    sharp = combined(scene.with_settings(shadows="SHARP"))
     soft = combined(scene)
     mixed = combined(with_objects(scene, floor={"receive_soft_shadows": False}))
     floor = combined(replace(scene, lights=(), materials=(  # the floor is the only grey thing
@@ -130,7 +131,7 @@ def test_a_sharp_receiver_is_exactly_sharp_there_and_nothing_else_changes(shadow
 def test_all_off_is_the_sharp_picture(off, shadows):
     scene = four_lights(64, shadows=shadows, light_samples=4)
     switched = render_image(off(scene), ("Combined", "Shadow"))
-    same_bits(switched, render_image(with_settings(scene, shadows="SHARP"), ("Combined", "Shadow")))
+    same_bits(switched, render_image(scene.with_settings(shadows="SHARP"), ("Combined", "Shadow")))
     assert switched.statistics["plan"]["shadows"].startswith("sharp")
     same_bits(render_image(off(still_life(glass(0.5), shadows=shadows))),
               render_image(still_life(glass(0.5), shadows="SHARP")))
@@ -147,9 +148,9 @@ def test_a_half_sharp_scene_needs_two_occlusion_scenes_and_a_soft_one_needs_one(
 
 def test_no_neighbourhood_reaches_through_a_sharp_wall():
     wall = box((-0.01, -5, -1), (0.01, 5, 3))
-    scene = assemble([Part(rectangle((-5, -5), (5, 5), 0.0), WHITE, "floor"),
-                      Part(wall, WHITE, "wall", visible={"cast_soft_shadows": False})],
-                     look_down(0, 0, 2, 64), [point((-2, 0, 1))], settings(h=0.1))
+    scene = Scene.from_shapes([Shape(rectangle((-5, -5), (5, 5), 0.0), WHITE, "floor"),
+                               Shape(wall, WHITE, "wall", flags={"cast_soft_shadows": False})],
+                              look_down(0, 0, 2, 64), [point((-2, 0, 1))], settings(h=0.1))
     x = np.linspace(-0.4, 0.4, 41)
     x = x[np.abs(x) > 0.011]
     P = np.stack([x, 0 * x, 0 * x], 1)
@@ -193,9 +194,9 @@ def test_only_its_blockers_shadow_a_light(shadows):
 
 def test_too_many_different_links_are_refused_with_a_sentence():
     ball = sphere(0.1, 6, 3)
-    parts = [Part(ball, GREY, f"ball {n}", [move(n, 0, 0)]) for n in range(110)]
+    parts = [Shape(ball, GREY, f"ball {n}", [translate(n, 0, 0)]) for n in range(110)]
     lights = [point((0, 0, 5), blockers=(n,)) for n in range(110)]
-    scene = assemble(parts, look_down(0, 0, 4, 8), lights, settings())
+    scene = Scene.from_shapes(parts, look_down(0, 0, 4, 8), lights, settings())
     with pytest.raises(SceneError, match=r"100 different sets .* share a collection"):
         Prepared(scene)
     shared = with_lights(scene, *(replace(light, blockers=(n % 3,)) for n, light in enumerate(lights)))
@@ -219,14 +220,14 @@ def test_tiles_and_threads_change_no_bit(weights):
 
 def test_smooth_weights_fall_to_nothing_at_r():
     """No jump where a node enters the ball: neighbouring receivers differ by little."""
-    scene = assemble([Part(rectangle((-60, -60), (60, 60), 0.0), WHITE, "floor"),
-                      Part(rectangle((-60, -60), (0, 60), 4.0), WHITE, "occluder")],
-                     look_down(0, 0, 1, 8), [sun((0, 0, -1))], settings(h=0.1))
+    scene = Scene.from_shapes([Shape(rectangle((-60, -60), (60, 60), 0.0), WHITE, "floor"),
+                               Shape(rectangle((-60, -60), (0, 60), 4.0), WHITE, "occluder")],
+                              look_down(0, 0, 1, 8), [sun((0, 0, -1))], settings(h=0.1))
     x = np.linspace(-0.35, 0.35, 20001)
     P = np.stack([x, 0 * x, 0 * x], 1)
     jumps = {}
     for weights in WEIGHTS:
-        S = Prepared(with_settings(scene, weights=weights)).light_visibility(P, np.repeat(UP, len(P), 0))[:, 0]
+        S = Prepared(scene.with_settings(weights=weights)).light_visibility(P, np.repeat(UP, len(P), 0))[:, 0]
         assert S[0] == 0 and S[-1] == 1
         jumps[weights] = np.sort(np.abs(np.diff(S.astype(float))))[-10:]
     assert jumps["SMOOTH"].mean() < 0.7 * jumps["UNIFORM"].mean()
@@ -236,9 +237,9 @@ def test_links_and_flags_of_instances_and_of_a_shared_material():
     """An object's flag counts for all its instances; a material's for every object that has it."""
     ball = sphere(0.2, 12, 6)
     shade = Material("shade", cast_soft_shadows=False)
-    parts = [Part(rectangle((-9, -9), (9, 9), 0.0), WHITE, "floor"),
-             Part(ball, shade, "balls", [move(-1, 0, 1.0), move(1, 0, 1.0)])]
-    scene = assemble(parts, look_down(0, 0, 4, 8), [sun((0, 0, -1))], settings(h=0.1))
+    parts = [Shape(rectangle((-9, -9), (9, 9), 0.0), WHITE, "floor"),
+             Shape(ball, shade, "balls", [translate(-1, 0, 1.0), translate(1, 0, 1.0)])]
+    scene = Scene.from_shapes(parts, look_down(0, 0, 4, 8), [sun((0, 0, -1))], settings(h=0.1))
     x = np.concatenate([np.linspace(-1.5, -0.5, 300), np.linspace(0.5, 1.5, 300)])
     P = np.stack([x, 0 * x, 0 * x], 1)
     S = Prepared(scene).light_visibility(P, np.repeat(UP, len(P), 0))[:, 0]

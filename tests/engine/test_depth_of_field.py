@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Scene, Shape, rectangle, translate
 from light_meshes.picture.render import render_image
 from light_meshes.rays.camera import camera_rays, filter_offsets, lens_points
-from light_meshes.scene.description import Camera, Material
+from light_meshes.scene.description import Material
 from light_meshes.scene.errors import SceneError
 from light_meshes.scene.snapshot import read, write
-from meshes import Part, assemble, look_at, move, rectangle
 from scenes import four_lights, settings
 
 BOX = (3, 5, 11, 9)
@@ -17,7 +17,7 @@ LENS = {"lens_radius": 0.3, "focus_distance": 4.0}
 
 
 def camera(perspective=True, **values):
-    matrix = look_at((2, -3, 4), (0.3, 0.2, 0), 40, 16, 12).matrix
+    matrix = Camera.look_at((2, -3, 4), (0.3, 0.2, 0), 40, 16, 12).matrix
     return Camera(matrix, (-0.4, 0.5, -0.3, 0.35), 16, 12, perspective, 0.1, 50.0, **values)
 
 
@@ -95,9 +95,9 @@ def test_a_plane_in_focus_is_sharp_and_one_behind_is_not():
     glow = Material("glow", Od=(0, 0, 0), emission=(1, 1, 1))
 
     def variance(distance, **lens):
-        view = Camera(move(0, 0, 0), (-0.1, 0.1, -0.1, 0.1), 64, 64, **lens)
-        scene = assemble([Part(rectangle((0, -9), (9, 9), -distance), glow, "glow")], view, [],
-                         settings(mode="LOCAL", samples=256, filter_size=1.5))
+        view = Camera(translate(0, 0, 0), (-0.1, 0.1, -0.1, 0.1), 64, 64, **lens)
+        scene = Scene.from_shapes([Shape(rectangle((0, -9), (9, 9), -distance), glow, "glow")], view, [],
+                                  settings(mode="LOCAL", samples=256, filter_size=1.5))
         step = np.diff(render_image(scene).passes["Combined"][..., 0].mean(0))
         x = np.arange(1, 64) - 32
         assert step.sum() == pytest.approx(1, abs=1e-6)

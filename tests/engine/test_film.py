@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from light_meshes import Camera, Mesh, Scene, Shape, rectangle, sphere, translate
 from light_meshes.film import images as film
 from light_meshes.picture.render import render_image
-from light_meshes.scene.description import Camera, Material
-from meshes import Mesh, Part, assemble, camera_matrix, look_at, look_down, move, rectangle, sphere
+from light_meshes.scene.description import Material
+from light_meshes.scene.transforms import look_at
 from oracle import Oracle, camera_ray
-from scenes import GREY, four_lights, point, random_scene, settings, with_settings
+from scenes import GREY, four_lights, look_down, point, random_scene, settings
 
 GLOW = Material("glow", Od=(0, 0, 0), kd=0.0, ka=0.0, emission=(0.7, 0.2, 3.0))
 
@@ -21,8 +22,8 @@ GLOW = Material("glow", Od=(0, 0, 0), kd=0.0, ka=0.0, emission=(0.7, 0.2, 3.0))
 def test_a_pixel_is_the_mean_of_its_samples():
     """A glow without a shadow is exactly itself, however many samples there are."""
     for samples in (1, 2, 5, 16):
-        scene = assemble([Part(rectangle((-9, -9), (9, 9), 0.0), GLOW, "glow")], look_down(0, 0, 1, 16), [],
-                         settings(samples=samples, filter_size=1.5))
+        scene = Scene.from_shapes([Shape(rectangle((-9, -9), (9, 9), 0.0), GLOW, "glow")], look_down(0, 0, 1, 16), [],
+                                  settings(samples=samples, filter_size=1.5))
         picture = render_image(scene).passes["Combined"]
         np.testing.assert_allclose(picture, np.broadcast_to(np.float32([0.7, 0.2, 3, 1]), picture.shape), rtol=3e-7)
 
@@ -35,8 +36,8 @@ def edge_profile(samples, filter_size, axis):
     corners[:, 0] += slope * corners[:, 1]
     if axis == 1:
         corners = corners[::-1, [1, 0, 2]]
-    scene = assemble([Part(Mesh(corners, np.array([(0, 1, 2), (0, 2, 3)])), glow, "half")],
-                     look_down(0, 0, 32, 32), [], settings(samples=samples, filter_size=filter_size))
+    scene = Scene.from_shapes([Shape(Mesh(corners, np.array([(0, 1, 2), (0, 2, 3)])), glow, "half")],
+                              look_down(0, 0, 32, 32), [], settings(samples=samples, filter_size=filter_size))
     value = render_image(scene).passes["Combined"][..., 0]
     x, y = np.meshgrid(np.arange(32) - 15.5, np.arange(32) - 15.5)
     along, across = (x, y) if axis == 0 else (y, x)
@@ -74,19 +75,19 @@ def test_the_filters_first_moments(axis):
 
 def test_without_a_filter_all_samples_are_the_middle():
     scene = four_lights(48)
-    one, many = (render_image(with_settings(scene, samples=n)).passes["Combined"] for n in (1, 4))
+    one, many = (render_image(scene.with_settings(samples=n)).passes["Combined"] for n in (1, 4))
     np.testing.assert_array_equal(one, many)
 
 
 def test_a_transparent_film_is_clear_where_nothing_is_hit():
-    scene = assemble([Part(sphere(1.0, 64, 32), GREY, "ball")], look_at((0, -5, 0), (0, 0, 0), 40, 64, 64),
-                     [point((2, -4, 3))], settings(samples=16, filter_size=1.5, film_transparent=True),
-                     world_color=(0.3, 0.4, 0.5))
+    camera = Camera.look_at((0, -5, 0), (0, 0, 0), 40, 64, 64)
+    scene = Scene.from_shapes([Shape(sphere(1.0, 64, 32), GREY, "ball")], camera, [point((2, -4, 3))],
+                              settings(samples=16, filter_size=1.5, film_transparent=True), world_color=(0.3, 0.4, 0.5))
     picture = render_image(scene).passes["Combined"]
     alpha = picture[..., 3]
     assert (picture[alpha == 0] == 0).all() and (alpha == 0).mean() > 0.3
     assert (alpha == 1).mean() > 0.2 and ((alpha > 0) & (alpha < 1)).any()
-    full = render_image(with_settings(scene, film_transparent=False)).passes["Combined"]
+    full = render_image(scene.with_settings(film_transparent=False)).passes["Combined"]
     assert (full[..., 3] == 1).all()
     over = picture[..., :3] + (1 - alpha[..., None]) * np.float32([0.3, 0.4, 0.5])  # alpha is premultiplied
     np.testing.assert_allclose(over, full[..., :3], rtol=1e-5, atol=1e-6)
@@ -100,8 +101,8 @@ def test_where_all_is_hidden_from_the_camera_the_world_is_seen():
 
 
 def test_depth_and_normal_of_a_plane_are_exact():
-    camera = look_at((1.0, -3.0, 2.0), (0.2, 0.1, 0.0), 50, 60, 40)
-    scene = assemble([Part(rectangle((-90, -90), (90, 90), 0.0), GREY, "floor")], camera, [], settings())
+    camera = Camera.look_at((1.0, -3.0, 2.0), (0.2, 0.1, 0.0), 50, 60, 40)
+    scene = Scene.from_shapes([Shape(rectangle((-90, -90), (90, 90), 0.0), GREY, "floor")], camera, [], settings())
     passes = render_image(scene, passes=("Depth", "Normal")).passes
     left, right, bottom, top = camera.window
     u = left + (right - left) * (np.arange(60) + 0.5) / 60
@@ -117,7 +118,7 @@ def test_depth_and_normal_of_a_plane_are_exact():
 
 
 def test_normals_of_a_smooth_sphere_point_away_from_its_middle():
-    scene = assemble([Part(sphere(1.0, 128, 64), GREY, "ball")], look_down(0, 0, 1.6, 64), [], settings())
+    scene = Scene.from_shapes([Shape(sphere(1.0, 128, 64), GREY, "ball")], look_down(0, 0, 1.6, 64), [], settings())
     N = render_image(scene, passes=("Normal",)).passes["Normal"]
     x, y = np.meshgrid(*[1.6 * ((np.arange(64) + 0.5) / 64 - 0.5)] * 2)
     inside = x * x + y * y < 0.6
@@ -127,8 +128,9 @@ def test_normals_of_a_smooth_sphere_point_away_from_its_middle():
 
 
 def test_a_back_face_is_seen_with_its_normal_turned():
-    below = Camera(camera_matrix((0, 0, -2), (0, 0, 0)), (-0.1, 0.1, -0.1, 0.1), 8, 8)
-    scene = assemble([Part(rectangle((-9, -9), (9, 9), 0.0), GREY, "sheet")], below, [point((0, 0, -3))], settings())
+    below = Camera(look_at((0, 0, -2), (0, 0, 0)), (-0.1, 0.1, -0.1, 0.1), 8, 8)
+    sheet = Shape(rectangle((-9, -9), (9, 9), 0.0), GREY, "sheet")
+    scene = Scene.from_shapes([sheet], below, [point((0, 0, -3))], settings())
     passes = render_image(scene, passes=("Combined", "Normal")).passes
     assert (passes["Normal"][..., 2] == -1).all()
     assert (passes["Combined"][..., 0] > 0.1).all()
@@ -158,10 +160,10 @@ def test_camera_rays_hit_what_the_oracle_hits(seed, perspective):
 
 
 def test_clipping_hides_what_is_too_near_and_too_far():
-    parts = [Part(rectangle((-1, -1), (1, 1), z), GREY, f"sheet {z}") for z in (1.0, 2.0, 3.0)]
+    parts = [Shape(rectangle((-1, -1), (1, 1), z), GREY, f"sheet {z}") for z in (1.0, 2.0, 3.0)]
     for clip, expected in (((0.1, 9), 2.0), ((2.5, 9), 3.0), ((3.5, 9), 4.0), ((0.1, 1.5), 1e10)):
-        camera = Camera(move(0, 0, 5), (-0.1, 0.1, -0.1, 0.1), 4, 4, clip_start=clip[0], clip_end=clip[1])
-        depth = render_image(assemble(parts, camera, [], settings()), passes=("Depth",)).passes["Depth"]
+        camera = Camera(translate(0, 0, 5), (-0.1, 0.1, -0.1, 0.1), 4, 4, clip_start=clip[0], clip_end=clip[1])
+        depth = render_image(Scene.from_shapes(parts, camera, [], settings()), passes=("Depth",)).passes["Depth"]
         np.testing.assert_allclose(depth, expected, rtol=1e-6)
 
 

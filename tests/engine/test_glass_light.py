@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from light_meshes import Mesh, Scene, Shape, box, rectangle, sphere, translate
 from light_meshes.glass import beams
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Material
-from meshes import Mesh, Part, assemble, box, look_down, move, rectangle, sphere
 from refraction_reference import rotation
-from scenes import GREY, point, settings, sun
+from scenes import GREY, look_down, point, settings, sun
 
 
 def glass(t=1.0, ior=1.5, **more):
@@ -17,14 +17,14 @@ def glass(t=1.0, ior=1.5, **more):
 
 def on_the_floor(parts, light, P, **values):
     """S of a light on a floor below parts, and the scene made ready."""
-    floor = Part(rectangle((-9, -9), (9, 9), 0.0), GREY, "floor")
+    floor = Shape(rectangle((-9, -9), (9, 9), 0.0), GREY, "floor")
     values = {"refraction": "FULL", "shadows": "SHARP", "h": 0.03, "kI": 1.5} | values
-    ready = Prepared(assemble([floor, *parts], look_down(0, 0, 1, 4), [light], settings(**values)))
+    ready = Prepared(Scene.from_shapes([floor, *parts], look_down(0, 0, 1, 4), [light], settings(**values)))
     return ready.light_visibility(P, np.repeat([[0.0, 0, 1]], len(P), 0)).reshape(len(P), -1)[:, 0], ready
 
 
 def panes(count, t):
-    return [Part(box((-2, -2, 0.1 + 0.05 * i), (2, 2, 0.11 + 0.05 * i)), glass(t), f"pane {i}") for i in range(count)]
+    return [Shape(box((-2, -2, 0.1 + 0.05 * i), (2, 2, 0.11 + 0.05 * i)), glass(t), f"pane {i}") for i in range(count)]
 
 
 SPOTS = np.c_[np.random.default_rng(0).uniform(-0.3, 0.3, (20, 2)), np.zeros(20)]
@@ -46,7 +46,7 @@ def test_behind_more_glass_than_is_followed_light_goes_straight(monkeypatch):
     np.testing.assert_allclose(S, 0.9**12, rtol=1e-6)
     (sentence,) = ready.path_warnings()
     assert "followed through 8 bends only" in sentence
-    shade = Part(rectangle((-2, -2), (2, 2), 5.0), GREY, "shade")  # but not through what is opaque
+    shade = Shape(rectangle((-2, -2), (2, 2), 5.0), GREY, "shade")  # but not through what is opaque
     np.testing.assert_array_equal(on_the_floor([*panes(6, 0.9), shade], point((0.2, 0.1, 8.0)), SPOTS)[0], 0)
 
 
@@ -122,7 +122,7 @@ def test_a_tilted_block_sends_on_what_photons_bring(seed, half, n):
     on_a_cell = way[:, 2] / (way**2).sum(1) ** 1.5 * (2 * size / cells) ** 2
 
     def arrives(t, cuts, caustics="FOCUS"):
-        block = Part(cut_box(half, cuts), glass(t, n), "block", [matrix])
+        block = Shape(cut_box(half, cuts), glass(t, n), "block", [matrix])
         return on_the_floor([block], point(light), P, h=0.002, caustics=caustics)[0] @ on_a_cell
 
     shadow = arrives(0.0, 1)
@@ -135,10 +135,10 @@ def test_a_tilted_block_sends_on_what_photons_bring(seed, half, n):
 def test_the_camera_sees_through_any_number_of_panes_and_a_mirror_behind_them(count):
     """With the default max_depth, which bounds mirrors only: t² for each pane, and again on the way back."""
     mirror = Material("mirror", Od=(0, 0, 0), kd=0.0, ka=0.0, mirror=(1.0,) * 3)
-    halves = [Part(rectangle((-9, -9), (0, 9), 0.0), mirror, "mirror"),
-              Part(rectangle((0, -9), (9, 9), 0.0), Material("lamp", kd=0.0, ka=0.0, emission=(3.0,) * 3), "lamp")]
-    scene = assemble([*halves, *panes(count, 0.97)], look_down(0, 0, 3, 8), [],
-                     settings(mode="WHITTED", refraction="VIEW"), world_color=(1.0,) * 3)
+    halves = [Shape(rectangle((-9, -9), (0, 9), 0.0), mirror, "mirror"),
+              Shape(rectangle((0, -9), (9, 9), 0.0), Material("lamp", kd=0.0, ka=0.0, emission=(3.0,) * 3), "lamp")]
+    scene = Scene.from_shapes([*halves, *panes(count, 0.97)], look_down(0, 0, 3, 8), [],
+                              settings(mode="WHITTED", refraction="VIEW"), world_color=(1.0,) * 3)
     picture = render_image(scene).passes["Combined"][..., 0]
     np.testing.assert_allclose(picture[:, 5:], 3 * 0.97 ** (2 * count), rtol=1e-5)
     np.testing.assert_allclose(picture[:, :3], 0.97 ** (4 * count), rtol=1e-5)
@@ -146,10 +146,10 @@ def test_the_camera_sees_through_any_number_of_panes_and_a_mirror_behind_them(co
 
 def test_the_camera_sees_through_glass_in_glass():
     """Twelve spheres of falling index, one in the other, and three in a row: white before a white world."""
-    nested = [Part(sphere(1 - 0.07 * i, 32, 16), glass(1.0, 1.6 - 0.04 * i, priority=i), f"{i}", [move(0, 0, 1.5)])
-              for i in range(12)]
-    row = [Part(sphere(0.5, 32, 16), glass(1.0), f"ball {i}", [move(0, 0, 0.5 + 1.1 * i)]) for i in range(3)]
+    nested = [Shape(sphere(1 - 0.07 * i, 32, 16), glass(1.0, 1.6 - 0.04 * i, priority=i), f"{i}",
+                    [translate(0, 0, 1.5)]) for i in range(12)]
+    row = [Shape(sphere(0.5, 32, 16), glass(1.0), f"ball {i}", [translate(0, 0, 0.5 + 1.1 * i)]) for i in range(3)]
     for parts in (nested, row):
-        scene = assemble(parts, look_down(0, 0, 3, 24), [], settings(mode="WHITTED", refraction="VIEW"),
-                         world_color=(1.0,) * 3)
+        scene = Scene.from_shapes(parts, look_down(0, 0, 3, 24), [], settings(mode="WHITTED", refraction="VIEW"),
+                                  world_color=(1.0,) * 3)
         np.testing.assert_allclose(render_image(scene).passes["Combined"][..., 0], 1, rtol=1e-5)

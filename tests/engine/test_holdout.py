@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Scene, Shape, box, rectangle, sphere
 from light_meshes.film.passes import NO_DEPTH, PASSES
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Material
-from meshes import GREY, Part, assemble, box, look_at, look_down, rectangle, sphere
-from scenes import edge, point, settings, sun, tabletop, with_lights, with_settings
+from scenes import GREY, edge, look_down, point, settings, sun, tabletop, with_lights
 
 WORLD = (0.3, 0.4, 0.6)
 MIRROR = Material("mirror", Od=(0, 0, 0), kd=0.0, ka=0.0, mirror=(1.0, 1.0, 1.0))
@@ -22,12 +22,12 @@ def flagged(scene, name, **flags):
 
 def ball_on_a_mirror(**values):
     """A ball over a floor whose left half mirrors; seen from above and aside."""
-    parts = [Part(rectangle((-3, -3), (0, 3), 0.0), MIRROR, "mirror"),
-             Part(rectangle((0, -3), (3, 3), 0.0), Material("floor"), "floor"),
-             Part(sphere(0.6, 32, 16), Material("ball", Od=(0.8, 0.3, 0.2), kt=values.pop("kt", (0, 0, 0))), "ball",
-                  [np.array([[1, 0, 0, -0.2], [0, 1, 0, 0], [0, 0, 1, 1.2], [0, 0, 0, 1]], float)])]
-    return assemble(parts, look_at((-3, -4, 3.5), (0, 0, 0.6), 40, 64, 64), [point((-2, -2, 5), 15.0)],
-                    settings(mode="WHITTED", h=0.08, **values), world_color=WORLD)
+    parts = [Shape(rectangle((-3, -3), (0, 3), 0.0), MIRROR, "mirror"),
+             Shape(rectangle((0, -3), (3, 3), 0.0), Material("floor"), "floor"),
+             Shape(sphere(0.6, 32, 16), Material("ball", Od=(0.8, 0.3, 0.2), kt=values.pop("kt", (0, 0, 0))), "ball",
+                   [np.array([[1, 0, 0, -0.2], [0, 1, 0, 0], [0, 0, 1, 1.2], [0, 0, 0, 1]], float)])]
+    return Scene.from_shapes(parts, Camera.look_at((-3, -4, 3.5), (0, 0, 0.6), 40, 64, 64), [point((-2, -2, 5), 15.0)],
+                             settings(mode="WHITTED", h=0.08, **values), world_color=WORLD)
 
 
 @pytest.mark.parametrize("clear", [False, True])
@@ -54,22 +54,22 @@ def test_holdouts_at_edges_behind_panes_and_with_holes_leave_their_share_open():
     white = Material("white", Od=(0, 0, 0), ka=0.0, kd=0.0, emission=(1.0, 1.0, 1.0))
     pane = Material("pane", Od=(0, 0, 0), ka=0.0, kd=0.0, kt=(0.5, 0.5, 0.5), emission=(0.25, 0.25, 0.25))
     half = replace(white, name="half", alpha=0.25)
-    parts = [Part(rectangle((-9, -9), (9, 9), 0.0), white, "ground"),
-             Part(rectangle((-4, -4), (0, 4), 1.0), half, "hole", visible={"holdout": True}),
-             Part(rectangle((-4, 0), (4, 4), 2.0), pane, "pane")]
-    scene = assemble(parts, look_down(0, 0, 4, 32), [], settings())
+    parts = [Shape(rectangle((-9, -9), (9, 9), 0.0), white, "ground"),
+             Shape(rectangle((-4, -4), (0, 4), 1.0), half, "hole", flags={"holdout": True}),
+             Shape(rectangle((-4, 0), (4, 4), 2.0), pane, "pane")]
+    scene = Scene.from_shapes(parts, look_down(0, 0, 4, 32), [], settings())
     picture = render_image(scene).passes["Combined"]
     for x, y, expected in ((24, 8, [1, 1, 1, 1]), (8, 8, [0.75, 0.75, 0.75, 0.75]), (24, 24, [0.75, 0.75, 0.75, 1]),
                            (8, 24, [0.625, 0.625, 0.625, 0.875])):
         np.testing.assert_allclose(picture[y, x], expected, rtol=1e-6)
-    soft = render_image(with_settings(flagged(scene, "pane", visible_camera=False), samples=16, filter_size=1.5))
+    soft = render_image(flagged(scene, "pane", visible_camera=False).with_settings(samples=16, filter_size=1.5))
     across = soft.passes["Combined"][8]
     np.testing.assert_allclose(across[:, 3], across[:, 0], rtol=1e-6)
     assert (np.diff(across[:, 3]) >= -1e-6).all() and len(np.unique(across[:, 3].round(4))) > 3
 
 
 def catching(scene, name="floor", **changes):
-    return with_settings(flagged(scene, name, shadow_catcher=True), **changes)
+    return flagged(scene, name, shadow_catcher=True).with_settings(**changes)
 
 
 def test_a_catcher_in_the_light_is_not_there():
@@ -104,10 +104,11 @@ def test_the_ratio_is_that_of_the_light_that_arrives():
              for n, (c, d) in enumerate(zip(colours.tolist(), directions, strict=True))]
     black = Material("black", Od=(0.0, 0.1, 1.0), ka=0.1, kd=0.3, ks=0.9, nShiny=3.0)
     glow = Material("deep", ka=0.0, kd=0.0, emission=(2.0, 3.0, 4.0))
-    parts = [Part(rectangle((-9, -9), (9, 9), 0.0), black, "floor"),
-             Part(box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.7)), GREY, "box", visible={"visible_camera": False}),
-             Part(rectangle((-9, -9), (9, 9), -1.0), glow, "deep")]
-    scene = assemble(parts, look_down(0, 0, 4, 48), lamps, settings(h=0.1, ambient=0.5), world_color=(0.2, 0.4, 0.6))
+    parts = [Shape(rectangle((-9, -9), (9, 9), 0.0), black, "floor"),
+             Shape(box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.7)), GREY, "box", flags={"visible_camera": False}),
+             Shape(rectangle((-9, -9), (9, 9), -1.0), glow, "deep")]
+    scene = Scene.from_shapes(parts, look_down(0, 0, 4, 48), lamps, settings(h=0.1, ambient=0.5),
+                              world_color=(0.2, 0.4, 0.6))
     S = render_image(scene, ("Shadow 0", "Shadow 1")).passes
     ambient = np.array([0.1, 0.2, 0.3])
     full = -directions[:, 2:] * colours  # Ω of a white floor, (2,3)
@@ -122,9 +123,10 @@ def test_the_ratio_is_that_of_the_light_that_arrives():
 
 
 def test_in_a_mirror_a_catcher_is_an_object():
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), Material("floor", Od=(0.9, 0.2, 0.1)), "floor"),
-             Part(rectangle((-3, -3), (3, 3), 4.0), MIRROR, "mirror")]
-    scene = assemble(parts, look_at((0, -3, 1), (0, 0, 4), 30, 24, 24), [point((0, 0, 3))], settings(mode="WHITTED"))
+    parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), Material("floor", Od=(0.9, 0.2, 0.1)), "floor"),
+             Shape(rectangle((-3, -3), (3, 3), 4.0), MIRROR, "mirror")]
+    scene = Scene.from_shapes(parts, Camera.look_at((0, -3, 1), (0, 0, 4), 30, 24, 24), [point((0, 0, 3))],
+                              settings(mode="WHITTED"))
     np.testing.assert_array_equal(render_image(catching(scene)).passes["Combined"],
                                   render_image(scene).passes["Combined"])
     assert render_image(scene).passes["Combined"][..., 0].mean() > 0.1
@@ -140,11 +142,11 @@ def test_without_light_there_is_no_shadow():
 def test_catchers_of_coloured_glass_shadows_and_behind_each_other():
     """Each catcher on the way dims once; a cut-out of one catches a part."""
     pane = Material("pane", kt=(0.9, 0.5, 0.1))
-    parts = [Part(rectangle((-5, -5), (0, 5), 3.0), pane, "pane", visible={"visible_camera": False})]
-    parts += [Part(rectangle((-5, -5), (5, 5), z), replace(GREY, name=f"{z}", alpha=alpha), "catcher",
-                   visible={"shadow_catcher": True, "visible_shadow": False}) for z, alpha in ((0.0, 1.0), (1.0, 0.5))]
-    scene = assemble(parts, look_down(0, 0, 2, 32), [sun((0, 0, -1))], settings(h=0.05), world_color=(1, 1, 1))
-    picture = render_image(with_settings(scene, ambient=0.0)).passes["Combined"]
+    parts = [Shape(rectangle((-5, -5), (0, 5), 3.0), pane, "pane", flags={"visible_camera": False})]
+    parts += [Shape(rectangle((-5, -5), (5, 5), z), replace(GREY, name=f"{z}", alpha=alpha), "catcher",
+                    flags={"shadow_catcher": True, "visible_shadow": False}) for z, alpha in ((0.0, 1.0), (1.0, 0.5))]
+    scene = Scene.from_shapes(parts, look_down(0, 0, 2, 32), [sun((0, 0, -1))], settings(h=0.05), world_color=(1, 1, 1))
+    picture = render_image(scene.with_settings(ambient=0.0)).passes["Combined"]
     t = np.array([0.9, 0.5, 0.1])
     np.testing.assert_allclose(picture[:, 2, :3], np.broadcast_to(t * (0.5 + 0.5 * t), (32, 3)), rtol=1e-6)
     np.testing.assert_array_equal(picture[:, -2], 1)

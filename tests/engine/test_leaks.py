@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scenes
+from light_meshes import Scene, Shape, box, rectangle
 from light_meshes.picture.render import Prepared, render_image
-from meshes import Part, assemble, box, look_down, rectangle
 from oracle import Lattice, Oracle
-from scenes import GREY, WHITE, light_leak, low_plate, point, settings, wall, with_lights, with_settings
+from scenes import GREY, WHITE, light_leak, look_down, low_plate, point, settings, wall, with_lights
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -70,7 +70,7 @@ def test_behind_the_post_the_shadows_edge_is_half_shadow():
     edge = corner - light[:2]  # the shadow's side is the upright plane through the light and this corner
     outward = np.array([-edge[1], edge[0]]) / np.linalg.norm(edge)
     Q = np.append(light[:2] + 1.3 * edge - 0.02 * outward, 0.0)
-    sharp = Prepared(with_settings(scene, shadows="SHARP")).light_visibility(Q[None], UP[None])[0]
+    sharp = Prepared(scene.with_settings(shadows="SHARP")).light_visibility(Q[None], UP[None])[0]
     soft = Prepared(scene).light_visibility(Q[None], UP[None])[0]
     assert sharp[1] == 0
     assert 0.2 < soft[1] < 0.5
@@ -113,10 +113,10 @@ def test_the_low_plate_shows_no_speckle():
 @pytest.mark.parametrize("rotated", [True, False])
 def test_a_box_that_ends_in_the_floors_plane_neither_leaks_nor_speckles(rotated):
     """H5: the box's bottom and the floor are the same plane; the box is lit from above."""
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"),
-             Part(box((-0.5, -0.5, 0), (0.5, 0.5, 1)), GREY, "box")]
-    scene = assemble(parts, look_down(0, 0, 3, 120), [point((0.05, 0.02, 2.5))],
-                     settings(h=0.1, lattice_rotation=rotated))
+    parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"),
+             Shape(box((-0.5, -0.5, 0), (0.5, 0.5, 1)), GREY, "box")]
+    scene = Scene.from_shapes(parts, look_down(0, 0, 3, 120), [point((0.05, 0.02, 2.5))],
+                              settings(h=0.1, lattice_rotation=rotated))
     S = render_image(scene, passes=("Shadow",)).passes["Shadow"][..., 0]
     x = (np.arange(120) + 0.5) / 40 - 1.5
     x, y = np.meshgrid(x, x)

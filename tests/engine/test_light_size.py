@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Scene, Shape, box, rectangle
 from light_meshes.picture.render import Prepared, measure, render_image
 from light_meshes.scene.description import Light
 from light_meshes.shadows import radius as light_size
-from meshes import GREY, Part, assemble, box, look_at, look_down, rectangle
-from scenes import WHITE, edge, four_lights, point, settings, sun, tabletop, with_lights, with_settings
+from scenes import GREY, WHITE, edge, four_lights, look_down, point, settings, sun, tabletop, with_lights
 from test_penumbra import profile
 
 AREA = Light("area", "AREA", (1.0,) * 3, position=(0, 0, 4))
@@ -55,9 +55,9 @@ def test_the_weights_have_the_variance_that_the_rule_counts_on(weights):
 
 def post(lights, camera=None, **values):
     """A floor and a plate at z = 1 over x < 0, seen from above but for the plate itself."""
-    plate = Part(box((-3, -3, 1.0), (0, 3, 1.01)), GREY, "plate", visible={"visible_camera": False})
-    return assemble([Part(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"), plate],
-                    camera or look_down(0, 0, 2, 32), lights, settings(h=0.1, kI=2.0, **values))
+    plate = Shape(box((-3, -3, 1.0), (0, 3, 1.01)), GREY, "plate", flags={"visible_camera": False})
+    return Scene.from_shapes([Shape(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"), plate],
+                             camera or look_down(0, 0, 2, 32), lights, settings(h=0.1, kI=2.0, **values))
 
 
 def radii(scene):
@@ -85,11 +85,11 @@ def test_a_lamp_is_measured_by_its_blockers_or_by_the_distance_given():
 
 
 def test_only_what_the_light_shines_on_and_what_blocks_it_is_measured():
-    wide = look_at((0, -6, 5), (0, 0, 0), 40, 32, 32)
+    wide = Camera.look_at((0, -6, 5), (0, 0, 0), 40, 32, 32)
     lamp = point((0, 0, 5), radius=0.2, softness="LIGHT_SIZE", name="lamp")
     scene = post([lamp], wide)
-    low = Part(rectangle((0.5, -3), (3, 3), 0.1), GREY, "low", visible={"visible_camera": False})
-    both = replace(assemble([*_parts(), low], wide, [lamp], scene.settings))
+    low = Shape(rectangle((0.5, -3), (3, 3), 0.1), GREY, "low", flags={"visible_camera": False})
+    both = replace(Scene.from_shapes([*_parts(), low], wide, [lamp], scene.settings))
     near = radii(with_lights(both, replace(lamp, blockers=(2,))))["lamp"]
     assert near == pytest.approx(np.sqrt(1.25) * 0.2 * 0.1 / 4.9, rel=0.02)
     assert radii(with_lights(both, replace(lamp, blockers=(1,))))["lamp"] == pytest.approx(
@@ -101,15 +101,15 @@ def test_only_what_the_light_shines_on_and_what_blocks_it_is_measured():
 
 
 def _parts():
-    return [Part(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"),
-            Part(box((-3, -3, 1.0), (0, 3, 1.01)), GREY, "plate", visible={"visible_camera": False})]
+    return [Shape(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"),
+            Shape(box((-3, -3, 1.0), (0, 3, 1.01)), GREY, "plate", flags={"visible_camera": False})]
 
 
 def test_nothing_in_the_way_leaves_the_scenes_radius():
     lamp = point((0, 0, 5), radius=0.2, softness="LIGHT_SIZE", name="lamp")
     scene = with_lights(post([lamp]), replace(lamp, blockers=()))
     assert radii(scene)["lamp"] is None
-    away = replace(post([lamp]), camera=look_at((0, 0, 20), (0, 0, 40), 40, 32, 32))
+    away = replace(post([lamp]), camera=Camera.look_at((0, 0, 20), (0, 0, 40), 40, 32, 32))
     assert radii(away)["lamp"] is None
     assert render_image(away).warnings == []
 
@@ -123,8 +123,8 @@ def test_what_is_measured_is_what_is_rendered():
     a, b = (render_image(with_lights(scene, light)).passes["Combined"] for light in (lamp, fixed))
     np.testing.assert_array_equal(a, b)
     assert (a != render_image(scene).passes["Combined"]).any()
-    again = measure(with_settings(with_lights(scene, lamp), auto_h=True))
-    assert again == found and measure(with_settings(with_lights(scene, lamp), shadows="SHARP")) == found
+    again = measure(with_lights(scene, lamp).with_settings(auto_h=True))
+    assert again == found and measure(with_lights(scene, lamp).with_settings(shadows="SHARP")) == found
     cropped = replace(scene, camera=replace(scene.camera, width=96, crop=(3, 5, 20, 30)))
     assert measure(with_lights(cropped, lamp))["radii"] == found["radii"]
 
@@ -146,7 +146,7 @@ def test_the_blur_is_the_lights(weights):
     scene = with_lights(scene, replace(scene.lights[0], angle=2 * half, softness="LIGHT_SIZE", reference_distance=4.0))
     widths = []
     for shadows in ("LIGHT_MESHES", "AREA_SAMPLING"):
-        x, S = profile(with_settings(scene, shadows=shadows, light_samples=256))
+        x, S = profile(scene.with_settings(shadows=shadows, light_samples=256))
         x, S = x[0], S.mean(0)
         density = np.gradient(S, x)
         widths.append(np.sqrt((density * x**2).sum() / density.sum()))
@@ -173,5 +173,5 @@ def test_a_light_without_a_size_is_sharp():
                                         strict=True)]
     picture = render_image(with_lights(scene, *sizes))
     np.testing.assert_array_equal(picture.passes["Combined"],
-                                  render_image(with_settings(scene, shadows="SHARP")).passes["Combined"])
+                                  render_image(scene.with_settings(shadows="SHARP")).passes["Combined"])
     assert Prepared(with_lights(scene, *sizes)).plan.shadows == "SHARP"

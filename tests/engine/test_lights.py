@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Scene, Shape, rectangle
 from light_meshes.picture.render import Prepared, render_image
 from light_meshes.scene.description import Light, Material
-from meshes import Part, assemble, look_down, rectangle
-from scenes import WHITE, four_lights, hall, point, settings, with_lights, with_settings
+from scenes import WHITE, four_lights, hall, look_down, point, settings, with_lights
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
 def floor(*lights, pixels=40, size=2.0, material=WHITE, **values):
     """A white floor from above: Combined is Σ S·I·cos·f_att."""
-    return assemble([Part(rectangle((-10, -10), (10, 10), 0.0), material, "floor")],
-                    look_down(0, 0, size, pixels), lights, settings(**values))
+    return Scene.from_shapes([Shape(rectangle((-10, -10), (10, 10), 0.0), material, "floor")],
+                             look_down(0, 0, size, pixels), lights, settings(**values))
 
 
 def positions(scene):
@@ -29,7 +29,7 @@ def positions(scene):
 @pytest.mark.parametrize("shadows", ["SHARP", "LIGHT_MESHES"])
 def test_all_lights_together_are_the_sum_of_each(count, shadows):
     """H11."""
-    scene = with_settings(hall(count, columns=2, width=24), shadows=shadows)
+    scene = hall(count, columns=2, width=24).with_settings(shadows=shadows)
     together = render_image(scene).passes["Combined"][..., :3]
     apart = np.sum([render_image(with_lights(scene, light)).passes["Combined"][..., :3].astype(float)
                     for light in scene.lights], 0)
@@ -66,10 +66,10 @@ def test_a_light_just_above_the_floor_lights_all_of_it(rotated):
 
 @pytest.mark.parametrize("shadows", ["SHARP", "LIGHT_MESHES"])
 def test_a_lamp_on_the_ceiling_is_not_shadowed_by_it(shadows):
-    ceiling = Part(rectangle((-3, -3), (3, 3), 1.3), WHITE, "ceiling")
-    scene = assemble([Part(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"), ceiling],
-                     look_down(0, 0, 2, 40, height=1.0), [point((0.37, -0.21, float(np.float32(1.3))))],
-                     settings(h=0.1, shadows=shadows))
+    ceiling = Shape(rectangle((-3, -3), (3, 3), 1.3), WHITE, "ceiling")
+    scene = Scene.from_shapes([Shape(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"), ceiling],
+                              look_down(0, 0, 2, 40, height=1.0), [point((0.37, -0.21, float(np.float32(1.3))))],
+                              settings(h=0.1, shadows=shadows))
     assert (render_image(scene, passes=("Shadow",)).passes["Shadow"] == 1).all()
 
 
@@ -124,9 +124,11 @@ def test_axes_of_a_plain_lamp_change_nothing(kind):
 def test_lamps_may_light_only_the_matt_or_only_give_highlights(shadows):
     both = Material("both", Od=(0.5, 0.4, 0.3), ks=0.5, nShiny=8.0)
     lamps = [point((0.3, 0.1, 0.8)), replace(point((-0.4, 0.2, 0.6)), type="AREA")]
-    parts = [[render_image(with_settings(floor(*(replace(lamp, diffuse=d, glossy=g) for lamp in lamps), material=both),
-                                         shadows=shadows)).passes["Combined"][..., :3] for g in (True, False)]
-             for d in (True, False)]
+
+    def lit(**flags):
+        scene = floor(*(replace(lamp, **flags) for lamp in lamps), material=both)
+        return render_image(scene.with_settings(shadows=shadows)).passes["Combined"][..., :3]
+    parts = [[lit(diffuse=d, glossy=g) for g in (True, False)] for d in (True, False)]
     np.testing.assert_allclose(parts[0][1] + parts[1][0], parts[0][0], rtol=1e-5)
     assert (parts[1][1] == 0).all() and parts[1][0].max() > 0.01
 
@@ -162,9 +164,9 @@ def test_local_mode_has_no_shadows_and_ray_casting_no_reflections():
     scene = four_lights(64)
     scene = replace(scene, materials=tuple(replace(m, mirror=(0.5, 0.5, 0.5)) for m in scene.materials))
     plain = replace(scene, materials=tuple(replace(m, mirror=(0.0, 0.0, 0.0)) for m in scene.materials))
-    local, cast, whitted = (render_image(with_settings(scene, mode=m)).passes["Combined"]
+    local, cast, whitted = (render_image(scene.with_settings(mode=m)).passes["Combined"]
                             for m in ("LOCAL", "RAY_CASTING", "WHITTED"))
-    np.testing.assert_array_equal(local, render_image(with_settings(plain, mode="LOCAL")).passes["Combined"])
+    np.testing.assert_array_equal(local, render_image(plain.with_settings(mode="LOCAL")).passes["Combined"])
     np.testing.assert_array_equal(cast, render_image(plain).passes["Combined"])
     assert (local >= cast).all() and (local > cast).any()
     assert (whitted >= cast).all() and (whitted > cast).any()

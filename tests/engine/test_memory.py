@@ -17,7 +17,7 @@ from light_meshes.scene import snapshot
 from light_meshes.scene.description import Image
 from light_meshes.scene.errors import SceneError
 from light_meshes.support.statistics import peak_memory
-from scenes import hall, point, tabletop, with_lights, with_settings
+from scenes import hall, point, tabletop, with_lights
 
 SUPPORT = Path(__file__).parents[1] / "support"
 
@@ -44,7 +44,7 @@ def too_large(what):
         return replace(scene, camera=replace(scene.camera, width=65536, height=65536), settings=replace(
             scene.settings, h=1.0))
     crowd = with_lights(scene, *(replace(point((0, 0, 3)), name=str(n)) for n in range(4096)))
-    return with_settings(replace(crowd, camera=replace(scene.camera, width=4096, height=4096)), h=1e-6, samples=4096)
+    return replace(crowd, camera=replace(scene.camera, width=4096, height=4096)).with_settings(h=1e-6, samples=4096)
 
 
 def test_a_scene_too_large_is_refused_before_it_starts(child, tmp_path):

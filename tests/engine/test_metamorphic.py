@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hard_cases import glass
+from light_meshes import Scene, Shape, box, scale, translate
 from light_meshes.picture.render import Prepared, render_image
-from light_meshes.scene.description import Light, Scene
-from meshes import GREY, Part, assemble, box, joined, move, scale
+from light_meshes.scene.description import Light
 from oracle import Lattice, Oracle
-from scenes import moved, random_scene, with_lights
+from scenes import GREY, joined, moved, random_scene, with_lights
 
 KINDS = {"sharp": {"shadows": "SHARP"}, "uniform": {}, "smooth": {"weights": "SMOOTH"},
          "refracted": {"refraction": "FULL"}}
@@ -70,8 +70,8 @@ def double(scene: Scene, random: np.random.Generator) -> Changed:
     return moved(scene, scale(s, s, s), s), False
 
 
-def translate(scene: Scene, random: np.random.Generator) -> Changed:
-    return moved(scene, move(*random.uniform(-1e4, 1e4, 3))), False
+def move(scene: Scene, random: np.random.Generator) -> Changed:
+    return moved(scene, translate(*random.uniform(-1e4, 1e4, 3))), False
 
 
 def turn(scene: Scene, random: np.random.Generator) -> Changed:
@@ -135,18 +135,18 @@ def add_dark_light(scene: Scene, random: np.random.Generator) -> Changed:
 
 def add_unseen(scene: Scene, random: np.random.Generator) -> Changed:
     """A box inside the closed floor box."""
-    inner = Part(box((-1, -1, -0.07), (1, 1, -0.03)), GREY, "sealed in", [scene.geometry.instance_matrix[0]])
-    return joined(scene, assemble([inner], scene.camera, [])), False
+    inner = Shape(box((-1, -1, -0.07), (1, 1, -0.03)), GREY, "sealed in", [scene.geometry.instance_matrix[0]])
+    return joined(scene, Scene.from_shapes([inner], scene.camera, [])), False
 
 
 def add_unseen_far_below(scene: Scene, random: np.random.Generator) -> Changed:
     """Below the floor and in its shadow: the scene's extent grows, and all roundings change."""
-    deep = Part(box((-0.4, -0.4, -1.5), (0.4, 0.4, -1)), GREY, "below", [scene.geometry.instance_matrix[0]])
-    return joined(scene, assemble([deep], scene.camera, [])), False
+    deep = Shape(box((-0.4, -0.4, -1.5), (0.4, 0.4, -1)), GREY, "below", [scene.geometry.instance_matrix[0]])
+    return joined(scene, Scene.from_shapes([deep], scene.camera, [])), False
 
 
 TO_THE_BIT = [double, duplicate_vertices, add_dark_light]
-TO_A_ROUNDING = [rotate, mirror, enlarge, translate, permute_triangles, permute_lights, split_triangle, add_unseen,
+TO_A_ROUNDING = [rotate, mirror, enlarge, move, permute_triangles, permute_lights, split_triangle, add_unseen,
                  add_unseen_far_below]
 Change = Callable[[Scene, np.random.Generator], Changed]
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from light_meshes import Camera, Mesh, Scene, Shape, box, rectangle, scale, sphere, translate
 from light_meshes.picture.render import Prepared, render_image
-from light_meshes.scene.description import Camera, Material
-from meshes import Mesh, Part, assemble, box, look_at, move, rectangle, scale, sphere
+from light_meshes.scene.description import Material
 from oracle import Lattice, Oracle
 from scenes import GREY, point, random_scene, settings
 
@@ -27,15 +27,15 @@ def room(mirrored: bool, **values):
     """A still life beside the plane x = 0, or beyond it, seen from its own side."""
     flip = np.diag([-1.0 if mirrored else 1.0, 1, 1, 1])
     side = -1 if mirrored else 1
-    things = [Part(box((0.05, -3, -0.1), (6, 3, 0)), GREY, "floor", [flip]),
-              Part(sphere(0.5, 24, 12), Material("ball", Od=(0.2, 0.5, 0.7), ks=0.5, nShiny=20.0), "ball",
-                   [flip @ move(3.5, 0.4, 0.6) @ scale(1, 1, 1.1)]),
-              Part(box((2.8, -1.2, 0), (3.4, -0.6, 1)), Material("box", Od=(0.7, 0.3, 0.2)), "box", [flip])]
+    things = [Shape(box((0.05, -3, -0.1), (6, 3, 0)), GREY, "floor", [flip]),
+              Shape(sphere(0.5, 24, 12), Material("ball", Od=(0.2, 0.5, 0.7), ks=0.5, nShiny=20.0), "ball",
+                    [flip @ translate(3.5, 0.4, 0.6) @ scale(1, 1, 1.1)]),
+              Shape(box((2.8, -1.2, 0), (3.4, -0.6, 1)), Material("box", Od=(0.7, 0.3, 0.2)), "box", [flip])]
     if not mirrored:
-        things.append(Part(upright(rectangle((-9, -9), (9, 9), 0.0)), MIRROR, "mirror"))
+        things.append(Shape(upright(rectangle((-9, -9), (9, 9), 0.0)), MIRROR, "mirror"))
     lights = [point((side * 2.0, -2.0, 3.0)), point((side * 4.5, 2.0, 2.0), 5.0)]
-    camera = look_at((2.0, -0.2, 1.2), (0, 0, 0.9), 40, 48, 48)
-    return assemble(things, camera, lights, settings(mode="WHITTED", **values), world_color=(0.1, 0.2, 0.3))
+    camera = Camera.look_at((2.0, -0.2, 1.2), (0, 0, 0.9), 40, 48, 48)
+    return Scene.from_shapes(things, camera, lights, settings(mode="WHITTED", **values), world_color=(0.1, 0.2, 0.3))
 
 
 def test_a_plane_mirror_shows_the_mirrored_scene():
@@ -72,9 +72,9 @@ def between(**values):
     """A camera between two parallel mirrors that glow: each bounce adds half of the one before."""
     glow = Material("glow", Od=(0, 0, 0), kd=0.0, ka=0.0, mirror=(0.5, 0.5, 0.5), emission=(1.0, 1.0, 1.0))
     low, high = rectangle((-50, -50), (50, 50), 0.0), rectangle((-50, -50), (50, 50), 2.0)
-    camera = Camera(move(0, 0, 1), (-0.1, 0.1, -0.1, 0.1), 8, 8)
-    return assemble([Part(low, glow, "low"), Part(high, glow, "high")], camera, [],
-                    settings(mode="WHITTED", **values))
+    camera = Camera(translate(0, 0, 1), (-0.1, 0.1, -0.1, 0.1), 8, 8)
+    return Scene.from_shapes([Shape(low, glow, "low"), Shape(high, glow, "high")], camera, [],
+                             settings(mode="WHITTED", **values))
 
 
 @pytest.mark.parametrize("depth", [0, 1, 2, 7])

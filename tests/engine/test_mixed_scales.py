@@ -7,14 +7,14 @@ import pytest
 from hard_cases import glass
 from hypothesis import given
 from hypothesis import strategies as st
+from light_meshes import Camera, Scene, Shape, box, rectangle, scale, sphere, translate
 from light_meshes.glass.media import closed
 from light_meshes.picture.render import Prepared, measure, render_image
 from light_meshes.rays.camera import camera_rays
 from light_meshes.rays.frame import FAR, cut
 from light_meshes.rays.geometry import flatten
 from light_meshes.scene.description import Material
-from meshes import GREY, Part, assemble, box, look_at, move, rectangle, scale, sphere
-from scenes import WHITE, hall, point, settings
+from scenes import GREY, WHITE, hall, point, settings
 
 MIRROR = Material("mirror", Od=(0, 0, 0), ka=0.0, kd=0.0, mirror=(1.0, 1.0, 1.0))
 UNSEEN = {"visible_camera": False, "visible_reflection": False, "visible_shadow": False}
@@ -29,31 +29,31 @@ def tilted(angle):
 def table(kind, ground=3.0, tilt=0.3, *more):
     """Plates 1 and 10 mm above a ground, and a book of 5 mm on it, seen from 1.7 m; all turned by `tilt`."""
     T = tilted(tilt)
-    parts = [Part(rectangle((-ground, -ground), (ground, ground), 0.0), WHITE, "ground", [T]),
-             Part(box((-0.3, -0.3, 0.001), (0.1, 0.1, 0.002)), GREY, "plate", [T]),
-             Part(box((0.2, -0.2, 0.01), (0.5, 0.4, 0.011)), GREY, "higher", [T]),
-             Part(box((-0.6, 0.2, 0.0), (-0.3, 0.5, 0.005)), GREY, "book", [T])]
+    parts = [Shape(rectangle((-ground, -ground), (ground, ground), 0.0), WHITE, "ground", [T]),
+             Shape(box((-0.3, -0.3, 0.001), (0.1, 0.1, 0.002)), GREY, "plate", [T]),
+             Shape(box((0.2, -0.2, 0.01), (0.5, 0.4, 0.011)), GREY, "higher", [T]),
+             Shape(box((-0.6, 0.2, 0.0), (-0.3, 0.5, 0.005)), GREY, "book", [T])]
     eye, target = (0.1, -1.4, 1.0), (0, 0, 0)
     if kind == "refracted":
-        parts.append(Part(sphere(0.12, 12, 6), glass(), "ball", [T @ move(0.3, -0.55, 0.13)]))
+        parts.append(Shape(sphere(0.12, 12, 6), glass(), "ball", [T @ translate(0.3, -0.55, 0.13)]))
     if kind == "mirror":
-        parts.append(Part(rectangle((-2, -2), (2, 2), 2.0), MIRROR, "mirror", [T]))
+        parts.append(Shape(rectangle((-2, -2), (2, 2), 2.0), MIRROR, "mirror", [T]))
         eye, target = (0.1, -1.0, 0.6), (0, -0.5, 2.0)
     turn = T[:3, :3]
     width = 40 if kind == "refracted" else 100
-    camera = look_at(turn @ eye, turn @ target, 45, width, width)
-    return assemble([*parts, *more], camera, [point(turn @ (1.2, -0.7, 0.35), 3.0)], settings(
+    camera = Camera.look_at(turn @ eye, turn @ target, 45, width, width)
+    return Scene.from_shapes([*parts, *more], camera, [point(turn @ (1.2, -0.7, 0.35), 3.0)], settings(
         mode="WHITTED", shadows="LIGHT_MESHES" if kind in ("soft", "refracted") else "SHARP", h=0.01, kI=2.0,
         refraction="FULL"))
 
 
 def stray(distance, **visible):
     way = np.array([0.7, 0.5, -0.4]) * distance
-    return Part(box((-1, -1, -1), (1, 1, 1)), GREY, "stray", [move(*way)], visible)
+    return Shape(box((-1, -1, -1), (1, 1, 1)), GREY, "stray", [translate(*way)], visible)
 
 
 def dome(radius, **visible):
-    return Part(sphere(radius, 16, 8), WHITE, "dome", visible=visible)
+    return Shape(sphere(radius, 16, 8), WHITE, "dome", flags=visible)
 
 
 FAR_OR_HUGE = {
@@ -63,8 +63,8 @@ FAR_OR_HUGE = {
     "dome without shadow": (3.0, dome(2e4, visible_shadow=False)),
     "dome in mirrors only": (3.0, dome(2e4, visible_camera=False, visible_shadow=False)),
     "ground, dome and stray": (1e6, dome(1e6), stray(1e9)),
-    "thin and long": (3.0, Part(box((-1, -1, -1), (1, 1, -0.9)), GREY, "thin", [
-        move(0, 0, -1e9) @ scale(1e10, 1e10, 1e10)])),
+    "thin and long": (3.0, Shape(box((-1, -1, -1), (1, 1, -0.9)), GREY, "thin", [
+        translate(0, 0, -1e9) @ scale(1e10, 1e10, 1e10)])),
 }
 
 
@@ -108,16 +108,17 @@ def test_ordinary_scenes_have_their_box_as_frame():
 
 def test_far_things_are_right_at_their_own_distance():
     """Boxes on a ground of 1,000 km, each four times as far and as large as the last: they all look alike."""
-    boxes = [Part(box((-0.1, -0.1, 0), (0.1, 0.1, 0.2)), GREY, f"box {k}", [
-        move(0, 3 * 4.0**k, 0) @ scale(*[3 * 4.0**k] * 3)]) for k in range(9)]
+    boxes = [Shape(box((-0.1, -0.1, 0), (0.1, 0.1, 0.2)), GREY, f"box {k}", [
+        translate(0, 3 * 4.0**k, 0) @ scale(*[3 * 4.0**k] * 3)]) for k in range(9)]
     lit = []
     for k in range(9):
         d = 3 * 4.0**k
-        scene = assemble([Part(rectangle((-1e6, -1e6), (1e6, 1e6), 0.0), WHITE, "ground"), boxes[k],
-                          Part(box((-1, -1, -1), (1, 1, 1)), GREY, "screw", [move(0, 0.01, -0.003) @ scale(
-                              1e-3, 1e-3, 1e-3)])],
-                         look_at((0, 0, d / 2), (0, d, 0), 40, 60, 60), [point((d, d / 2, d / 2), d * d)], settings(
-                             shadows="SHARP"))
+        ground = Shape(rectangle((-1e6, -1e6), (1e6, 1e6), 0.0), WHITE, "ground")
+        screw = Shape(box((-1, -1, -1), (1, 1, 1)), GREY, "screw",
+                      [translate(0, 0.01, -0.003) @ scale(1e-3, 1e-3, 1e-3)])
+        camera = Camera.look_at((0, 0, d / 2), (0, d, 0), 40, 60, 60)
+        scene = Scene.from_shapes([ground, boxes[k], screw], camera, [point((d, d / 2, d / 2), d * d)],
+                                  settings(shadows="SHARP"))
         lit.append(render_image(scene).passes["Combined"][..., 0])
     assert 50 < (lit[0] == 0).sum() < 2000
     for other in lit[1:]:
@@ -162,8 +163,8 @@ def test_pieces_are_the_triangle(numbers):
 
 def test_pieces_of_neighbours_fit():
     """A huge ball and a huge box stay closed."""
-    ball = Part(sphere(3e5, 9, 5), glass(), "ball", [move(0, 0, -2.9e5)])
-    slab = Part(box((-1e6, -2e6, -1), (3e6, 1e6, -0.5)), glass(0.8), "slab", [tilted(0.2)])
+    ball = Shape(sphere(3e5, 9, 5), glass(), "ball", [translate(0, 0, -2.9e5)])
+    slab = Shape(box((-1e6, -2e6, -1), (3e6, 1e6, -0.5)), glass(0.8), "slab", [tilted(0.2)])
     surfaces, _ = flatten(table("sharp", 3.0, 0.3, ball, slab))
     glassy = np.isin(surfaces.instance, (4, 5))
     assert len(surfaces.piece) and (surfaces.piece[glassy] >= 0).sum() > 200
@@ -192,6 +193,6 @@ def test_a_backdrop_does_not_set_the_step(what):
     """Most of the picture is dome, behind a table seen from low."""
     scenes = [table("soft"), table("soft", FAR_OR_HUGE[what][0], 0.3, *FAR_OR_HUGE[what][1:])]
     turn = tilted(0.3)[:3, :3]
-    camera = look_at(turn @ (0.1, -1.4, 1.0), turn @ (0, 1, 1.05), 45, 64, 64)
+    camera = Camera.look_at(turn @ (0.1, -1.4, 1.0), turn @ (0, 1, 1.05), 45, 64, 64)
     steps = [measure(replace(s, camera=camera))["h"] for s in scenes]
     assert steps[0] < 0.05 and steps[1] == pytest.approx(steps[0], rel=0.05)

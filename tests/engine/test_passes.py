@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Scene, Shape, box, rectangle, sphere, translate
 from light_meshes.film.passes import DEBUG, LIGHT, NO_DEPTH, PASSES
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import SHADOWS, Material
 from light_meshes.scene.errors import SceneError
-from meshes import GREY, Part, assemble, box, look_at, look_down, move, rectangle, sphere
-from scenes import four_lights, hall, point, settings, sun, tabletop, with_lights, with_settings
+from scenes import GREY, four_lights, hall, look_down, point, settings, sun, tabletop, with_lights
 
 ALL = tuple(PASSES)
 
@@ -18,19 +18,19 @@ def everything(**values):
     """Mirror, bending glass, a coloured pane, a half cut-out, a glow, a shadow catcher and a holdout."""
     scene = four_lights(48, **({"mode": "WHITTED", "samples": 3, "filter_size": 1.5, "light_samples": 8} | values))
     more = [
-        Part(sphere(0.35, 16, 8), Material("glass", kd=0.1, ka=0.2, kt=(0.8, 0.9, 0.7), ior=1.5, fresnel=True), "lens",
-             [move(0.5, -1.2, 0.5)]),
-        Part(box((-1.6, -1.3, 0.2), (-0.9, -1.28, 0.9)), Material("pane", kd=0.2, kt=(0.7, 0.2, 0.2), ks=0.2), "pane"),
-        Part(box((-0.5, -1.5, 0.0), (-0.1, -1.4, 0.4)), Material("leaf", Od=(0.1, 0.6, 0.1), alpha=0.4), "leaf"),
-        Part(box((1.2, 0.6, 0.0), (1.5, 0.9, 0.9)), Material("glow", emission=(0.5, 0.2, 0.1)), "glow"),
-        Part(box((1.3, -1.2, 0.0), (2.0, -0.6, 0.05)), GREY, "catcher", visible={"shadow_catcher": True}),
-        Part(box((-1.7, 0.8, 0.0), (-1.3, 1.2, 0.6)), GREY, "hole", visible={"holdout": True}),
+        Shape(sphere(0.35, 16, 8), Material("glass", kd=0.1, ka=0.2, kt=(0.8, 0.9, 0.7), ior=1.5, fresnel=True), "lens",
+              [translate(0.5, -1.2, 0.5)]),
+        Shape(box((-1.6, -1.3, 0.2), (-0.9, -1.28, 0.9)), Material("pane", kd=0.2, kt=(0.7, 0.2, 0.2), ks=0.2), "pane"),
+        Shape(box((-0.5, -1.5, 0.0), (-0.1, -1.4, 0.4)), Material("leaf", Od=(0.1, 0.6, 0.1), alpha=0.4), "leaf"),
+        Shape(box((1.2, 0.6, 0.0), (1.5, 0.9, 0.9)), Material("glow", emission=(0.5, 0.2, 0.1)), "glow"),
+        Shape(box((1.3, -1.2, 0.0), (2.0, -0.6, 0.05)), GREY, "catcher", flags={"shadow_catcher": True}),
+        Shape(box((-1.7, 0.8, 0.0), (-1.3, 1.2, 0.6)), GREY, "hole", flags={"holdout": True}),
     ]
-    things = [Part(rectangle((-3, -3), (3, 3), 0.0), Material("floor", ks=0.3, mirror=(0.1, 0.1, 0.2)), "floor"),
-              Part(sphere(0.6, 24, 12), Material("ball", Od=(0.2, 0.5, 0.7), ks=0.4, mirror=(0.3, 0.3, 0.4)), "ball",
-                   [move(-0.6, 0.3, 0.65)]),
-              Part(box((0.3, -0.4, 0.0), (0.9, 0.4, 1.1)), Material("box", Od=(0.7, 0.3, 0.2)), "box")]
-    return assemble(things + more, scene.camera, scene.lights, scene.settings, world_color=scene.world_color)
+    things = [Shape(rectangle((-3, -3), (3, 3), 0.0), Material("floor", ks=0.3, mirror=(0.1, 0.1, 0.2)), "floor"),
+              Shape(sphere(0.6, 24, 12), Material("ball", Od=(0.2, 0.5, 0.7), ks=0.4, mirror=(0.3, 0.3, 0.4)), "ball",
+                    [translate(-0.6, 0.3, 0.65)]),
+              Shape(box((0.3, -0.4, 0.0), (0.9, 0.4, 1.1)), Material("box", Od=(0.7, 0.3, 0.2)), "box")]
+    return Scene.from_shapes(things + more, scene.camera, scene.lights, scene.settings, world_color=scene.world_color)
 
 
 @pytest.mark.parametrize("values", [
@@ -68,8 +68,8 @@ def test_diffuse_and_glossy_are_the_pictures_of_half_the_material():
 
 def test_ambient_emission_and_environment_are_numbers():
     material = Material("m", Od=(0.5, 0.25, 1.0), ka=0.4, emission=(3.0, 0.0, 0.5))
-    scene = assemble([Part(rectangle((-1, -1), (1, 1), 0.0), material, "sheet")], look_down(0, 0, 4, 16),
-                     [point((0, 0, 2))], settings(ambient=2.0), world_color=(0.1, 0.2, 0.3))
+    scene = Scene.from_shapes([Shape(rectangle((-1, -1), (1, 1), 0.0), material, "sheet")], look_down(0, 0, 4, 16),
+                              [point((0, 0, 2))], settings(ambient=2.0), world_color=(0.1, 0.2, 0.3))
     passes = render_image(scene, ALL).passes
     inside = (slice(5, 11), slice(5, 11))
     np.testing.assert_allclose(passes["Ambient"][inside] - np.float32([0.04, 0.04, 0.24]), 0, atol=1e-7)
@@ -86,11 +86,11 @@ def test_ambient_emission_and_environment_are_numbers():
 def test_what_is_seen_in_a_mirror_is_glossy_and_through_glass_transmission(name, material):
     """Whatever it is there: lit, glowing, a highlight, the background."""
     glow = Material("glow", ks=0.5, nShiny=2.0, emission=(0.3, 0.3, 0.3))
-    scene = assemble([Part(box((-9, -9, 0), (9, 9, 1)), material, "surface"),
-                      Part(sphere(1.0), glow, "above", [move(0.5, 0, 3)]),
-                      Part(sphere(1.0), glow, "below", [move(0.5, 0, -3)])],
-                     look_at((0.2, -6, 5), (0.2, 0, 1), 45, 24, 24), [point((3, -2, 6))],
-                     settings(mode="WHITTED", max_depth=6), world_color=(0.2, 0.2, 0.2))
+    scene = Scene.from_shapes([Shape(box((-9, -9, 0), (9, 9, 1)), material, "surface"),
+                               Shape(sphere(1.0), glow, "above", [translate(0.5, 0, 3)]),
+                               Shape(sphere(1.0), glow, "below", [translate(0.5, 0, -3)])],
+                              Camera.look_at((0.2, -6, 5), (0.2, 0, 1), 45, 24, 24), [point((3, -2, 6))],
+                              settings(mode="WHITTED", max_depth=6), world_color=(0.2, 0.2, 0.2))
     surface, above, below = scene.objects
     scene = replace(scene, objects=(surface, replace(above, visible_camera=False), below))
     passes = render_image(scene, ALL).passes
@@ -149,20 +149,21 @@ def test_the_shadow_pass_of_a_light_is_that_of_the_light_alone(scene):
 
 def test_a_light_through_coloured_glass_casts_a_coloured_shadow():
     pane = Material("pane", kt=(0.9, 0.5, 0.1))
-    scene = assemble([Part(rectangle((-5, -5), (5, 5), 0.0), GREY, "floor"),
-                      Part(rectangle((-5, -5), (0, 5), 2.0), pane, "pane")], look_down(0, 0, 2, 32, height=1.5),
-                     [replace(sun((0, 0, -1)), shadow_pass=0)], settings(h=0.05))
+    parts = [Shape(rectangle((-5, -5), (5, 5), 0.0), GREY, "floor"),
+             Shape(rectangle((-5, -5), (0, 5), 2.0), pane, "pane")]
+    scene = Scene.from_shapes(parts, look_down(0, 0, 2, 32, height=1.5), [replace(sun((0, 0, -1)), shadow_pass=0)],
+                              settings(h=0.05))
     shadow = render_image(scene, ("Shadow 0",)).passes["Shadow 0"]
     np.testing.assert_allclose(shadow[:, :4], np.broadcast_to(np.float32([0.9, 0.5, 0.1]), (32, 4, 3)), rtol=1e-6)
     np.testing.assert_array_equal(shadow[:, -4:], 1)
 
 
-@pytest.mark.parametrize("scene", [with_settings(tabletop(48, h=0.1, kI=1.3), samples=2, filter_size=1.0),
+@pytest.mark.parametrize("scene", [tabletop(48, h=0.1, kI=1.3).with_settings(samples=2, filter_size=1.0),
                                    hall(9, width=48, mode="WHITTED", kI=0.9), everything()],
                          ids=["tabletop", "small balls", "everything"])
 @pytest.mark.parametrize("skip", [True, False])
 def test_the_debug_passes_add_up_to_the_statistics(scene, skip):
-    done = render_image(with_settings(scene, uniform_skip=skip), DEBUG)
+    done = render_image(scene.with_settings(uniform_skip=skip), DEBUG)
     samples = scene.settings.samples
     total = {name: done.passes[name].sum(dtype=np.float64) * samples for name in DEBUG}
     for name, count in (("Candidates", "candidates"), ("Empty", "empty_sets"), ("Skipped", "uniform_skips")):
@@ -173,13 +174,14 @@ def test_the_debug_passes_add_up_to_the_statistics(scene, skip):
 
 def test_m_is_what_the_method_says():
     """(2π/3)·kI³ nodes on a plane, half of them beside a wall; none where kI is too small is an empty set."""
-    parts = [Part(rectangle((-5, -5), (5, 5), 0.0), GREY, "floor"), Part(box((1, -5, 0), (2, 5, 3)), GREY, "wall")]
-    scene = assemble(parts, look_down(0.5, 0, 2, 64), [point((-3, 0, 3))], settings(h=0.1, kI=3.0, uniform_skip=False))
+    parts = [Shape(rectangle((-5, -5), (5, 5), 0.0), GREY, "floor"), Shape(box((1, -5, 0), (2, 5, 3)), GREY, "wall")]
+    scene = Scene.from_shapes(parts, look_down(0.5, 0, 2, 64), [point((-3, 0, 3))],
+                              settings(h=0.1, kI=3.0, uniform_skip=False))
     m = render_image(scene, DEBUG).passes["Debug m"][..., 0]
     assert m[:, 8:32].mean() == pytest.approx(2 * np.pi / 3 * 27, rel=0.02)  # more than r from the wall at x = 1
     beside = slice(46, 48)  # 0.03 from it, on the average
     assert m[:, beside].mean() == pytest.approx(np.pi / 3 * 27, rel=0.15)
-    few = render_image(with_settings(scene, kI=0.7), DEBUG).passes
+    few = render_image(scene.with_settings(kI=0.7), DEBUG).passes
     counted = m > 0  # where the light shines on
     np.testing.assert_array_equal((few["Debug m"][..., 0] == 0) & counted, (few["Debug Empty"][..., 0] == 1) & counted)
     assert 0.05 < (few["Debug Empty"][..., 0])[counted].mean() < 0.95

@@ -7,7 +7,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from light_meshes.picture.render import Prepared, render_image
 from oracle import Lattice, Oracle
-from scenes import random_scene, with_settings
+from scenes import random_scene
 
 SCENES = {"seed": st.integers(0, 2**31 - 1), "h": st.floats(0.15, 0.3), "kI": st.floats(0.5, 4.0),
           "lights": st.integers(1, 9), "rotated": st.booleans()}
@@ -61,7 +61,7 @@ def test_sharp_visibility_is_the_oracles(seed, lights):
 def test_pixels_are_the_oracles(seed, shadows):
     """The whole way through: camera, normals, every type of light, Phong's highlight, ambient light."""
     scene = random_scene(seed, 0.2, 1.8, 4, shadows=shadows)
-    oracle = Oracle(scene, Lattice(Prepared(with_settings(scene, shadows="LIGHT_MESHES")).soft.lattice.position))
+    oracle = Oracle(scene, Lattice(Prepared(scene.with_settings(shadows="LIGHT_MESHES")).soft.lattice.position))
     expected, sure = oracle.picture()
     found = render_image(scene).passes["Combined"][..., :3]
     np.testing.assert_allclose(found[sure], expected[sure], rtol=1e-5, atol=1e-6)

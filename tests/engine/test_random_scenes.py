@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hard_cases import glass
+from light_meshes import Camera, Mesh, Scene, Shape, box, rotate_z, scale, translate
 from light_meshes.picture.render import render_image
-from light_meshes.scene.description import LIGHT_TYPES, Light, Material, Scene
-from meshes import Mesh, Part, assemble, box, look_at, move, scale, turn_z
-from scenes import settings, with_settings
+from light_meshes.scene.description import LIGHT_TYPES, Light, Material
+from scenes import settings
 
 GRID = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 H = 0.25  # its lattice, where it is not turned, has nodes on the grid's points
@@ -77,14 +77,14 @@ def linked(random: np.random.Generator) -> tuple[int, ...] | None:
 
 def wild(seed: int) -> Scene:
     random = np.random.default_rng(seed)
-    floor = Part(box((-1.5, -1.5, -0.1), (1.5, 1.5, 0.0)), Material("floor"), "floor")
+    floor = Shape(box((-1.5, -1.5, -0.1), (1.5, 1.5, 0.0)), Material("floor"), "floor")
     parts = [floor] if random.random() < 0.8 else []
     for n in range(random.integers(1, 5)):
         mesh = (soup, needles, solid, fan)[random.integers(4)](random)
-        matrices = [[np.eye(4)], [move(0, 0, 0.5)], [turn_z(random.uniform(0, 6)), np.eye(4)],
+        matrices = [[np.eye(4)], [translate(0, 0, 0.5)], [rotate_z(random.uniform(0, 6)), np.eye(4)],
                     [scale(1, 1, 0)], [scale(-1, 1, 1)]][random.integers(5)]
         flags = {name: bool(random.random() < 0.9) for name in ("visible_camera", "visible_shadow")}
-        parts.append(Part(mesh, material(random, n), f"thing {n}", matrices, flags))
+        parts.append(Shape(mesh, material(random, n), f"thing {n}", matrices, flags))
     points = np.concatenate([p.mesh.vertices for p in parts])
     lights = [light(random, n, points) for n in range(random.integers(1, 5))]
     full = random.random() < 0.1
@@ -97,7 +97,8 @@ def wild(seed: int) -> Scene:
         weights=str(random.choice(["UNIFORM", "SMOOTH"])), lattice_rotation=bool(random.random() < 0.5),
         refraction="FULL" if full else "VIEW", glass=str(random.choice(["BOUNDED", "PAPER"])),
         leak_free=bool(random.random() < 0.3), caustics=str(random.choice(["PAPER", "FOCUS"])), cutoff=0.1)
-    return assemble(parts, look_at(eye, (0, 0, 0.2), 45, 16, 16), lights, chosen, world_color=(0.1, 0.2, 0.3))
+    return Scene.from_shapes(parts, Camera.look_at(eye, (0, 0, 0.2), 45, 16, 16), lights, chosen,
+                             world_color=(0.1, 0.2, 0.3))
 
 
 @pytest.mark.slow
@@ -113,7 +114,7 @@ def test_random_scenes_are_finite_and_make_no_light(hundred):
         assert (picture >= 0).all() and (shadow >= 0).all(), f"seed {seed}"
         if "refracted_paths" in result.statistics:
             continue  # refracted light gathers: there may well be more of it
-        unshadowed = render_image(with_settings(scene, mode="LOCAL"), threads=1).passes["Combined"]
+        unshadowed = render_image(scene.with_settings(mode="LOCAL"), threads=1).passes["Combined"]
         assert (picture <= unshadowed * (1 + 1e-6)).all(), f"seed {seed}"
         assert (shadow <= 1 + 1e-6).all(), f"seed {seed}"
         lit += unshadowed.max() > 0.3

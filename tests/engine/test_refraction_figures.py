@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from light_meshes import Shape, box, cylinder, rectangle, scale, sphere, translate
 from light_meshes.glass.refraction import Paths, RefractedPaths
-from meshes import Part, box, cylinder, move, rectangle, scale, sphere
 from refraction_reference import FLOOR, GLASS, Lab, Stuff, only, paths, rotation, sphere_exits, sphere_roots, torus
 
 
@@ -79,7 +79,7 @@ def test_sphere_against_root_finding():
     expected = np.bincount(row, minlength=len(x))
     assert (expected > 0).sum() > 4000
     for segments, least in ((432, 0.995), (144, 0.985)):
-        lab = Lab([(Part(sphere(1, segments, segments // 2), matrices=[rotation(4)]), GLASS)], (0, 0, 4))
+        lab = Lab([(Shape(sphere(1, segments, segments // 2), matrices=[rotation(4)]), GLASS)], (0, 0, 4))
         found, work = lab.solver.paths(0, x)
         count = np.diff(found.start)
         right = count == expected
@@ -101,14 +101,14 @@ def test_sphere_against_root_finding():
 
 def test_sphere_is_exact_on_its_own_mesh():
     """Position error ≤ 1e-6 R, Snell residual ≤ 1e-6, against plain tracing on the same 5,000 triangles."""
-    lab = Lab([(Part(sphere(1, 72, 36), matrices=[rotation(1)]), GLASS)], (0, 0, 4))
+    lab = Lab([(Shape(sphere(1, 72, 36), matrices=[rotation(1)]), GLASS)], (0, 0, 4))
     share, found, x = recall(lab, 400, 1.2)
     assert share >= 0.995
     assert errors(lab, found, x).max() < 1e-9
 
 
 def test_focusing_is_the_derivative_of_what_light_does():
-    lab = Lab([(Part(sphere(1, 72, 36), matrices=[rotation(1)]), GLASS)], (0.3, 0, 4))
+    lab = Lab([(Shape(sphere(1, 72, 36), matrices=[rotation(1)]), GLASS)], (0.3, 0, 4))
     sun = Lab(lab.parts, sun=(0.1, 0.2, -1))
     rng = np.random.default_rng(3)
     for n in range(60):
@@ -140,18 +140,18 @@ def test_focusing_is_the_derivative_of_what_light_does():
 # --- Any scene --------------------------------------------------------------------------------------------
 
 SCENES = {
-    "coarse sphere": ([(Part(sphere(1, 16, 8), matrices=[rotation(1)]), GLASS)], (0, 0, 4)),
-    "light inside": ([(Part(sphere(1, 48, 24), matrices=[rotation(1)]), GLASS)], (0.3, 0.2, 0.1)),
-    "flat sphere": ([(Part(sphere(1, 16, 8, smooth=False), matrices=[rotation(1)]), GLASS)], (0, 0, 4)),
-    "box": ([(Part(box((-1, -1, -1), (1, 1, 1)), matrices=[rotation(2)]), GLASS)], (0, 0, 4)),
-    "torus": ([(Part(torus(1, 0.4, 64, 32), matrices=[rotation(3)]), GLASS)], (0, 0, 4)),
-    "flat cylinder": ([(Part(cylinder(0.6, -0.7, 0.7, 24), matrices=[rotation(3)]), GLASS)], (0, 0, 4)),
-    "two in a row": ([(Part(sphere(1, 48, 24), matrices=[rotation(1)]), GLASS),
-                      (Part(sphere(0.4, 32, 16), matrices=[move(0.3, 0.2, -2)]), Stuff(1.3, 0.7))], (0, 0, 4)),
-    "nested": ([(Part(sphere(1, 48, 24), matrices=[rotation(1)]), GLASS),
-                (Part(sphere(0.6, 32, 16), matrices=[move(0.2, 0, 0)]), Stuff(1.2, 0.8, 1))], (0, 0, 4)),
-    "rod in a drink": ([(Part(sphere(1, 48, 24), matrices=[rotation(1)]), Stuff(1.33)),
-                        (Part(box((-0.5, -0.5, -2), (0.5, 0.5, 2))), Stuff(1.6, 0.8, 1))], (0.1, 0.3, 4)),
+    "coarse sphere": ([(Shape(sphere(1, 16, 8), matrices=[rotation(1)]), GLASS)], (0, 0, 4)),
+    "light inside": ([(Shape(sphere(1, 48, 24), matrices=[rotation(1)]), GLASS)], (0.3, 0.2, 0.1)),
+    "flat sphere": ([(Shape(sphere(1, 16, 8, smooth=False), matrices=[rotation(1)]), GLASS)], (0, 0, 4)),
+    "box": ([(Shape(box((-1, -1, -1), (1, 1, 1)), matrices=[rotation(2)]), GLASS)], (0, 0, 4)),
+    "torus": ([(Shape(torus(1, 0.4, 64, 32), matrices=[rotation(3)]), GLASS)], (0, 0, 4)),
+    "flat cylinder": ([(Shape(cylinder(0.6, -0.7, 0.7, 24), matrices=[rotation(3)]), GLASS)], (0, 0, 4)),
+    "two in a row": ([(Shape(sphere(1, 48, 24), matrices=[rotation(1)]), GLASS),
+                      (Shape(sphere(0.4, 32, 16), matrices=[translate(0.3, 0.2, -2)]), Stuff(1.3, 0.7))], (0, 0, 4)),
+    "nested": ([(Shape(sphere(1, 48, 24), matrices=[rotation(1)]), GLASS),
+                (Shape(sphere(0.6, 32, 16), matrices=[translate(0.2, 0, 0)]), Stuff(1.2, 0.8, 1))], (0, 0, 4)),
+    "rod in a drink": ([(Shape(sphere(1, 48, 24), matrices=[rotation(1)]), Stuff(1.33)),
+                        (Shape(box((-0.5, -0.5, -2), (0.5, 0.5, 2))), Stuff(1.6, 0.8, 1))], (0.1, 0.3, 4)),
 }
 
 
@@ -176,7 +176,7 @@ def test_sun_sent_forward_is_found_again():
 def test_any_slab(seed, n, thickness, away):
     """One path to each point behind it; where it leaves follows from one unknown, the angle inside."""
     pose, rng = rotation(seed), np.random.default_rng(seed)
-    slab = Part(box((-60, -60, 0), (60, 60, thickness)), matrices=[pose])
+    slab = Shape(box((-60, -60, 0), (60, 60, thickness)), matrices=[pose])
     light = np.array([0.2, -0.1, thickness + away])
     lab = Lab([(slab, Stuff(n, 0.7))], pose[:3, :3] @ light)
     x = rng.uniform((-2, -2, -3), (2, 2, -0.05), (20, 3))
@@ -200,11 +200,11 @@ def test_any_sphere(seed, n, radius, away):
     rng = np.random.default_rng(seed)
     middle = rng.normal(size=3)
     toward = middle / np.linalg.norm(middle)
-    pose = move(*(radius * middle)) @ rotation(seed) @ scale(radius, radius, radius)
-    lab = Lab([(Part(sphere(1, 32, 16), matrices=[pose]), Stuff(n, 0.7))],
+    pose = translate(*(radius * middle)) @ rotation(seed) @ scale(radius, radius, radius)
+    lab = Lab([(Shape(sphere(1, 32, 16), matrices=[pose]), Stuff(n, 0.7))],
               radius * (middle + away * toward), h=0.05 * radius)
     # The lab's forward rays aim around the origin.
-    moved = Lab([(Part(sphere(1, 32, 16), matrices=[rotation(seed) @ scale(radius, radius, radius)]), Stuff(n, 0.7))],
+    moved = Lab([(Shape(sphere(1, 32, 16), matrices=[rotation(seed) @ scale(radius, radius, radius)]), Stuff(n, 0.7))],
                 radius * away * toward, h=0.05 * radius)
     share, found, x = recall(moved, 60, 1.1 * radius, seed)
     assert share >= 0.95
@@ -217,7 +217,7 @@ def test_any_sphere(seed, n, radius, away):
 
 
 def test_answers_do_not_depend_on_batches_order_or_threads():
-    parts = [*SCENES["two in a row"][0], (Part(rectangle((0, -2), (2, 2), 1.5)), None)]
+    parts = [*SCENES["two in a row"][0], (Shape(rectangle((0, -2), (2, 2), 1.5)), None)]
     x = np.random.default_rng(10).uniform(-3, 2, (2000, 3))
 
     def fresh() -> RefractedPaths:
@@ -249,7 +249,7 @@ def test_empty_scenes_and_batches():
     found, work = lab.solver.paths(0, np.zeros((3, 3)))
     assert found.start.tolist() == [0, 0, 0, 0] and work.rays == 0
     assert (lab.solver.straight(0, np.zeros((3, 3))) == 1).all()
-    lab = Lab([(Part(sphere(1, 16, 8)), GLASS)], (0, 0, 4))
+    lab = Lab([(Shape(sphere(1, 16, 8)), GLASS)], (0, 0, 4))
     assert lab.solver.paths(0, np.zeros((0, 3)))[0].start.tolist() == [0]
     assert np.isfinite(paths(lab, (0, 0, 4), (0, 0, 1), (0, 0, 1e9)).arrival).all()
 
@@ -257,7 +257,7 @@ def test_empty_scenes_and_batches():
 @pytest.mark.slow
 def test_cost_of_100_000_nodes():
     """Issue's figure: ≤ 60 rays a node; ≤ 20 µs on two cores, as 40 µs of processor time (other work is running)."""
-    lab = Lab([(Part(sphere(1, 72, 36), matrices=[rotation(1)]), GLASS)], (0, 0, 4))
+    lab = Lab([(Shape(sphere(1, 72, 36), matrices=[rotation(1)]), GLASS)], (0, 0, 4))
     x = np.random.default_rng(12).uniform((-3, -3, -5), (3, 3, 2), (120000, 3))
     x = x[np.linalg.norm(x, axis=1) > 1][:100000]
     lab.solver.paths(0, x[:10])
@@ -281,7 +281,7 @@ def test_cost_of_100_000_nodes():
 def test_light_scattered_by_many_bodies_has_an_end(monkeypatch):
     """Beams have a budget; beyond it light is followed through fewer bends, and what is found is still true."""
     rng = np.random.default_rng(13)
-    parts = [(Part(sphere(0.2, 16, 8), matrices=[move(*p)]), GLASS) for p in rng.uniform(-1, 1, (12, 3))]
+    parts = [(Shape(sphere(0.2, 16, 8), matrices=[translate(*p)]), GLASS) for p in rng.uniform(-1, 1, (12, 3))]
     monkeypatch.setattr("light_meshes.glass.beams.BUDGET", (20000, 0))
     lab = Lab(parts, (0, 0, 4))
     assert lab.solver.beams(0).most < 8

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from kept import PASSES, WIDTH, after, drawn, moved, room, with_camera, with_light, with_material, with_object
+from light_meshes import Camera, Shape, box, sphere, translate
 from light_meshes.film.images import Framebuffer
 from light_meshes.picture import reuse
 from light_meshes.picture.render import Cancelled, draw, prepare, render_image
-from light_meshes.scene.description import Camera, Material, Object, Scene
-from meshes import GREY, Part, box, look_at, move, sphere
-from scenes import four_lights, hall, point, with_lights, with_settings
+from light_meshes.scene.description import Material, Object, Scene
+from scenes import GREY, four_lights, hall, point, with_lights
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_equal_scenes_are_equal_whoever_made_them(still_life):
 
 
 def test_another_camera_for_the_rays_leaves_h_as_it_was_measured(still_life):
-    scene = with_settings(still_life, auto_h=True)
+    scene = still_life.with_settings(auto_h=True)
     ready = prepare(scene, PASSES)
     near = prepare(scene, PASSES, previous=ready, camera=with_camera(scene, (1.0, -1.5, 1.2)).camera)
     assert near.scene.settings.h == ready.scene.settings.h
@@ -127,29 +127,29 @@ def test_a_shadow_turned_off_and_on_again_and_a_light_made_sharp(still_life):
 # --- The lattice ------------------------------------------------------------------------------------------
 
 def test_the_radius_changes_no_node(still_life):
-    kept, fresh, *_ = after(still_life, with_settings(still_life, kI=4.0))
+    kept, fresh, *_ = after(still_life, still_life.with_settings(kI=4.0))
     assert 0 < kept["long_rays"] < fresh["long_rays"]
-    kept, *_ = after(still_life, with_settings(still_life, kI=2.0))
+    kept, *_ = after(still_life, still_life.with_settings(kI=2.0))
     assert kept["long_rays"] == 0
 
 
 @pytest.mark.parametrize("change", [{"h": 0.081}, {"lattice_rotation": False}, {"lattice_origin": (0.01, 0.0, 0.0)}])
 def test_another_lattice_has_other_nodes(still_life, change):
-    kept, fresh, *_ = after(still_life, with_settings(still_life, **change))
+    kept, fresh, *_ = after(still_life, still_life.with_settings(**change))
     assert kept["long_rays"] == fresh["long_rays"] and kept["nodes_kept"] == 0
 
 
 @pytest.mark.parametrize("change", [{"samples": 3, "filter_size": 1.5}, {"mode": "WHITTED"}, {"ambient": 0.3},
                                     {"uniform_skip": False}, {"film_transparent": True}])
 def test_settings_that_nodes_know_nothing_of(still_life, change):
-    kept, fresh, *_ = after(still_life, with_settings(still_life, **change))
+    kept, fresh, *_ = after(still_life, still_life.with_settings(**change))
     assert kept["nodes_kept"] > 0 and kept["long_rays"] <= 0.1 * fresh["long_rays"]
 
 
 @pytest.mark.parametrize("change", [{"shadows": "SHARP"}, {"shadows": "AREA_SAMPLING", "light_samples": 4},
                                     {"mode": "LOCAL"}])
 def test_other_ways_to_a_shadow_and_back(still_life, change):
-    other = with_settings(still_life, **change)
+    other = still_life.with_settings(**change)
     after(still_life, other)
     after(other, still_life)
 
@@ -172,14 +172,14 @@ def test_a_moved_object_drops_what_looked_past_it():
 @pytest.mark.parametrize("seed", range(6))
 def test_objects_moved_at_random(seed):
     random = np.random.default_rng(seed)
-    first = room(Part(sphere(0.4, 12, 8), GREY, "ball", [move(0, 0, 0.6)]))
+    first = room(Shape(sphere(0.4, 12, 8), GREY, "ball", [translate(0, 0, 0.6)]))
     second = moved(first, 3, random.uniform(-0.5, 0.5, 3))
     second = moved(second, int(random.integers(1, 3)), random.uniform(-0.2, 0.3, 3))
     after(first, with_light(second, 1, position=(1.5, -1.0, 3.5)) if seed % 2 else second)
 
 
 def test_an_object_may_come_and_go():
-    ball = Part(sphere(0.3, 12, 8), GREY, "ball", [move(0, 0, 0.4)])
+    ball = Shape(sphere(0.3, 12, 8), GREY, "ball", [translate(0, 0, 0.4)])
     without, with_ball = room(), room(ball)
     for first, second in ((without, with_ball), (with_ball, without)):
         kept, fresh, *_ = after(first, second)
@@ -217,8 +217,8 @@ def glassy(**more) -> Material:
 
 def panes(material: Material, **values) -> Scene:
     """`room` with a pane on the left and a slab on the right, of one material."""
-    return room(Part(box((-1.4, -0.5, 0.2), (-1.3, 0.5, 1.0)), material, "pane"),
-                Part(box((0.9, -0.3, 0.2), (1.2, 0.3, 0.7)), material, "slab"), **values)
+    return room(Shape(box((-1.4, -0.5, 0.2), (-1.3, 0.5, 1.0)), material, "pane"),
+                Shape(box((0.9, -0.3, 0.2), (1.2, 0.3, 0.7)), material, "slab"), **values)
 
 
 WAYS = ({}, {"glass": "PAPER"}, {"refraction": "FULL", "h": 0.2}, {"refraction": "FULL", "caustics": "FOCUS", "h": 0.2},
@@ -229,7 +229,7 @@ WAYS = ({}, {"glass": "PAPER"}, {"refraction": "FULL", "h": 0.2}, {"refraction":
 def test_glass_that_changes(values):
     first = panes(glassy(), **values)
     clear = len(first.materials) - 1
-    kept, *_ = after(first, replace(first, camera=look_at((0.3, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH)))
+    kept, *_ = after(first, replace(first, camera=Camera.look_at((0.3, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH)))
     assert kept["nodes_kept"] > 0
     opaque = panes(replace(GREY, name="glass"), **values)
     after(opaque, first)
@@ -253,8 +253,8 @@ def test_glass_that_bends(values):
     after(bent, with_object(bent, 3, visible_shadow=False))
     after(bent, with_lights(bent, *bent.lights[::-1]))
     after(bent, with_light(bent, 0, position=(-1.5, -2.0, 4.0)))
-    after(bent, with_settings(bent, kI=4.0))
-    after(bent, with_settings(bent, refraction="NONE"))
+    after(bent, bent.with_settings(kI=4.0))
+    after(bent, bent.with_settings(refraction="NONE"))
 
 
 def test_values_beside_glass_stay_where_something_moves():
@@ -269,7 +269,7 @@ def test_values_beside_glass_stay_where_something_moves():
 
 def test_what_was_cancelled_leaves_what_was_done(still_life):
     """In the midst of nodes: what is known stays right, what was begun is begun again."""
-    scene = with_settings(still_life, samples=4, filter_size=1.5)
+    scene = still_life.with_settings(samples=4, filter_size=1.5)
     fresh = render_image(scene, PASSES)
     ready = None
     for most in (1, 2, 5, 9):
@@ -293,7 +293,7 @@ def test_what_was_cancelled_leaves_what_was_done(still_life):
 
 
 def test_sameness_is_of_contents():
-    camera = look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH)
-    assert reuse.same(camera, look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH))
-    assert not reuse.same(camera, look_at((0, -7, 5.001), (0, 0, 0), 40, WIDTH, WIDTH))
+    camera = Camera.look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH)
+    assert reuse.same(camera, Camera.look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH))
+    assert not reuse.same(camera, Camera.look_at((0, -7, 5.001), (0, 0, 0), 40, WIDTH, WIDTH))
     assert not reuse.same(camera, Object("camera")) and isinstance(camera, Camera)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from light_meshes import Camera, Mesh, Scene, Shape, box, rectangle, sphere, translate
 from light_meshes.picture.render import Prepared, render_image
 from light_meshes.rays import tracer as tracing
 from light_meshes.scene.description import Material
-from meshes import Mesh, Part, assemble, box, look_at, look_down, move, rectangle, sphere
-from scenes import GREY, WHITE, point, settings, sun, tabletop, with_settings
+from scenes import GREY, WHITE, look_down, point, settings, sun, tabletop
 
 UP = np.array([[0.0, 0.0, 1.0]])
 
@@ -22,8 +22,8 @@ def glass(t=0.7, name="glass", **more):
 
 def under(parts, P, lights=None, **values):
     """S at points P of the floor z = 0 under `parts`, as (n, L, C)."""
-    scene = assemble([Part(rectangle((-9, -9), (9, 9), 0.0), WHITE, "floor"), *parts], look_down(0, 0, 4, 8),
-                     lights or [sun((0, 0, -1))], settings(**values))
+    scene = Scene.from_shapes([Shape(rectangle((-9, -9), (9, 9), 0.0), WHITE, "floor"), *parts], look_down(0, 0, 4, 8),
+                              lights or [sun((0, 0, -1))], settings(**values))
     P = np.atleast_2d(np.asarray(P, float))
     S = Prepared(scene).light_visibility(P, np.repeat(UP, len(P), 0))
     return S.reshape(len(P), len(scene.lights), -1)
@@ -31,7 +31,7 @@ def under(parts, P, lights=None, **values):
 
 @given(st.integers(1, 12), st.floats(0.1, 0.95), st.floats(-1, 1), st.floats(-1, 1))
 def test_each_sheet_on_the_way_multiplies_by_its_t(sheets, t, x, y):
-    panes = [Part(rectangle((-3, -3), (3, 3), 0.5 + 0.1 * n), glass(t), f"pane {n}") for n in range(sheets)]
+    panes = [Shape(rectangle((-3, -3), (3, 3), 0.5 + 0.1 * n), glass(t), f"pane {n}") for n in range(sheets)]
     S = under(panes, (x, y, 0), shadows="SHARP")
     np.testing.assert_allclose(S, t**sheets, rtol=1e-5)
 
@@ -44,7 +44,7 @@ def test_a_solid_is_crossed_twice_wherever_the_ray_meets_it(t, seed):
     share = random.uniform(-0.99, 0.99, 200)
     P = np.stack([share, share, np.zeros(200)], 1)  # along the diagonals of top and bottom
     P[100:, 1] *= -1
-    S = under([Part(mesh, glass(t), "block")], P, shadows="SHARP")
+    S = under([Shape(mesh, glass(t), "block")], P, shadows="SHARP")
     np.testing.assert_allclose(S, t * t, rtol=1e-5)
 
 
@@ -52,29 +52,30 @@ def test_a_ray_through_a_vertex_of_a_fine_sphere_is_counted_once():
     ball = sphere(0.5, 48, 24)
     P = ball.vertices * (1, 1, 0)
     inside = np.hypot(P[:, 0], P[:, 1]) < 0.499
-    S = under([Part(ball, glass(0.5), "ball", [move(0, 0, 2)])], P[inside], shadows="SHARP")
+    S = under([Shape(ball, glass(0.5), "ball", [translate(0, 0, 2)])], P[inside], shadows="SHARP")
     np.testing.assert_allclose(S, 0.25, rtol=1e-5)
 
 
 def test_coloured_glass_colours_its_shadow():
     colour = (0.9, 0.5, 0.1)
     for shadows in ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING"):
-        S = under([Part(rectangle((-3, -3), (3, 3), 1.0), glass(colour), "pane")], (0.1, 0.2, 0), shadows=shadows)
+        S = under([Shape(rectangle((-3, -3), (3, 3), 1.0), glass(colour), "pane")], (0.1, 0.2, 0), shadows=shadows)
         np.testing.assert_allclose(S[0, 0], colour, rtol=1e-6)
 
 
 def test_an_opaque_thing_behind_glass_is_opaque():
-    parts = [Part(rectangle((-3, -3), (3, 3), 1.0), glass(0.7), "pane"), Part(box((-1, -1, 2), (1, 1, 3)), GREY, "box")]
+    parts = [Shape(rectangle((-3, -3), (3, 3), 1.0), glass(0.7), "pane"),
+             Shape(box((-1, -1, 2), (1, 1, 3)), GREY, "box")]
     S = under(parts, [(0, 0, 0), (2, 2, 0)], shadows="SHARP")
     np.testing.assert_allclose(S[:, 0, 0], (0, 0.7), rtol=1e-6)
 
 
 def test_glass_that_casts_no_transparent_shadow_is_opaque_to_lights_only():
-    pane = Part(rectangle((-3, -3), (3, 3), 1.0), glass(0.7, transparent_shadow=False), "pane")
+    pane = Shape(rectangle((-3, -3), (3, 3), 1.0), glass(0.7, transparent_shadow=False), "pane")
     assert under([pane], (0, 0, 0), shadows="SHARP").max() == 0
     lamp = Material("lamp", emission=(1, 1, 1), kd=0.0)
-    scene = assemble([Part(rectangle((-9, -9), (9, 9), 0.0), lamp, "floor"), pane], look_down(0, 0, 4, 8),
-                     [sun((0, 0, -1))], settings(shadows="SHARP"))
+    scene = Scene.from_shapes([Shape(rectangle((-9, -9), (9, 9), 0.0), lamp, "floor"), pane], look_down(0, 0, 4, 8),
+                              [sun((0, 0, -1))], settings(shadows="SHARP"))
     np.testing.assert_allclose(render_image(scene).passes["Combined"][..., :3], 0.7, rtol=1e-6)
 
 
@@ -83,7 +84,7 @@ def beside_a_pane(t, glass_rule):
     pane = Mesh(np.array([(0, -5, -1), (0, 5, -1), (0, 5, 5), (0, -5, 5)], float),
                 np.array([(0, 1, 2), (0, 2, 3)]))
     P = np.array([(0.01, 0.1 * k, 0) for k in range(8)])
-    return under([Part(pane, glass(t), "pane")], P, [sun((-1, 0, -1))], glass=glass_rule, h=0.05, kI=4.0)[:, 0, 0]
+    return under([Shape(pane, glass(t), "pane")], P, [sun((-1, 0, -1))], glass=glass_rule, h=0.05, kI=4.0)[:, 0, 0]
 
 
 def test_paper_darkens_beside_a_pane_and_bounded_does_not():
@@ -120,12 +121,13 @@ def test_bits_numbers_and_rgb_agree_where_no_glass_is_in_the_way(t, channels, sh
 
 
 def still_life(material, **values):
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
-             Part(sphere(0.6, 40, 20), material, "ball", [move(0, 0, 0.9)]),
-             Part(rectangle((-1, -1), (0.5, 0.5), 1.8), replace(material, name="sheet", ior=1.5), "sheet"),
-             Part(box((0.8, 0.2, 0), (1.2, 1.0, 1.0)), Material("red", Od=(0.8, 0.2, 0.1)), "box")]
-    return assemble(parts, look_at((3, -4, 2.5), (0, 0, 0.6), 40, 64, 64), [point((1.5, -1, 4)), sun((-1, 1, -2))],
-                    settings(mode="WHITTED", max_depth=8, h=0.1, **values), world_color=(0.1, 0.2, 0.3))
+    parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+             Shape(sphere(0.6, 40, 20), material, "ball", [translate(0, 0, 0.9)]),
+             Shape(rectangle((-1, -1), (0.5, 0.5), 1.8), replace(material, name="sheet", ior=1.5), "sheet"),
+             Shape(box((0.8, 0.2, 0), (1.2, 1.0, 1.0)), Material("red", Od=(0.8, 0.2, 0.1)), "box")]
+    return Scene.from_shapes(parts, Camera.look_at((3, -4, 2.5), (0, 0, 0.6), 40, 64, 64),
+                             [point((1.5, -1, 4)), sun((-1, 1, -2))],
+                             settings(mode="WHITTED", max_depth=8, h=0.1, **values), world_color=(0.1, 0.2, 0.3))
 
 
 def test_an_index_of_one_bends_nothing():
@@ -141,17 +143,17 @@ def test_a_view_ray_through_a_slab_is_shifted_by_snells_law():
     shift = T * (1 - np.tan(np.arcsin(np.sin(np.pi / 4) / n)))
     lit = Material("lit", emission=(1, 1, 1), kd=0.0, ka=0.0)
     dark = Material("dark", kd=0.0, ka=0.0)
-    camera = look_at((-4, 0, 4), (0, 0, 0), 10, 400, 4)
+    camera = Camera.look_at((-4, 0, 4), (0, 0, 0), 10, 400, 4)
     camera = replace(camera, perspective=False, window=(-0.5, 0.5, -0.005, 0.005))
     quarter = np.eye(4)
     quarter[:2, :2] = [[0, -1], [1, 0]]
     camera = replace(camera, matrix=camera.matrix @ quarter)  # rows of pixels run along the slab
     edges = []
     for refraction in ("NONE", "VIEW"):
-        scene = assemble([Part(rectangle((-9, -9), (0, 9), 0.0), dark, "dark"),
-                          Part(rectangle((0, -9), (9, 9), 0.0), lit, "lit"),
-                          Part(box((-8, -8, 1), (8, 8, 1 + T)), glass(1.0, ior=n), "slab")],
-                         camera, [], settings(refraction=refraction))
+        scene = Scene.from_shapes([Shape(rectangle((-9, -9), (0, 9), 0.0), dark, "dark"),
+                                   Shape(rectangle((0, -9), (9, 9), 0.0), lit, "lit"),
+                                   Shape(box((-8, -8, 1), (8, 8, 1 + T)), glass(1.0, ior=n), "slab")],
+                                  camera, [], settings(refraction=refraction))
         edges.append((render_image(scene).passes["Combined"][2, :, 0] > 0.5).sum() / 400)
     # On the floor by `shift`, across the view by shift·cos 45°.
     assert abs(edges[1] - edges[0]) == pytest.approx(shift * np.cos(np.pi / 4), abs=2 / 400)
@@ -159,11 +161,11 @@ def test_a_view_ray_through_a_slab_is_shifted_by_snells_law():
 
 def inside(ior, mode):
     """What an eye inside glass sees of its flat top at 60° to the normal; a lamp stands behind the eye."""
-    camera = look_at((0, 0, 0), (np.sin(np.pi / 3), 0, np.cos(np.pi / 3)), 0.01, 1, 1)
+    camera = Camera.look_at((0, 0, 0), (np.sin(np.pi / 3), 0, np.cos(np.pi / 3)), 0.01, 1, 1)
     lamp = Material("lamp", Od=(0, 0, 0), kd=0.0, ka=0.0, emission=(3, 3, 3))
-    scene = assemble([Part(box((-50, -50, -9), (50, 50, 1)), glass(1.0, ior=ior), "block"),
-                      Part(rectangle((-40, -40), (40, 40), -5.0), lamp, "lamp")],
-                     camera, [], settings(max_depth=3, mode=mode), world_color=(1, 1, 1))
+    scene = Scene.from_shapes([Shape(box((-50, -50, -9), (50, 50, 1)), glass(1.0, ior=ior), "block"),
+                               Shape(rectangle((-40, -40), (40, 40), -5.0), lamp, "lamp")],
+                              camera, [], settings(max_depth=3, mode=mode), world_color=(1, 1, 1))
     return render_image(scene).passes["Combined"][0, 0, 0]
 
 
@@ -177,23 +179,24 @@ def test_beyond_the_critical_angle_all_is_reflected():
 def test_fresnel_shares_light_between_both_ways():
     """At a pane that reflects and transmits the same white world nothing is lost or won."""
     pane = glass(1.0, ior=1.5, fresnel=True)
-    camera = look_at((0, -3, 1.5), (0, 0, 1), 20, 16, 16)
-    scene = assemble([Part(rectangle((-2, -2), (2, 2), 1.0), pane, "pane")], camera, [], settings(mode="WHITTED"),
-                     world_color=(1, 1, 1))
+    camera = Camera.look_at((0, -3, 1.5), (0, 0, 1), 20, 16, 16)
+    scene = Scene.from_shapes([Shape(rectangle((-2, -2), (2, 2), 1.0), pane, "pane")], camera,
+                              settings=settings(mode="WHITTED"), world_color=(1, 1, 1))
     np.testing.assert_allclose(render_image(scene).passes["Combined"][..., :3], 1, rtol=1e-6)
-    dark = render_image(with_settings(scene, mode="RAY_CASTING")).passes["Combined"][8, 8, 0]
+    dark = render_image(scene.with_settings(mode="RAY_CASTING")).passes["Combined"][8, 8, 0]
     assert 0.3 < dark < 0.99  # without reflections F is missing
 
 
 def test_of_overlapping_media_the_higher_priority_is_there():
     """A core inside a shell of the same index: no interface. With a lower priority the core is not there at all."""
     def picture(core, **more):
-        parts = [Part(sphere(0.8, 48, 24), glass(0.9, "shell", ior=1.5, priority=1), "shell", [move(0, 0, 1)])]
+        parts = [Shape(sphere(0.8, 48, 24), glass(0.9, "shell", ior=1.5, priority=1), "shell", [translate(0, 0, 1)])]
         if core is not None:
-            parts.append(Part(sphere(0.4, 48, 24), core, "core", [move(0, 0, 1)]))
-        parts.append(Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"))
-        return render_image(assemble(parts, look_at((2, -3, 2), (0, 0, 0.9), 35, 48, 48), [point((0, 0, 4))],
-                                     settings(mode="WHITTED", max_depth=8, shadows="SHARP"))).passes["Combined"]
+            parts.append(Shape(sphere(0.4, 48, 24), core, "core", [translate(0, 0, 1)]))
+        parts.append(Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"))
+        scene = Scene.from_shapes(parts, Camera.look_at((2, -3, 2), (0, 0, 0.9), 35, 48, 48), [point((0, 0, 4))],
+                                  settings(mode="WHITTED", max_depth=8, shadows="SHARP"))
+        return render_image(scene).passes["Combined"]
 
     alone = picture(None)
     lower = glass(0.5, "core", ior=2.0, priority=0)
@@ -207,9 +210,9 @@ def test_of_overlapping_media_the_higher_priority_is_there():
 
 def test_alpha_cuts_out_in_view_in_shadow_and_in_the_film():
     half = Material("half", Od=(0, 0, 0), ka=0.0, kd=0.0, alpha=0.25)
-    pane = Part(rectangle((-3, -3), (3, 3), 1.0), half, "pane")
+    pane = Shape(rectangle((-3, -3), (3, 3), 1.0), half, "pane")
     np.testing.assert_allclose(under([pane], (0, 0, 0), shadows="SHARP"), 0.75, rtol=1e-6)
-    scene = assemble([pane], look_down(0, 0, 4, 8), [], settings(film_transparent=True), world_color=(1, 1, 1))
+    scene = Scene.from_shapes([pane], look_down(0, 0, 4, 8), [], settings(film_transparent=True), world_color=(1, 1, 1))
     combined = render_image(scene).passes["Combined"]
     np.testing.assert_allclose(combined[..., 3], 0.25, rtol=1e-6)
     np.testing.assert_allclose(combined[..., :3], 0, atol=1e-7)
@@ -239,14 +242,15 @@ def test_tiles_threads_and_runs_give_the_same_bits(values):
 
 def test_the_uniform_skip_gives_the_same_bits_through_glass():
     scene = still_life(glass((0.9, 0.6, 0.5), ior=1.5))
-    a, b = (render_image(with_settings(scene, uniform_skip=u)) for u in (True, False))
+    a, b = (render_image(scene.with_settings(uniform_skip=u)) for u in (True, False))
     np.testing.assert_array_equal(a.passes["Combined"], b.passes["Combined"])
     assert a.statistics["short_rays"] < 0.7 * b.statistics["short_rays"]
 
 
 def test_a_surface_that_is_met_at_once_again_and_again_ends_soon():
     """A ray along the edge of a glass box may meet its faces wherever it starts: half a million steps of some ulps."""
-    surfaces = Prepared(assemble([Part(box((0, 0, 0), (1, 1, 1)), GREY, "box")], look_down(0, 0, 2, 8), [])).surfaces
+    cube = Shape(box((0, 0, 0), (1, 1, 1)), GREY, "box")
+    surfaces = Prepared(Scene.from_shapes([cube], look_down(0, 0, 2, 8))).surfaces
     start, end = np.array([[0.1, 0.1, -0.8]]), np.array([[0.1, 0.1, 0.9]])
     o, d = start.astype(np.float32), (end - start).astype(np.float32)
     t, passed, new = np.zeros(1, np.float32), np.zeros(1), np.empty(1, np.bool_)

@@ -154,7 +154,7 @@ def test_broken_snapshots_are_refused_and_the_child_renders_on(child):
 
     broken = {
         "cut short": lambda folder: os.truncate(folder / "triangles.npy", 500),
-        "corner_normals.npy has": array("corner_normals.npy", lambda a: a[:-1]),
+        "corner_normals has": array("corner_normals.npy", lambda a: a[:-1]),
         "vertices.npy is float64": array("vertices.npy", np.float64),
         "vertex does not exist": array("triangles.npy", lambda a: a + 10**6),
         "points outside": array("meshes.npy", lambda a: a * 10**12),

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Scene, Shape, box, rectangle, sphere, translate
 from light_meshes.bench.targets import MAX_ADDED, RMSE_ADDED
 from light_meshes.film.images import Framebuffer
 from light_meshes.film.passes import LIGHT
@@ -12,8 +13,7 @@ from light_meshes.picture.render import draw, render_image
 from light_meshes.scene.description import Material
 from light_meshes.scene.errors import SceneError
 from light_meshes.scene.snapshot import with_setting
-from meshes import GREY, Part, assemble, box, look_at, move, rectangle, sphere
-from scenes import all_lights, four_lights, hall, point, settings, tabletop, with_lights, with_objects, with_settings
+from scenes import GREY, all_lights, four_lights, hall, point, settings, tabletop, with_lights, with_objects
 
 FINE = {"samples": 4, "filter_size": 1.5, "mode": "WHITTED"}
 PASSES = ("Combined", "Depth", "Normal", "Debug Candidates", *LIGHT)
@@ -28,15 +28,15 @@ def still_life(width=96, **values):
 
 def glass(width=96, **values):
     pane = Material("glass", kd=0.1, kt=(0.7, 0.8, 0.6), ks=0.3, nShiny=20.0)
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
-             Part(box((-0.5, -0.1, 0.0), (0.9, 0.1, 1.1)), pane, "pane")]
-    return assemble(parts, look_at((2.5, -4.5, 3.0), (0, 0, 0.4), 40, width, width), [point((1.5, 2.0, 3.0), 4.0)],
-                    settings(**(FINE | {"h": 0.08} | values)))
+    parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+             Shape(box((-0.5, -0.1, 0.0), (0.9, 0.1, 1.1)), pane, "pane")]
+    return Scene.from_shapes(parts, Camera.look_at((2.5, -4.5, 3.0), (0, 0, 0.4), 40, width, width),
+                             [point((1.5, 2.0, 3.0), 4.0)], settings(**(FINE | {"h": 0.08} | values)))
 
 
 def error(scene, rate=4):
     """The picture's difference from that of rate 1, and what the statistics say."""
-    exact, sparse = render_image(scene), render_image(with_settings(scene, shadow_rate=rate))
+    exact, sparse = render_image(scene), render_image(scene.with_settings(shadow_rate=rate))
     difference = np.abs(exact.passes["Combined"].astype(np.float64) - sparse.passes["Combined"])
     return difference, sparse.statistics
 
@@ -57,13 +57,14 @@ def test_it_adds_less_than_can_be_seen(scene, rate):
 
 def fence(lights, **values):
     """Thin posts and a glossy ball under `lights`."""
-    posts = [move(x, 0.3 * np.sin(3 * x), 0) for x in np.linspace(-2, 2, 40)]
-    parts = [Part(box((-3, -3, -0.1), (3, 3, 0)), Material("floor", Od=(0.9, 0.9, 0.9)), "floor"),
-             Part(box((-0.012, -0.012, 0), (0.012, 0.012, 1.0)), GREY, "posts", posts),
-             Part(box((-2, -0.01, 0.7), (2, 0.01, 0.74)), GREY, "rail"),
-             Part(sphere(0.3, 24, 12), Material("ball", Od=(0.3, 0.5, 0.8), ks=2.0, nShiny=60.0), "ball",
-                  [move(0.5, -1.2, 0.3)])]
-    return assemble(parts, look_at((2.6, -4.4, 2.8), (0, -0.2, 0.2), 38, 100, 100), lights, settings(**(FINE | values)))
+    posts = [translate(x, 0.3 * np.sin(3 * x), 0) for x in np.linspace(-2, 2, 40)]
+    parts = [Shape(box((-3, -3, -0.1), (3, 3, 0)), Material("floor", Od=(0.9, 0.9, 0.9)), "floor"),
+             Shape(box((-0.012, -0.012, 0), (0.012, 0.012, 1.0)), GREY, "posts", posts),
+             Shape(box((-2, -0.01, 0.7), (2, 0.01, 0.74)), GREY, "rail"),
+             Shape(sphere(0.3, 24, 12), Material("ball", Od=(0.3, 0.5, 0.8), ks=2.0, nShiny=60.0), "ball",
+                   [translate(0.5, -1.2, 0.3)])]
+    return Scene.from_shapes(parts, Camera.look_at((2.6, -4.4, 2.8), (0, -0.2, 0.2), 38, 100, 100), lights,
+                             settings(**(FINE | values)))
 
 
 def clustered(count, apart, colours=False):
@@ -78,7 +79,7 @@ def clustered(count, apart, colours=False):
 
 def light_of(scene):
     """What the errors are shares of."""
-    return Prepared(with_settings(scene, shadow_rate=4)).sparse.light
+    return Prepared(scene.with_settings(shadow_rate=4)).sparse.light
 
 
 @pytest.mark.parametrize("values", [{"kI": 1.3, "h": 0.12}, {"kI": 3.0, "h": 0.06},
@@ -97,7 +98,7 @@ def test_lamps_close_together_change_together(count, apart, colours, values):
 @pytest.mark.parametrize("power", [2.0**-10, 2.0**10, 1e-3, 1e3])
 @pytest.mark.parametrize("scene", [still_life(), hall(16, width=96, h=0.1, **FINE)], ids=["still life", "hall"])
 def test_dark_and_bright_scenes_are_interpolated_alike(scene, power):
-    scene = with_settings(scene, shadow_rate=4, ambient=0.0)
+    scene = scene.with_settings(shadow_rate=4, ambient=0.0)
     scene = replace(scene, world_color=(0.0,) * 3)
     scaled = with_lights(scene, *(replace(light, intensity=tuple(power * c for c in light.intensity))
                                   for light in scene.lights))
@@ -116,7 +117,7 @@ def test_dark_and_bright_scenes_are_interpolated_alike(scene, power):
 
 def test_many_lights_need_fewer_shadow_rays():
     scene = hall(100, width=160, h=0.1, **FINE)
-    exact, sparse = (render_image(with_settings(scene, shadow_rate=rate)).statistics for rate in (1, 4))
+    exact, sparse = (render_image(scene.with_settings(shadow_rate=rate)).statistics for rate in (1, 4))
     assert sparse["receivers"] < exact["receivers"] and sparse["short_rays"] < 0.85 * exact["short_rays"]
     assert "between points" in sparse["plan"]["shadow rate"]
 
@@ -125,9 +126,9 @@ def test_caustics_are_computed_at_each_sample():
     """They may be as sharp as they like: of one the largest difference was twice what is allowed."""
     scene = glass()
     scene = replace(scene, materials=tuple(replace(m, ior=1.5) if m.name == "glass" else m for m in scene.materials))
-    difference, statistics = error(with_settings(scene, refraction="FULL"))
+    difference, statistics = error(scene.with_settings(refraction="FULL"))
     assert not difference.any() and "bent" in statistics["plan"]["shadow rate"]
-    assert error(with_settings(scene, refraction="VIEW"))[0].any()
+    assert error(scene.with_settings(refraction="VIEW"))[0].any()
 
 
 def test_at_rate_1_there_is_none_of_it():
@@ -141,7 +142,7 @@ def test_at_rate_1_there_is_none_of_it():
 @pytest.mark.parametrize("lens", [0.0, 0.05])
 def test_tiles_and_threads_give_the_same_bits_and_a_crop_is_a_part(scene, lens):
     camera = replace(scene.camera, lens_radius=lens, focus_distance=5.0)
-    scene = with_settings(replace(scene, camera=camera), shadow_rate=4)
+    scene = replace(scene, camera=camera).with_settings(shadow_rate=4)
     whole = render_image(scene, PASSES, threads=1, tile_size=96)
     assert whole.statistics["interpolated"] > 0 and whole.statistics["refined"] > 0
     for threads, tile in ((2, 32), (1, 7)):
@@ -154,11 +155,11 @@ def test_tiles_and_threads_give_the_same_bits_and_a_crop_is_a_part(scene, lens):
 
 
 def test_passes_change_nothing_and_add_up():
-    scene = with_settings(still_life(), shadow_rate=4)
+    scene = still_life().with_settings(shadow_rate=4)
     alone, all_of = render_image(scene).passes["Combined"], render_image(scene, PASSES).passes
     np.testing.assert_allclose(all_of["Combined"], alone, atol=1e-6)
     np.testing.assert_allclose(sum(all_of[name] for name in LIGHT), all_of["Combined"][..., :3], atol=1e-5)
-    exact = render_image(with_settings(scene, shadow_rate=1), PASSES).passes
+    exact = render_image(scene.with_settings(shadow_rate=1), PASSES).passes
     for name in ("Depth", "Normal", "Environment", "Emission", "Ambient"):
         np.testing.assert_array_equal(all_of[name], exact[name], err_msg=name)
     for name in ("Diffuse", "Glossy"):
@@ -171,12 +172,12 @@ def test_passes_change_nothing_and_add_up():
 
 def test_other_shadows_and_what_takes_none_stay_as_they_are():
     scene = still_life()
-    for other in (with_settings(scene, shadows="SHARP"), with_settings(scene, shadows="AREA_SAMPLING", light_samples=4),
+    for other in (scene.with_settings(shadows="SHARP"), scene.with_settings(shadows="AREA_SAMPLING", light_samples=4),
                   all_lights(scene, soft_shadows=False), with_objects(scene, box={"cast_soft_shadows": False}),
-                  with_settings(scene, mode="LOCAL")):
+                  scene.with_settings(mode="LOCAL")):
         difference, _ = error(other)
         assert not difference.any()
-    scene = with_settings(with_objects(scene, floor={"receive_soft_shadows": False}), samples=1)
+    scene = with_objects(scene, floor={"receive_soft_shadows": False}).with_settings(samples=1)
     difference, statistics = error(scene)
     floor = render_image(scene, ("Position",)).passes["Position"][..., 2] < 1e-3
     assert statistics["refined"] > 0 and difference.max() > 0 and not difference[floor].any()
@@ -193,7 +194,7 @@ def test_sharp_lights_are_computed_at_each_sample_beside_smooth_ones():
 
 
 def test_kept_nodes_give_the_same_picture():
-    scene = with_settings(still_life(), shadow_rate=4)
+    scene = still_life().with_settings(shadow_rate=4)
     first = Prepared(scene)
     pictures = [draw(ready, Framebuffer.create(scene, ("Combined",))).passes["Combined"]
                 for ready in (first, Prepared(scene, previous=first))]

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from light_meshes import Camera, Mesh, Scene, Shape, cylinder, rectangle, rotate_z, sphere
 from light_meshes.picture.render import render_image
 from light_meshes.rays.geometry import flatten
-from meshes import Mesh, Part, assemble, cylinder, look_at, rectangle, sphere, turn_z
 from scenes import GREY, hall, point, settings, tabletop
 
 
@@ -17,25 +17,25 @@ def strips(count: int, length: float = 2.0, width: float = 1e-4) -> Mesh:
     return Mesh(np.concatenate([a - way / 2, a + way / 2, a + way / 2 + across]), np.arange(3 * count).reshape(3, -1).T)
 
 
-def with_floor(*parts: Part):
-    return assemble([Part(rectangle((-2, -2), (2, 2), -1.0), GREY, "floor"), *parts],
-                    look_at((3, -4, 3), (0, 0, 0), 45, 24, 24), [point((1, -2, 4))], settings(h=0.1))
+def with_floor(*parts: Shape):
+    return Scene.from_shapes([Shape(rectangle((-2, -2), (2, 2), -1.0), GREY, "floor"), *parts],
+                             Camera.look_at((3, -4, 3), (0, 0, 0), 45, 24, 24), [point((1, -2, 4))], settings(h=0.1))
 
 
 def test_an_object_of_slivers_is_named_and_rendered():
-    few = Part(strips(20), GREY, "a few straws")
-    result = render_image(with_floor(few, Part(strips(8000), GREY, "hay")))
+    few = Shape(strips(20), GREY, "a few straws")
+    result = render_image(with_floor(few, Shape(strips(8000), GREY, "hay")))
     assert np.isfinite(result.passes["Combined"]).all()
     (sentence,) = result.warnings
     assert "'hay': 8,000 of its triangles are long, thin and slanted" in sentence
     assert not render_image(with_floor(few)).warnings
-    ground = Part(rectangle((-900, -900), (900, 900), -1.0), GREY, "ground")
-    assert flatten(with_floor(Part(strips(8000), GREY, "hay"), ground))[1] == [sentence]  # though most rays miss it
+    ground = Shape(rectangle((-900, -900), (900, 900), -1.0), GREY, "ground")
+    assert flatten(with_floor(Shape(strips(8000), GREY, "hay"), ground))[1] == [sentence]  # though most rays miss it
 
 
 def test_the_number_is_that_of_boxes_on_a_rays_way():
     """Lines of all directions and places, against the boxes one by one."""
-    scene = with_floor(Part(strips(8000), GREY, "hay"))
+    scene = with_floor(Shape(strips(8000), GREY, "hay"))
     surfaces, (sentence,) = flatten(scene)
     said = float(sentence.split("about ")[1].split(" ")[0].replace(",", ""))
     corners = surfaces.vertices[surfaces.triangles[surfaces.instance == 1]].astype(float)
@@ -58,9 +58,9 @@ def test_the_number_is_that_of_boxes_on_a_rays_way():
 
 
 @pytest.mark.parametrize("scene", [
-    tabletop(8), hall(4, columns=3, sides=24, width=8), with_floor(Part(sphere(1, 300, 150), GREY, "ball")),
-    with_floor(Part(cylinder(0.5, -1, 1, 3000), GREY, "upright", [turn_z(0.3)])),
-    with_floor(Part(strips(300), GREY, "straw")), with_floor(Part(strips(20000, 0.05, 0.005), GREY, "chaff")),
+    tabletop(8), hall(4, columns=3, sides=24, width=8), with_floor(Shape(sphere(1, 300, 150), GREY, "ball")),
+    with_floor(Shape(cylinder(0.5, -1, 1, 3000), GREY, "upright", [rotate_z(0.3)])),
+    with_floor(Shape(strips(300), GREY, "straw")), with_floor(Shape(strips(20000, 0.05, 0.005), GREY, "chaff")),
 ], ids=["table", "hall", "ball", "upright cylinder", "a little straw", "chaff"])
 def test_usual_scenes_are_not_blamed(scene):
     assert not flatten(scene)[1]

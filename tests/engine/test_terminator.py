@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from light_meshes import Camera, Mesh, Scene, Shape, rectangle, rotate_z, scale, sphere, translate
 from light_meshes.picture.render import Prepared, render_image
 from light_meshes.scene import snapshot
 from light_meshes.scene.description import Material
 from light_meshes.shadows.terminator import starts
-from meshes import IDENTITY, Mesh, Part, assemble, look_at, look_down, move, rectangle, scale, sphere, turn_z
-from scenes import GREY, WHITE, all_objects, point, settings, sun, tabletop, with_settings
+from scenes import GREY, IDENTITY, WHITE, all_objects, look_down, point, settings, sun, tabletop
 
 HONOURED = {"shadow_terminator_geometry_offset": 0.1}
 SHEAR = np.array([[1.2, 0.5, 0, 0], [0, 0.8, 0, 0], [0.3, 0, 1.5, 0], [0, 0, 0, 1.0]])
@@ -26,10 +26,11 @@ def turned_round(mesh: Mesh) -> Mesh:
 
 def ball(matrix=IDENTITY, mesh=None, offset=0.1, **values):
     """A coarse smooth ball under a grazing sun."""
-    part = Part(mesh or sphere(1.0, 12, 6), WHITE, "ball", [matrix],
-                visible={"shadow_terminator_geometry_offset": offset})
-    return assemble([part], look_at((0, -6, 1), (0, 0, 0), 36, 96, 96), [sun((-0.9, 0.3, -0.5), angle=0.01)],
-                    settings(**{"h": 0.03, "light_samples": 4} | values))
+    part = Shape(mesh or sphere(1.0, 12, 6), WHITE, "ball", [matrix],
+                 flags={"shadow_terminator_geometry_offset": offset})
+    return Scene.from_shapes([part], Camera.look_at((0, -6, 1), (0, 0, 0), 36, 96, 96),
+                             [sun((-0.9, 0.3, -0.5), angle=0.01)],
+                             settings(**{"h": 0.03, "light_samples": 4} | values))
 
 
 def lit(scene, least=0.02):
@@ -39,7 +40,7 @@ def lit(scene, least=0.02):
     return passes["Shadow"][..., 0], passes["Normal"] @ (toward / np.linalg.norm(toward)) > least
 
 
-@pytest.mark.parametrize("matrix", [IDENTITY, SHEAR, scale(1, 1, -1) @ turn_z(0.3), scale(1.4, 0.6, 1)],
+@pytest.mark.parametrize("matrix", [IDENTITY, SHEAR, scale(1, 1, -1) @ rotate_z(0.3), scale(1.4, 0.6, 1)],
                          ids=["as it is", "sheared", "mirrored", "scaled"])
 @pytest.mark.parametrize("shadows", METHODS)
 def test_a_convex_surface_has_no_black_facet(shadows, matrix):
@@ -62,16 +63,16 @@ def test_the_back_of_a_surface_is_as_good_as_its_front(shadows):
 def test_glass_elsewhere_changes_nothing(shadows):
     """Shadows through glass are other code; with a pane that shadows nothing they give the same."""
     scene = ball(shadows=shadows)
-    pane = Part(rectangle((20, 20), (21, 21), 0.0), Material("pane", kt=(0.5, 0.5, 0.5)), "pane")
-    glassy = assemble([Part(sphere(1.0, 12, 6), WHITE, "ball", visible=HONOURED), pane], scene.camera, scene.lights,
-                      scene.settings)
+    pane = Shape(rectangle((20, 20), (21, 21), 0.0), Material("pane", kt=(0.5, 0.5, 0.5)), "pane")
+    honoured = Shape(sphere(1.0, 12, 6), WHITE, "ball", flags=HONOURED)
+    glassy = Scene.from_shapes([honoured, pane], scene.camera, scene.lights, scene.settings)
     assert Prepared(glassy).plan.channels
     np.testing.assert_allclose(lit(glassy)[0], lit(scene)[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("shadows", METHODS)
 def test_flat_surfaces_keep_their_bits(shadows):
-    scene = with_settings(tabletop(48), shadows=shadows, light_samples=4)
+    scene = tabletop(48).with_settings(shadows=shadows, light_samples=4)
     plain = render_image(scene).passes["Combined"]
     moved = all_objects(scene, shadow_terminator_geometry_offset=0.5, shadow_terminator_normal_offset=1.0)
     np.testing.assert_array_equal(render_image(moved).passes["Combined"], plain)
@@ -83,8 +84,9 @@ def test_a_smooth_plane_keeps_its_bits_almost(shadows):
     floor = rectangle((-2, -2), (2, 2), 0.0)
     normals = np.tile([0.0, 0, 1], (2, 3, 1)) + np.arange(6).reshape(2, 3, 1) * 1e-9  # not all the same
     floor = Mesh(floor.vertices, floor.triangles, normals)
-    scene = assemble([Part(floor, WHITE, "floor"), Part(sphere(0.3), GREY, "ball", [move(0, 0, 0.5)])],
-                     look_down(0, 0, 4, 48), [sun((-1, 0, -0.06))], settings(shadows=shadows, h=0.05, light_samples=4))
+    scene = Scene.from_shapes([Shape(floor, WHITE, "floor"), Shape(sphere(0.3), GREY, "ball", [translate(0, 0, 0.5)])],
+                              look_down(0, 0, 4, 48), [sun((-1, 0, -0.06))],
+                              settings(shadows=shadows, h=0.05, light_samples=4))
     S = [render_image(all_objects(scene, shadow_terminator_geometry_offset=v), passes=("Combined", "Shadow"))
          .passes["Shadow"] for v in (0.0, 0.1)]
     assert np.abs(S[0] - S[1]).max() < 0.02 and (S[0] < 0.5).any()
@@ -100,15 +102,16 @@ def ridge(ceiling: float):
     slope = np.array([(-0.55, 0, 0.83), (0.55, 0, 0.83), (0.55, 0, 0.83), (-0.55, 0, 0.83), (0, 0, 1), (0, 0, 1)])
     normals = slope[triangles]
     normals[np.isin(triangles, (4, 5))] = np.array([(0.3, 0, 0.95)] * 3 + [(-0.3, 0, 0.95)] * 3)
-    plate = Part(rectangle((-50, -50), (50, 50), 0.3 + ceiling), GREY, "plate", visible={"visible_camera": False})
-    return assemble([Part(Mesh(vertices, triangles, normals), WHITE, "roof", visible=HONOURED), plate],
-                    look_down(0, 0, 1.8, 64), [sun((1, 0, -0.05), angle=0.01)], settings(h=0.02, light_samples=4))
+    plate = Shape(rectangle((-50, -50), (50, 50), 0.3 + ceiling), GREY, "plate", flags={"visible_camera": False})
+    return Scene.from_shapes([Shape(Mesh(vertices, triangles, normals), WHITE, "roof", flags=HONOURED), plate],
+                             look_down(0, 0, 1.8, 64), [sun((1, 0, -0.05), angle=0.01)],
+                             settings(h=0.02, light_samples=4))
 
 
 @pytest.mark.parametrize("shadows", METHODS)
 @pytest.mark.parametrize("ceiling", [1e-3, 0.02])
 def test_nothing_is_lifted_through_a_wall(shadows, ceiling):
-    scene = with_settings(ridge(ceiling), shadows=shadows)
+    scene = ridge(ceiling).with_settings(shadows=shadows)
     ready = Prepared(scene)
     _, hits = ready.coarse_view()
     lift = ready.terminator.lift(hits)
@@ -116,7 +119,7 @@ def test_nothing_is_lifted_through_a_wall(shadows, ceiling):
     assert through.sum() > 50
     passes = render_image(scene, passes=("Combined", "Shadow")).passes
     assert (passes["Shadow"] == 0).all() and (passes["Combined"][..., :3] == 0).all()
-    open_air = with_settings(ridge(5.0), shadows=shadows)
+    open_air = ridge(5.0).with_settings(shadows=shadows)
     assert (render_image(open_air, passes=("Shadow",)).passes["Shadow"] > 0.9).mean() > 0.4
 
 
@@ -125,8 +128,8 @@ def test_other_things_still_cast_their_shadows(shadows):
     """A plate between the sun and the ball: the ball is dark."""
     scene = ball(shadows=shadows)
     wall = Mesh(np.array([(2, -9, -9), (2, 9, -9), (2, 9, 9), (2, -9, 9)], float), np.array([(0, 1, 2), (0, 2, 3)]))
-    shaded = assemble([Part(sphere(1.0, 12, 6), WHITE, "ball", visible=HONOURED), Part(wall, GREY, "wall")],
-                      scene.camera, scene.lights, scene.settings)
+    shaded = Scene.from_shapes([Shape(sphere(1.0, 12, 6), WHITE, "ball", flags=HONOURED), Shape(wall, GREY, "wall")],
+                               scene.camera, scene.lights, scene.settings)
     S, facing = lit(shaded)
     assert facing.sum() > 800 and (S[facing] == 0).all()
 
@@ -134,12 +137,12 @@ def test_other_things_still_cast_their_shadows(shadows):
 def test_a_mirror_shows_it_as_well():
     """The ball in a mirror is the picture of the mirrored ball."""
     mirror = Material("mirror", Od=(0, 0, 0), kd=0.0, ka=0.0, mirror=(1, 1, 1))
-    things = [Part(sphere(1.0, 12, 6), WHITE, "ball", [move(0, 0, 1.5)], visible=HONOURED | {"visible_camera": False}),
-              Part(rectangle((-30, -30), (30, 30), 0.0), mirror, "mirror", visible={"visible_shadow": False})]
-    camera, values = look_at((0, -6, 1), (0, 0, -1.5), 36, 64, 64), settings(mode="WHITTED", h=0.03)
-    seen = assemble(things, camera, [sun((-0.9, 0.3, -0.5))], values)
-    flipped = Part(sphere(1.0, 12, 6), WHITE, "ball", [scale(1, 1, -1) @ move(0, 0, 1.5)], visible=HONOURED)
-    direct = assemble([flipped], camera, [sun((-0.9, 0.3, 0.5))], values)
+    things = [Shape(sphere(1.0, 12, 6), WHITE, "ball", [translate(0, 0, 1.5)], HONOURED | {"visible_camera": False}),
+              Shape(rectangle((-30, -30), (30, 30), 0.0), mirror, "mirror", flags={"visible_shadow": False})]
+    camera, values = Camera.look_at((0, -6, 1), (0, 0, -1.5), 36, 64, 64), settings(mode="WHITTED", h=0.03)
+    seen = Scene.from_shapes(things, camera, [sun((-0.9, 0.3, -0.5))], values)
+    flipped = Shape(sphere(1.0, 12, 6), WHITE, "ball", [scale(1, 1, -1) @ translate(0, 0, 1.5)], flags=HONOURED)
+    direct = Scene.from_shapes([flipped], camera, [sun((-0.9, 0.3, 0.5))], values)
     a, b = (render_image(s).passes["Combined"] for s in (seen, direct))
     assert (b > 0.1).mean() > 0.1
     assert np.quantile(np.abs(a - b), 0.995) < 0.02
@@ -157,8 +160,8 @@ def test_the_lift_reaches_the_ball_and_not_much_higher(seed, size, flipped):
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = size * turn, random.normal(size=3) * 3 * size
     x, y, z = matrix[:3, 3]
-    scene = assemble([Part(sphere(1.0, 16, 8), WHITE, "ball", [matrix], visible=HONOURED)],
-                     look_down(x, y, 1.9 * size, 8, height=z + 4 * size), [sun((0, 0, -1))])
+    scene = Scene.from_shapes([Shape(sphere(1.0, 16, 8), WHITE, "ball", [matrix], flags=HONOURED)],
+                              look_down(x, y, 1.9 * size, 8, height=z + 4 * size), [sun((0, 0, -1))])
     ready = Prepared(scene)
     _, hits = ready.coarse_view()
     lift = ready.terminator.lift(hits)
@@ -190,7 +193,7 @@ def test_many_lights_are_the_sum_of_each():
     lights = [sun((np.cos(a), np.sin(a), -0.4), intensity=0.1) for a in np.linspace(0, 6.28, 70, endpoint=False)]
     lights += [point((3, -2, 1.0)), point((-3, 1, -1.0), radius=0.1)]
     scene = replace(ball(h=0.05, kI=2.0), lights=tuple(lights), world_color=(0.0, 0.0, 0.0))
-    scene = replace(scene, camera=look_at((0, -6, 1), (0, 0, 0), 36, 32, 32))
+    scene = replace(scene, camera=Camera.look_at((0, -6, 1), (0, 0, 0), 36, 32, 32))
     both = render_image(scene).passes["Combined"]
     each = sum(render_image(replace(scene, lights=(light,))).passes["Combined"].astype(float) for light in lights)
     np.testing.assert_allclose(both[..., :3], each[..., :3], atol=2e-5)

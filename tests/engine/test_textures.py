@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from light_meshes import Scene, Shape, rectangle
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Image, Material
-from meshes import Part, assemble, look_down, rectangle
-from scenes import settings
+from scenes import look_down, settings
 
 # Rows from the top, as a file has them: 3 × 2 texels of distinct colours.
 TEXELS = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255)], [(64, 128, 192), (255, 255, 255), (0, 0, 0)]], np.uint8)
@@ -33,8 +33,8 @@ def shown(path, pixels, uv=((0, 0), (1, 1)), **values):
     corners = np.array([(u0, v0), (u1, v0), (u1, v1), (u0, v1)], np.float32)
     sheet = rectangle((-0.5, -0.5), (0.5, 0.5), 0.0)
     material = Material("picture", Od=(9.0, 9.0, 9.0), kd=0.0, image=0)
-    scene = assemble([Part(sheet, material, "sheet")], look_down(0, 0, 1, pixels), [], settings(),
-                     world_color=(1.0, 1.0, 1.0), images=(Image("picture", str(path), **values),))
+    scene = Scene.from_shapes([Shape(sheet, material, "sheet")], look_down(0, 0, 1, pixels), [], settings(),
+                              world_color=(1.0, 1.0, 1.0), images=(Image("picture", str(path), **values),))
     scene = replace(scene, geometry=replace(scene.geometry, uvs=corners[sheet.triangles]))
     return render_image(scene)
 

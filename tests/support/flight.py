@@ -8,9 +8,9 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+from light_meshes import Camera
 from light_meshes.film.images import Framebuffer
 from light_meshes.picture.render import draw, prepare
-from meshes import look_at
 from scenes import hall
 
 SHADOWS = ("candidates", "nodes", "uniform skip", "short rays", "average", "sharp shadows")
@@ -23,7 +23,7 @@ def flight(lights: int, frames: int, width: int, **values) -> None:
     for n in range(frames):
         turn = 0.02 * n
         eye = (3.6 * np.cos(turn) + 4.6 * np.sin(turn), 3.6 * np.sin(turn) - 4.6 * np.cos(turn), 3.6 - turn)
-        scene = replace(scene, camera=look_at(eye, (0, 0, 0.3), 45, width, width * 9 // 16))
+        scene = replace(scene, camera=Camera.look_at(eye, (0, 0, 0.3), 45, width, width * 9 // 16))
         pictures = []
         for i, previous in enumerate((kept, None)):
             ready = prepare(scene, ("Combined",), previous=previous)

@@ -12,10 +12,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from light_meshes import Camera, Mesh, Scene, Shape, box, rectangle, rotate_x, sphere, translate
 from light_meshes.picture.render import Prepared, render_image
-from light_meshes.scene.description import Light, Material, Scene
+from light_meshes.scene.description import Light, Material
 from light_meshes.scene.errors import SceneError
-from meshes import Mesh, Part, assemble, box, joined, look_at, look_down, move, rectangle, sphere, turn_x
 from profiles import QUANTISATION, smoothstep, strip_minimum
 from scenes import (
     GREY,
@@ -24,6 +24,8 @@ from scenes import (
     edge,
     four_lights,
     hall,
+    joined,
+    look_down,
     low_plate,
     placed,
     point,
@@ -33,7 +35,6 @@ from scenes import (
     tabletop,
     wall,
     with_lights,
-    with_settings,
 )
 
 UP = (0.0, 0.0, 1.0)
@@ -50,7 +51,7 @@ class Place(NamedTuple):
         return placed(scene, self.size, self._vector)
 
     def at(self, P: np.ndarray) -> np.ndarray:
-        return at(move(*self._vector) @ np.diag([self.size] * 3 + [1.0]), P)
+        return at(translate(*self._vector) @ np.diag([self.size] * 3 + [1.0]), P)
 
     @property
     def _vector(self) -> tuple[float, float, float]:
@@ -94,9 +95,9 @@ def glass(t: float | tuple[float, float, float] = 0.9, ior: float = 1.5) -> Mate
 def of_kind(scene: Scene, kind: str, hidden: Sequence[float]) -> Scene:
     """The scene with that kind of shadow. Refracted: a glass ball stands where no light of it can get out."""
     if kind == "refracted":
-        ball = Part(sphere(0.2, 8, 6), glass(), "hidden ball", [move(*hidden)])
-        scene = joined(scene, assemble([ball], scene.camera, []))
-    return with_settings(scene, shadows="SHARP" if kind == "sharp" else "LIGHT_MESHES", refraction="FULL")
+        ball = Shape(sphere(0.2, 8, 6), glass(), "hidden ball", [translate(*hidden)])
+        scene = joined(scene, Scene.from_shapes([ball], scene.camera, []))
+    return scene.with_settings(shadows="SHARP" if kind == "sharp" else "LIGHT_MESHES", refraction="FULL")
 
 
 def seen(place: Place, scene: Scene, P: np.ndarray, N: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -137,7 +138,7 @@ def floor_on_lattice(place: Place, kind: str) -> list[Finding]:
     still = render_image(scene).passes["Combined"]
     errors = []
     for by in (1e-7, -1e-7):
-        matrices = move(0, 0, by * place.size) @ scene.geometry.instance_matrix
+        matrices = translate(0, 0, by * place.size) @ scene.geometry.instance_matrix
         moved = replace(scene, geometry=replace(scene.geometry, instance_matrix=matrices))
         errors.append(off(render_image(moved).passes["Combined"], still))
     return [Finding("1e-7 up or down", max(errors), 1e-6)]
@@ -145,8 +146,8 @@ def floor_on_lattice(place: Place, kind: str) -> list[Finding]:
 
 @family("H3 light on a node, in the plane, just above")
 def odd_lights(place: Place, kind: str) -> list[Finding]:
-    floor = assemble([Part(rectangle((-2, -2), (2, 2), 0.0), WHITE, "floor")], look_down(0, 0, 2, 32), [],
-                     settings(h=0.1, lattice_rotation=False))
+    floor = Scene.from_shapes([Shape(rectangle((-2, -2), (2, 2), 0.0), WHITE, "floor")], look_down(0, 0, 2, 32), [],
+                              settings(h=0.1, lattice_rotation=False))
     floor = of_kind(floor, kind, (-1, -1, -1.5))
     on_node = with_lights(floor, point((0, 0, 0.2)))
     in_plane, above = with_lights(floor, point((0.3, 0.1, 0.0))), with_lights(floor, point((0.3, 0.1, 1e-3)))
@@ -170,10 +171,10 @@ def low(place: Place, kind: str) -> list[Finding]:
         top = np.c_[random.uniform(-0.99, 0.99, (300, 2)), np.full(300, np.float32(0.04))]
         findings += [Finding(f"under the plate 0{name}", off(seen(place, plate, under, UP), 0.0), 0.0),
                      Finding(f"on it 1{name}", off(seen(place, plate, top, UP), 1.0), 0.0)]
-        parts = [Part(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"),
-                 Part(box((-0.5, -0.5, 0), (0.5, 0.5, 1)), GREY, "box")]
-        both = of_kind(assemble(parts, look_down(0, 0, 3, 16), [point((0.05, 0.02, 2.5))],
-                                settings(h=0.05, lattice_rotation=rotated)), kind, (-2, 2, -1.5))
+        parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), WHITE, "floor"),
+                 Shape(box((-0.5, -0.5, 0), (0.5, 0.5, 1)), GREY, "box")]
+        both = of_kind(Scene.from_shapes(parts, look_down(0, 0, 3, 16), [point((0.05, 0.02, 2.5))],
+                                         settings(h=0.05, lattice_rotation=rotated)), kind, (-2, 2, -1.5))
         direction = np.linspace(0, 2 * np.pi, 300)
         ring = np.c_[np.cos(direction), np.sin(direction), np.zeros(300)]
         ring /= np.abs(ring).max(1, keepdims=True)  # a square around the box
@@ -191,7 +192,7 @@ def anywhere(place: Place, kind: str) -> list[Finding]:
     if kind == "refracted":
         ball = glass((0.9, 0.8, 0.7))
         scene = replace(scene, materials=tuple(ball if m.name == "ball" else m for m in scene.materials))
-    scene = with_settings(scene, shadows="SHARP" if kind == "sharp" else "LIGHT_MESHES", refraction="FULL")
+    scene = scene.with_settings(shadows="SHARP" if kind == "sharp" else "LIGHT_MESHES", refraction="FULL")
     here, there = picture(HOME, scene), picture(place, scene)
     return [Finding("picture, over 1 + its value", float((np.abs(there - here) / (1 + np.abs(here))).max()), 1e-5)]
 
@@ -202,8 +203,8 @@ def slivers(place: Place, kind: str) -> list[Finding]:
     rows = np.vstack([np.c_[x, np.full(2001, y), np.zeros(2001)] for y in (-20.0, 20.0)])
     a = np.arange(2000)
     thin = Mesh(rows, np.vstack([np.c_[a, a + 1, a + 2002], np.c_[a, a + 2002, a + 2001], np.c_[a, a, a + 1]]))
-    pictures = [render_image(place.put(of_kind(assemble(
-        [Part(mesh, WHITE, "floor"), Part(box((0.2, -0.3, 0.0), (0.6, 0.3, 0.002)), GREY, "step")],
+    pictures = [render_image(place.put(of_kind(Scene.from_shapes(
+        [Shape(mesh, WHITE, "floor"), Shape(box((0.2, -0.3, 0.0), (0.6, 0.3, 0.002)), GREY, "step")],
         look_down(0.3, 0, 3, 32), [sun((1, 0.3, -np.tan(np.radians(0.1))))], settings(h=0.05)), kind, (0, 5, -1.5))),
         PASSES).passes for mesh in (thin, rectangle((-2, -20), (2, 20), 0.0))]
     holes = (pictures[0]["Depth"] > 11 * place.size).sum()
@@ -239,16 +240,16 @@ def straight(place: Place, kind: str) -> list[Finding]:
 def mixed_scales(place: Place, kind: str) -> list[Finding]:
     """A plate .02 mm above a table of 10 mm; a wall 10 km away, a ground of 1,000 km and a box at 10⁹ m."""
     near = placed(of_kind(low_plate(), kind, (-3, 3, -1.5)), 1e-3, (0, 0, 0))
-    wall = Part(box((-3e3, 1e4, -1e3), (3e3, 1.001e4, 2e3)), GREY, "wall")
-    ground = Part(rectangle((-1e6, -1e6), (1e6, 1e6), 0.0), GREY, "ground", [move(0, 0, -3e-3) @ turn_x(0.3)])
-    stray = Part(box((-1, -1, -1), (1, 1, 1)), GREY, "stray", [move(7e8, -5e8, 4e8)])
+    wall = Shape(box((-3e3, 1e4, -1e3), (3e3, 1.001e4, 2e3)), GREY, "wall")
+    ground = Shape(rectangle((-1e6, -1e6), (1e6, 1e6), 0.0), GREY, "ground", [translate(0, 0, -3e-3) @ rotate_x(0.3)])
+    stray = Shape(box((-1, -1, -1), (1, 1, 1)), GREY, "stray", [translate(7e8, -5e8, 4e8)])
     random = np.random.default_rng(1)
     under = 1e-3 * np.c_[random.uniform(-0.65, 0.65, (300, 2)), np.zeros(300)]
     top = 1e-3 * np.c_[random.uniform(-0.99, 0.99, (300, 2)), np.full(300, np.float32(0.04))]
     alone = picture(place, near)
     findings = []
     for what, parts in (("wall", [wall]), ("ground", [ground]), ("stray", [stray]), ("all", [wall, ground, stray])):
-        scene = joined(near, assemble(parts, near.camera, []))
+        scene = joined(near, Scene.from_shapes(parts, near.camera, []))
         findings += [Finding(f"{what}: under the plate 0", off(seen(place, scene, under, UP), 0.0), 0.0),
                      Finding(f"{what}: on it 1", off(seen(place, scene, top, UP), 1.0), 0.0)]
     error = np.abs(picture(place, scene) - alone).max(-1)[alone[..., :3].max(-1) > 0]
@@ -270,16 +271,16 @@ BROKEN: dict[str, Mesh] = {
 
 @family("H13 broken and empty")
 def broken(place: Place, kind: str) -> list[Finding]:
-    floor = assemble([Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor")],
-                     look_at((2, -3, 2), (0, 0, 0), 45, 16, 16), [point((1, 1, 3))], settings(h=0.1),
-                     world_color=(0.25, 0.5, 0.75))
+    floor = Scene.from_shapes([Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor")],
+                              Camera.look_at((2, -3, 2), (0, 0, 0), 45, 16, 16), [point((1, 1, 3))], settings(h=0.1),
+                              world_color=(0.25, 0.5, 0.75))
     table = tabletop(16)
     dark = Light("off", "POINT", (0.0, 0.0, 0.0), position=(0.0, 0.0, 1.0))
-    scenes = {name: joined(floor, assemble([Part(mesh, GREY, "bad one")], floor.camera, []))
+    scenes = {name: joined(floor, Scene.from_shapes([Shape(mesh, GREY, "bad one")], floor.camera, []))
               for name, mesh in BROKEN.items()}
     scenes |= {"no lights": with_lights(table), "light without energy": with_lights(table, dark),
-               "camera in a solid": replace(table, camera=look_at((0.01, 0.02, 1.0), (1, 0.3, 1), 40, 16, 16)),
-               "camera at nothing": replace(table, camera=look_at((0, 0, 9), (0, 0, 20), 40, 16, 16))}
+               "camera in a solid": replace(table, camera=Camera.look_at((0.01, 0.02, 1.0), (1, 0.3, 1), 40, 16, 16)),
+               "camera at nothing": replace(table, camera=Camera.look_at((0, 0, 9), (0, 0, 20), 40, 16, 16))}
     findings = []
     for name, scene in scenes.items():
         try:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 from hard_cases import UP, Finding, Place, family, glass, off, picture, seen
-from light_meshes.scene.description import Material, Scene
-from meshes import GREY, Mesh, Part, assemble, box, look_down, move, rectangle, sphere
-from scenes import WHITE, four_lights, point, settings, sun, with_settings
+from light_meshes import Mesh, Scene, Shape, box, rectangle, sphere, translate
+from light_meshes.scene.description import Material
+from scenes import GREY, WHITE, four_lights, look_down, point, settings, sun
 
 DOWN = (0.0, 0.0, -1.0)
 CLEAR = glass(1.0)
 
 
-def through(parts: list[Part], light, kind: str, **values) -> Scene:
+def through(parts: list[Shape], light, kind: str, **values) -> Scene:
     """A scene of parts under one light; refracted: FULL, light meshes of h = .05."""
     shadows = "SHARP" if kind == "sharp" else "LIGHT_MESHES"
-    return assemble(parts, look_down(0, 0, 2, 8), [light],
-                    settings(**({"h": 0.05, "shadows": shadows, "refraction": "FULL"} | values)))
+    return Scene.from_shapes(parts, look_down(0, 0, 2, 8), [light],
+                             settings(**({"h": 0.05, "shadows": shadows, "refraction": "FULL"} | values)))
 
 
 def scattered(seed: int, low, high, count: int = 60) -> np.ndarray:
@@ -25,7 +25,7 @@ def scattered(seed: int, low, high, count: int = 60) -> np.ndarray:
 
 @family("H4 light inside a box, in a glass sphere", ("sharp", "refracted"))
 def enclosed(place: Place, kind: str) -> list[Finding]:
-    parts = [Part(rectangle((-6, -6), (6, 6), -0.5), WHITE, "floor"), Part(box((-1, -1, 0), (1, 1, 2)), GREY, "box")]
+    parts = [Shape(rectangle((-6, -6), (6, 6), -0.5), WHITE, "floor"), Shape(box((-1, -1, 0), (1, 1, 2)), GREY, "box")]
     shut = through(parts, point((0.2, 0.1, 0.9)), kind, h=0.1)
     inside, outside = scattered(0, (-0.99, -0.99, 0), (0.99, 0.99, 0)), scattered(1, (-4, -4, -0.5), (4, 4, -0.5))
     walls = scattered(2, (1, -0.99, 0.01), (1, 0.99, 1.99))
@@ -35,7 +35,7 @@ def enclosed(place: Place, kind: str) -> list[Finding]:
         Finding("outside 0", max(off(seen(place, shut, outside, UP), 0.0),
                                  off(seen(place, shut, walls, (1, 0, 0)), 0.0)), 0.0)]
     t = 0.8
-    parts = [Part(rectangle((-6, -6), (6, 6), -2), WHITE, "floor"), Part(sphere(1, 48, 24), glass(t), "ball")]
+    parts = [Shape(rectangle((-6, -6), (6, 6), -2), WHITE, "floor"), Shape(sphere(1, 48, 24), glass(t), "ball")]
     below = scattered(3, (-3, -3, -2), (3, 3, -2))
     bulb = through(parts, point((0, 0, 0)), kind)
     focused = through(parts, point((0, 0, 0)), "sharp", caustics="FOCUS")
@@ -55,9 +55,9 @@ def slab(place: Place, kind: str) -> list[Finding]:
     """An opaque half-plane over the slab: its shadow on the floor moves by what the slab moves the rays."""
     T, t = 0.3, 0.9
     expected = T * (np.tan(np.pi / 4) - np.tan(np.arcsin(np.sin(np.pi / 4) / 1.5)))  # .1396
-    shade = Part(rectangle((-3.0, -5), (-0.8, 5), 0.8), GREY, "shade")
-    floor = Part(rectangle((-5, -5), (5, 5), 0.0), WHITE, "floor")
-    plate = Part(box((-4, -4, 0.2), (4, 4, 0.2 + T)), glass(t), "slab")
+    shade = Shape(rectangle((-3.0, -5), (-0.8, 5), 0.8), GREY, "shade")
+    floor = Shape(rectangle((-5, -5), (5, 5), 0.0), WHITE, "floor")
+    plate = Shape(box((-4, -4, 0.2), (4, 4, 0.2 + T)), glass(t), "slab")
     free, free_S = _edge_of_shadow(place, through([floor, shade], sun((1, 0, -1)), kind, kI=2.0))
     bent, bent_S = _edge_of_shadow(place, through([floor, shade, plate], sun((1, 0, -1)), kind, kI=2.0))
     shift, resolved = free - bent, 1.1e-3 if kind == "sharp" else 0.01
@@ -72,13 +72,13 @@ def slab(place: Place, kind: str) -> list[Finding]:
 @family("H7 no bending, a core of the same glass", ("sharp", "refracted"))
 def same_index(place: Place, kind: str) -> list[Finding]:
     still = four_lights(32)
-    still = with_settings(still, shadows="SHARP" if kind == "sharp" else "LIGHT_MESHES")
+    still = still.with_settings(shadows="SHARP" if kind == "sharp" else "LIGHT_MESHES")
     air = glass((0.9, 0.8, 0.7), 1.0)
     still = Scene(**{**still.__dict__, "materials": tuple(air if m.name == "ball" else m for m in still.materials)})
-    M1, M3 = (picture(place, with_settings(still, refraction=r)) for r in ("NONE", "FULL"))
-    floor = Part(rectangle((-5, -5), (5, 5), -2), WHITE, "floor")
-    shell = Part(sphere(1, 48, 24), glass(0.9), "shell")
-    core = Part(sphere(0.5, 32, 16), CLEAR, "core", [move(0.1, 0, 0)])
+    M1, M3 = (picture(place, still.with_settings(refraction=r)) for r in ("NONE", "FULL"))
+    floor = Shape(rectangle((-5, -5), (5, 5), -2), WHITE, "floor")
+    shell = Shape(sphere(1, 48, 24), glass(0.9), "shell")
+    core = Shape(sphere(0.5, 32, 16), CLEAR, "core", [translate(0.1, 0, 0)])
     below = scattered(5, (-2, -2, -2), (2, 2, -2), 200 if kind == "sharp" else 20)
     solid, filled = (seen(place, through(parts, point((0, 0, 4)), kind, kI=1.5), below, UP)
                      for parts in ([floor, shell], [floor, shell, core]))
@@ -96,15 +96,15 @@ def _prism() -> Mesh:
 
 @family("H8 prism, light under water", ("sharp", "refracted"))
 def total_reflection(place: Place, kind: str) -> list[Finding]:
-    ceiling = Part(rectangle((-4, -4), (4, 4), 2.0), WHITE, "ceiling")
-    prism = through([ceiling, Part(_prism(), glass(), "prism")], sun((0, 0, 1)), kind, kI=2.0)
+    ceiling = Shape(rectangle((-4, -4), (4, 4), 2.0), WHITE, "ceiling")
+    prism = through([ceiling, Shape(_prism(), glass(), "prism")], sun((0, 0, 1)), kind, kI=2.0)
     dark, lit = scattered(6, (0.15, -1, 2), (0.85, 1, 2)), scattered(7, (1.2, -1, 2), (3, 1, 2))
     findings = [Finding("0 behind the hypotenuse", off(seen(place, prism, dark, DOWN), 0.0), 0.0),
                 Finding("1 beside the prism", off(seen(place, prism, lit, DOWN), 1.0), 1e-6)]
     water = Material("water", Od=(0, 0, 0), ka=0.0, kd=0.0, kt=(1.0,) * 3, ior=1.33)
     for d, z in ((1.0, 1.0), (0.5, 2.0)):
-        parts = [Part(box((-9, -9, -5), (9, 9, 0)), water, "water"),
-                 Part(rectangle((-4, -4), (4, 4), z), WHITE, "over")]
+        parts = [Shape(box((-9, -9, -5), (9, 9, 0)), water, "water"),
+                 Shape(rectangle((-4, -4), (4, 4), z), WHITE, "over")]
         above = scattered(8, (-1, -1, z), (1, 1, z), 20)
         paths = seen(place, through(parts, point((0, 0, -d)), kind, kI=1.5), above, DOWN)
         J = seen(place, through(parts, point((0, 0, -d)), "sharp", caustics="FOCUS"), np.array([[0, 0, z]]), DOWN)

@@ -3,11 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+from light_meshes import Camera, Scene, Shape, box, rectangle, translate
 from light_meshes.film.images import Framebuffer
 from light_meshes.picture.render import draw, prepare, render_image
-from light_meshes.scene.description import Scene
-from meshes import GREY, Part, assemble, box, look_at, move, rectangle
-from scenes import point, settings, sun, with_lights
+from scenes import GREY, point, settings, sun, with_lights
 
 PASSES = ("Combined", "Depth", "Normal", "Shadow")
 WIDTH = 48
@@ -33,7 +32,7 @@ def after(first: Scene, second: Scene):
 
 
 def with_camera(scene: Scene, eye, target=(0, 0, 0.4), degrees=40) -> Scene:
-    return replace(scene, camera=look_at(eye, target, degrees, WIDTH, WIDTH))
+    return replace(scene, camera=Camera.look_at(eye, target, degrees, WIDTH, WIDTH))
 
 
 def with_material(scene: Scene, i: int, **values) -> Scene:
@@ -56,14 +55,15 @@ def with_object(scene: Scene, i: int, **values) -> Scene:
 
 def moved(scene: Scene, instance: int, by) -> Scene:
     matrices = scene.geometry.instance_matrix.copy()
-    matrices[instance] = move(*by) @ matrices[instance]
+    matrices[instance] = translate(*by) @ matrices[instance]
     return replace(scene, geometry=replace(scene.geometry, instance_matrix=matrices))
 
 
-def room(*more: Part, **values) -> Scene:
+def room(*more: Shape, **values) -> Scene:
     """A floor with two boxes far apart, that keep their places whatever stands between them."""
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
-             Part(box((-2.4, -0.4, 0.0), (-1.8, 0.2, 1.0)), GREY, "left"),
-             Part(box((1.8, -0.4, 0.0), (2.4, 0.2, 1.0)), GREY, "right"), *more]
+    parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+             Shape(box((-2.4, -0.4, 0.0), (-1.8, 0.2, 1.0)), GREY, "left"),
+             Shape(box((1.8, -0.4, 0.0), (2.4, 0.2, 1.0)), GREY, "right"), *more]
     lights = [point((-2.0, -2.0, 4.0), name="a"), point((2.0, -2.0, 4.0), name="b"), sun((0.3, 0.2, -1.0), 0.5)]
-    return assemble(parts, look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH), lights, settings(**({"h": 0.1} | values)))
+    return Scene.from_shapes(parts, Camera.look_at((0, -7, 5), (0, 0, 0), 40, WIDTH, WIDTH), lights,
+                             settings(**({"h": 0.1} | values)))

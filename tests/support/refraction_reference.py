@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from light_meshes import Mesh, Scene, Shape, rectangle
 from light_meshes.glass.media import Media, closed
 from light_meshes.glass.refraction import Paths, RefractedPaths
 from light_meshes.rays.geometry import flatten
 from light_meshes.rays.tracer import Targets, Tracer
-from light_meshes.scene.description import Scene
-from meshes import Mesh, Part, assemble, look_down, rectangle
+from scenes import look_down
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class Ray(NamedTuple):
 class Lab:
     """A scene of glass with one light: a point, or a sun's direction of travel."""
 
-    def __init__(self, parts: Sequence[tuple[Part, Stuff | None]], light: Sequence[float] | None = None,
+    def __init__(self, parts: Sequence[tuple[Shape, Stuff | None]], light: Sequence[float] | None = None,
                  sun: Sequence[float] | None = None, h: float = 0.05) -> None:
         self.parts = list(parts)
         self.light = None if light is None else np.asarray(light, float)
         self.sun = None if sun is None else np.asarray(sun, float) / np.linalg.norm(sun)
-        scene = assemble([p for p, _ in parts], look_down(0, 0, 1, 1), [])
+        scene = Scene.from_shapes([p for p, _ in parts], look_down(0, 0, 1, 1), [])
         self.solver = solver(scene, [s for _, s in parts], self.targets, h)
         surfaces, _ = flatten(scene)
         owner = scene.geometry.instance_object[surfaces.instance]
@@ -254,7 +254,7 @@ def sphere_roots(x: np.ndarray, L: float, n: float, grid: int = 20000) -> tuple[
 
 
 GLASS = Stuff(1.5, 0.9)
-FLOOR = Part(rectangle((-9, -9), (9, 9), -8.0), name="floor")
+FLOOR = Shape(rectangle((-9, -9), (9, 9), -8.0), name="floor")
 
 
 def paths(lab: Lab, *x) -> Paths:

@@ -10,23 +10,26 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from light_meshes.picture.render import render_image
-from light_meshes.scene.description import LIGHT_TYPES, Light, Material, Scene, Settings
-from meshes import (
-    GREY,
-    Part,
-    assemble,
+from light_meshes import (
+    Camera,
+    Light,
+    Material,
+    Scene,
+    Settings,
+    Shape,
     box,
     cylinder,
-    look_at,
-    look_down,
-    move,
     rectangle,
+    rotate_z,
     scale,
     sphere,
-    turn_z,
+    translate,
 )
+from light_meshes.picture.render import render_image
+from light_meshes.scene.description import LIGHT_TYPES
 
+IDENTITY = np.eye(4)
+GREY = Material("grey")
 WHITE = Material("white", Od=(1.0, 1.0, 1.0), ka=0.0)
 
 
@@ -35,8 +38,24 @@ def settings(**values: Any) -> Settings:
     return replace(Settings(mode="RAY_CASTING", samples=1, filter_size=0.0), **values)
 
 
-def with_settings(scene: Scene, **values: Any) -> Scene:
-    return replace(scene, settings=replace(scene.settings, **values))
+def look_down(x: float, y: float, size: float, pixels: int, height: float = 10.0, **more: Any) -> Camera:
+    """Orthographic from above on the square of edge `size` around (x, y)."""
+    return Camera.orthographic((x, y, height), (x, y, height - 1), size, pixels, pixels, **more)
+
+
+def joined(a: Scene, b: Scene) -> Scene:
+    """Scene a with b's objects added."""
+    ga, gb = a.geometry, b.geometry
+    return replace(a, objects=a.objects + b.objects, materials=a.materials + b.materials, geometry=replace(
+        ga, vertices=np.concatenate([ga.vertices, gb.vertices]),
+        triangles=np.concatenate([ga.triangles, gb.triangles]),
+        corner_normals=np.concatenate([ga.corner_normals, gb.corner_normals]),
+        triangle_materials=np.concatenate([ga.triangle_materials,
+                                           gb.triangle_materials + np.int32(len(a.materials))]),
+        meshes=np.concatenate([ga.meshes, np.add(gb.meshes, (len(ga.vertices), 0, len(ga.triangles), 0))]),
+        instance_mesh=np.concatenate([ga.instance_mesh, gb.instance_mesh + np.int32(len(ga.meshes))]),
+        instance_object=np.concatenate([ga.instance_object, gb.instance_object + np.int32(len(a.objects))]),
+        instance_matrix=np.concatenate([ga.instance_matrix, gb.instance_matrix])))
 
 
 def with_lights(scene: Scene, *lights: Light) -> Scene:
@@ -68,7 +87,7 @@ def combined(scene: Scene) -> np.ndarray:
 
 def placed(scene: Scene, size: float, offset: Sequence[float]) -> Scene:
     """The scene grown by `size` and then moved by `offset`; its lattice, camera and lights' energy with it."""
-    return moved(scene, move(*offset) @ scale(size, size, size), size)
+    return moved(scene, translate(*offset) @ scale(size, size, size), size)
 
 
 def moved(scene: Scene, T: np.ndarray, size: float = 1.0) -> Scene:
@@ -123,10 +142,11 @@ S2_POST = ((-1.0, -0.2, 0), (-0.9, 0.2, 0.4))
 
 def light_leak(width: int = 200, **values: Any) -> Scene:
     """S2 (Fig. 2): a plate lit from above, a second light low on its left, and a post before it on the floor."""
-    parts = [Part(box(*S2_PLATE), GREY, "plate"), Part(rectangle(*S2_FLOOR), GREY, "floor"),
-             Part(box(*S2_POST), GREY, "post")]
+    parts = [Shape(box(*S2_PLATE), GREY, "plate"), Shape(rectangle(*S2_FLOOR), GREY, "floor"),
+             Shape(box(*S2_POST), GREY, "post")]
     lights = [point((1, 0, 4), name="above"), point((-2, 0, 0.5), name="low")]
-    return assemble(parts, look_at((-1, -6, 4), (0.3, 0, 0.6), 50, width, width), lights, settings(**values))
+    camera = Camera.look_at((-1, -6, 4), (0.3, 0, 0.6), 50, width, width)
+    return Scene.from_shapes(parts, camera, lights, settings(**values))
 
 
 TABLETOP = ((-2, -2, -0.2), (2, 2, 0))
@@ -139,11 +159,11 @@ S3_EYE, S3_TARGET, S3_DEGREES = (4.2, -4.6, 3.4), (0, 0, 0.6), 40
 def tabletop(width: int = 200, **values: Any) -> Scene:
     """S3 (Fig. 3): a cylinder hanging over a tabletop, with a bar sealed into it."""
     values = {"h": 0.05, "kI": 3.0} | values
-    parts = [Part(box(*TABLETOP), Material("tabletop", Od=(0.7, 0.6, 0.5)), "tabletop"),
-             Part(cylinder(*CYLINDER), Material("cylinder", Od=(0.6, 0.6, 0.7)), "cylinder"),
-             Part(box(*BAR), Material("bar", Od=(0.8, 0.5, 0.3)), "bar")]
-    return assemble(parts, look_at(S3_EYE, S3_TARGET, S3_DEGREES, width, width),
-                    [point(S3_LIGHT, 20.0)], settings(**values), world_color=(0.05, 0.05, 0.05))
+    parts = [Shape(box(*TABLETOP), Material("tabletop", Od=(0.7, 0.6, 0.5)), "tabletop"),
+             Shape(cylinder(*CYLINDER), Material("cylinder", Od=(0.6, 0.6, 0.7)), "cylinder"),
+             Shape(box(*BAR), Material("bar", Od=(0.8, 0.5, 0.3)), "bar")]
+    return Scene.from_shapes(parts, Camera.look_at(S3_EYE, S3_TARGET, S3_DEGREES, width, width),
+                             [point(S3_LIGHT, 20.0)], settings(**values), world_color=(0.05, 0.05, 0.05))
 
 
 def bar_shadow(h: float, r: float, width: int = 160, **values: Any) -> Scene:
@@ -152,7 +172,7 @@ def bar_shadow(h: float, r: float, width: int = 160, **values: Any) -> Scene:
     whole = 8 * width  # the crop is an eighth of the frame
     middle = project(scene, _shadow_of((1.7, 0.0, 1.325)))
     x0, y0 = (int(c * whole - width / 2) for c in middle)
-    camera = look_at(S3_EYE, S3_TARGET, S3_DEGREES, whole, whole, crop=(x0, y0, x0 + width, y0 + width))
+    camera = Camera.look_at(S3_EYE, S3_TARGET, S3_DEGREES, whole, whole, crop=(x0, y0, x0 + width, y0 + width))
     return replace(scene, camera=camera)
 
 
@@ -181,35 +201,35 @@ def edge(kI: float = 3.0, h: float = 0.1, beta: float = np.pi / 2, pixels: int =
     """
     top = 4.0
     x = top / np.tan(beta)  # the occluder's edge stands over the shadow's edge along the light
-    parts = [Part(rectangle((-60, -60), (60, 60), 0.0), WHITE, "floor"),
-             Part(rectangle((-60 + x, -60), (x, 60), top), WHITE, "occluder")]
+    parts = [Shape(rectangle((-60, -60), (60, 60), 0.0), WHITE, "floor"),
+             Shape(rectangle((-60 + x, -60), (x, 60), top), WHITE, "occluder")]
     light = (sun((-1 / np.tan(beta), 0, -1)) if not light_radius
              else point((2 * x, 0, 2 * top), radius=light_radius))
-    return assemble(parts, look_down(0.0, 0.0, size or 2.5 * h * kI / np.sin(beta), pixels, height=top / 2),
-                    [light], settings(h=h, kI=kI, **values))
+    return Scene.from_shapes(parts, look_down(0.0, 0.0, size or 2.5 * h * kI / np.sin(beta), pixels, height=top / 2),
+                             [light], settings(h=h, kI=kI, **values))
 
 
 def strip(width: float, kI: float = 4.0, h: float = 0.1, **values: Any) -> Scene:
     """H12: a strip of that width along y, over x = 0, straight under the sun."""
-    parts = [Part(rectangle((-30, -30), (30, 30), 0.0), WHITE, "floor"),
-             Part(rectangle((-width / 2, -30), (width / 2, 30), 4.0), WHITE, "strip")]
-    return assemble(parts, look_down(0.0, 0.0, 3 * h * kI, 64, height=2.0), [sun((0, 0, -1))],
-                    settings(h=h, kI=kI, **values))
+    parts = [Shape(rectangle((-30, -30), (30, 30), 0.0), WHITE, "floor"),
+             Shape(rectangle((-width / 2, -30), (width / 2, 30), 4.0), WHITE, "strip")]
+    return Scene.from_shapes(parts, look_down(0.0, 0.0, 3 * h * kI, 64, height=2.0), [sun((0, 0, -1))],
+                             settings(h=h, kI=kI, **values))
 
 
 def wall(**values: Any) -> Scene:
     """H1: a wall a fifth of h thick on a floor, and a light on its left (−x)."""
-    parts = [Part(rectangle((-5, -5), (5, 5), 0.0), WHITE, "floor"),
-             Part(box((-0.01, -5, -1), (0.01, 5, 3)), WHITE, "wall")]
-    return assemble(parts, look_down(0.0, 0.0, 2.0, 64), [point((-2, 0, 1))], settings(h=0.1, **values))
+    parts = [Shape(rectangle((-5, -5), (5, 5), 0.0), WHITE, "floor"),
+             Shape(box((-0.01, -5, -1), (0.01, 5, 3)), WHITE, "wall")]
+    return Scene.from_shapes(parts, look_down(0.0, 0.0, 2.0, 64), [point((-2, 0, 1))], settings(h=0.1, **values))
 
 
 def low_plate(**values: Any) -> Scene:
     """H5: a plate .2h above a floor, under a light."""
-    parts = [Part(rectangle((-5, -5), (5, 5), 0.0), WHITE, "floor"),
-             Part(box((-1, -1, 0.02), (1, 1, 0.04)), WHITE, "plate")]
-    return assemble(parts, look_at((3, -3, 2), (0.5, -0.5, 0), 40, 64, 64), [point((0.5, 0.3, 3))],
-                    settings(h=0.1, **values))
+    parts = [Shape(rectangle((-5, -5), (5, 5), 0.0), WHITE, "floor"),
+             Shape(box((-1, -1, 0.02), (1, 1, 0.04)), WHITE, "plate")]
+    return Scene.from_shapes(parts, Camera.look_at((3, -3, 2), (0.5, -0.5, 0), 40, 64, 64), [point((0.5, 0.3, 3))],
+                             settings(h=0.1, **values))
 
 
 # --- General ----------------------------------------------------------------------------------------------
@@ -217,9 +237,9 @@ def low_plate(**values: Any) -> Scene:
 def four_lights(width: int = 96, **values: Any) -> Scene:
     """A small still life under one light of each type, coloured, with a glossy ball."""
     ball = Material("ball", Od=(0.2, 0.5, 0.7), ks=0.4, nShiny=30.0)
-    parts = [Part(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
-             Part(sphere(0.6, 24, 12), ball, "ball", [move(-0.6, 0.3, 0.65)]),
-             Part(box((0.3, -0.4, 0.0), (0.9, 0.4, 1.1)), Material("box", Od=(0.7, 0.3, 0.2)), "box")]
+    parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
+             Shape(sphere(0.6, 24, 12), ball, "ball", [translate(-0.6, 0.3, 0.65)]),
+             Shape(box((0.3, -0.4, 0.0), (0.9, 0.4, 1.1)), Material("box", Od=(0.7, 0.3, 0.2)), "box")]
     lights = [
         Light("point", "POINT", (4.0, 3.0, 2.0), position=(1.5, -2.0, 3.0), radius=0.1),
         sun((0.4, 0.3, -1.0), 0.3, angle=0.05),
@@ -228,8 +248,8 @@ def four_lights(width: int = 96, **values: Any) -> Scene:
         Light("area", "AREA", (6.0, 2.0, 6.0), position=(0.2, 2.2, 2.2), direction=_unit((0.0, -2.0, -2.0)),
               area_u=(0.3, 0.0, 0.0), area_v=(0.0, 0.14, -0.14)),
     ]
-    return assemble(parts, look_at((2.5, -4.5, 3.0), (0, 0, 0.4), 40, width, width), lights,
-                    settings(**({"h": 0.08} | values)), world_color=(0.02, 0.03, 0.05))
+    return Scene.from_shapes(parts, Camera.look_at((2.5, -4.5, 3.0), (0, 0, 0.4), 40, width, width), lights,
+                             settings(**({"h": 0.08} | values)), world_color=(0.02, 0.03, 0.05))
 
 
 def hall(lights: int = 16, columns: int = 4, sides: int = 24, width: int = 96, **values: Any) -> Scene:
@@ -240,37 +260,37 @@ def hall(lights: int = 16, columns: int = 4, sides: int = 24, width: int = 96, *
     places = [(4.0 * i / columns - 2.0 + 2.0 / columns, 4.0 * j / columns - 2.0 + 2.0 / columns)
               for i in range(columns) for j in range(columns)]
     step = 4.0 / columns
-    parts = [Part(box((-2.2, -2.2, -0.1), (2.2, 2.2, 0.0)), GREY, "floor"),
-             Part(box((-2.3, -2.2, 0.0), (-2.2, 2.2, 2.0)), Material("left", Od=(0.7, 0.4, 0.3)), "left wall"),
-             Part(box((-2.2, 2.2, 0.0), (2.2, 2.3, 2.0)), Material("back", Od=(0.3, 0.5, 0.7)), "back wall"),
-             Part(cylinder(0.12 * step, 0.0, 1.2, sides), GREY, "columns", [move(x, y, 0) for x, y in places]),
-             Part(sphere(0.16 * step, sides, sides // 2), Material("ball", Od=(0.7, 0.7, 0.3)), "balls",
-                  [move(x + 0.33 * step, y - 0.3 * step, 0.17 * step) @ scale(1, 1, 0.9) for x, y in places])]
+    parts = [Shape(box((-2.2, -2.2, -0.1), (2.2, 2.2, 0.0)), GREY, "floor"),
+             Shape(box((-2.3, -2.2, 0.0), (-2.2, 2.2, 2.0)), Material("left", Od=(0.7, 0.4, 0.3)), "left wall"),
+             Shape(box((-2.2, 2.2, 0.0), (2.2, 2.3, 2.0)), Material("back", Od=(0.3, 0.5, 0.7)), "back wall"),
+             Shape(cylinder(0.12 * step, 0.0, 1.2, sides), GREY, "columns", [translate(x, y, 0) for x, y in places]),
+             Shape(sphere(0.16 * step, sides, sides // 2), Material("ball", Od=(0.7, 0.7, 0.3)), "balls",
+                   [translate(x + 0.33 * step, y - 0.3 * step, 0.17 * step) @ scale(1, 1, 0.9) for x, y in places])]
     random = np.random.default_rng(7)
     where = random.uniform((-2.0, -2.0, 1.6), (2.0, 2.0, 2.4), (lights, 3))
     colour = random.uniform(0.5, 1.0, (lights, 3)) * 6.0 / lights
     sources = [Light(f"light {n}", "POINT", tuple(c), position=tuple(p))
                for n, (p, c) in enumerate(zip(where.tolist(), colour.tolist(), strict=True))]
-    return assemble(parts, look_at((3.6, -4.6, 3.6), (0, 0, 0.3), 45, width, width), sources,
-                    settings(**({"h": 0.05, "kI": 2.0} | values)))
+    return Scene.from_shapes(parts, Camera.look_at((3.6, -4.6, 3.6), (0, 0, 0.3), 45, width, width), sources,
+                             settings(**({"h": 0.05, "kI": 2.0} | values)))
 
 
 def random_scene(seed: int, h: float, kI: float, lights: int, **values: Any) -> Scene:
     """A floor with a few turned boxes and prisms, some of them thin or touching, and lights of every type."""
     random = np.random.default_rng(seed)
-    parts = [Part(box((-1.5, -1.5, -0.1), (1.5, 1.5, 0.0)), GREY, "floor")]
+    parts = [Shape(box((-1.5, -1.5, -0.1), (1.5, 1.5, 0.0)), GREY, "floor")]
     for n in range(random.integers(2, 6)):
         size = random.uniform(0.05, 0.5, 3)
         mesh = (box(-size, size), cylinder(size[0], -size[2], size[2], 7))[n % 2]
         where = random.uniform((-1.0, -1.0, -0.1), (1.0, 1.0, 0.9))
         tilt = np.eye(4)
         tilt[:3, :3] = np.linalg.qr(random.normal(size=(3, 3)))[0]  # may mirror: negative scale
-        parts.append(Part(mesh, Material(f"material {n}", Od=tuple(random.uniform(0.2, 0.9, 3).tolist()),
-                                         ks=float(random.uniform(0, 0.5)), nShiny=float(random.uniform(2, 60))),
-                          f"thing {n}", [move(*where) @ turn_z(random.uniform(0, 6)) @ tilt]))
-    return assemble(parts, look_at((2.4, -2.9, 2.2), (0, 0, 0.2), 45, 20, 20),
-                    [_random_light(random, n) for n in range(lights)], settings(h=h, kI=kI, **values),
-                    world_color=(0.1, 0.2, 0.3))
+        parts.append(Shape(mesh, Material(f"material {n}", Od=tuple(random.uniform(0.2, 0.9, 3).tolist()),
+                                          ks=float(random.uniform(0, 0.5)), nShiny=float(random.uniform(2, 60))),
+                           f"thing {n}", [translate(*where) @ rotate_z(random.uniform(0, 6)) @ tilt]))
+    return Scene.from_shapes(parts, Camera.look_at((2.4, -2.9, 2.2), (0, 0, 0.2), 45, 20, 20),
+                             [_random_light(random, n) for n in range(lights)], settings(h=h, kI=kI, **values),
+                             world_color=(0.1, 0.2, 0.3))
 
 
 def _random_light(random: np.random.Generator, n: int) -> Light:

@@ -8,7 +8,7 @@ dark" are comparisons of plane distances, without a ray or a lattice.
 from __future__ import annotations
 
 import numpy as np
-from meshes import Mesh
+from light_meshes import Mesh
 
 
 def shadow_volume(solid: Mesh, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,6 @@ from ..picture.plan import forced
 from ..picture.render import render_image
 from ..scene.description import Scene
 from .measure import PREPARING, Say
-from .scenes import changed
 
 DARK = 1e-300  # an intensity that is some, and adds nothing in float32
 PREPARED = ("accelerators", "casters")  # decisions that show in the preparing
@@ -43,11 +42,11 @@ class Decision:
 
 def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
     """All of them. opaque: many lights, light meshes; glass: bends shadow paths; still: images, mirrors, no glass."""
-    plain = changed(glass, caustics="PAPER")
+    plain = glass.with_settings(caustics="PAPER")
     straight = dataclasses.replace(plain, materials=tuple(dataclasses.replace(m, ior=1.0) for m in plain.materials))
     coloured = dataclasses.replace(plain, materials=tuple(
         dataclasses.replace(m, kt=(m.kt[0], 0.9 * m.kt[1], 0.8 * m.kt[2])) for m in plain.materials))
-    whitted, cast = changed(opaque, mode="WHITTED"), changed(opaque, mode="RAY_CASTING")
+    whitted, cast = opaque.with_settings(mode="WHITTED"), opaque.with_settings(mode="RAY_CASTING")
     half, things = len(opaque.lights) // 2, tuple(range(len(opaque.objects)))
 
     def lit(**values: Any) -> Scene:
@@ -78,7 +77,7 @@ def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
                  instead=_with_twins(opaque, SHARP_TWIN)),
         Decision("light linking", "no light lights some objects only", opaque, lit(receivers=things),
                  instead=lit(receivers=things)),
-        Decision("uniform skip", "on", opaque, changed(glass, caustics="FOCUS"), {"uniform_skip": False}),
+        Decision("uniform skip", "on", opaque, glass.with_settings(caustics="FOCUS"), {"uniform_skip": False}),
         Decision("certificate", "on", opaque, None, {"certificate": False}),
         Decision("node values", "a bit a light: opaque surfaces only", opaque, straight, {"channels": 1}),
         Decision("node values", "a number a light: uncoloured glass", straight, coloured, {"channels": 3}),
@@ -105,7 +104,7 @@ def table(opaque: Scene, glass: Scene, still: Scene, repeats: int, say: Say) -> 
             with forced(**d.forced):
                 runs["forced"].append(render_image(d.instead or d.taken))
         reasons = runs["taken"][0].statistics["plan"]
-        not_taken = render_image(changed(d.other, samples=1)).statistics["plan"] if d.other else {}
+        not_taken = render_image(d.other.with_settings(samples=1)).statistics["plan"] if d.other else {}
         same = np.array_equal(runs["taken"][0].passes["Combined"], runs["forced"][0].passes["Combined"])
         rows.append({
             "plan": d.plan, "what": d.what, "taken": reasons.get(d.plan, "nothing"),

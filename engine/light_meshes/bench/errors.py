@@ -15,7 +15,7 @@ from ..picture.prepared import SHADED, Prepared
 from ..picture.render import render_image
 from ..rays.camera import camera_rays
 from ..scene.description import Scene
-from .scenes import changed, radius
+from .scenes import radius
 
 LOW, HIGH = 0.02, 0.98  # of S, in a penumbra
 FINE = 6.0  # kI; nodes are hardly shared at that, and many
@@ -24,24 +24,24 @@ RAYS = 3e8  # about so many may be spent on a reference
 
 def picture(scene: Scene) -> NDArray[np.float32]:
     """Linear RGB (height, width, 3), one ray through the middle of each pixel."""
-    return render_image(changed(scene, samples=1)).passes["Combined"][..., :3]
+    return render_image(scene.with_settings(samples=1)).passes["Combined"][..., :3]
 
 
 def half_ball(scene: Scene) -> Scene:
     """Light meshes of the same r with so fine a lattice that a penumbra is off by .004 (0.14/kI²)."""
-    return changed(scene, shadows="LIGHT_MESHES", h=radius(scene) / FINE, kI=FINE)
+    return scene.with_settings(shadows="LIGHT_MESHES", h=radius(scene) / FINE, kI=FINE)
 
 
 def sphere(scene: Scene) -> Scene:
     """Area sampling by as many samples as can be afforded."""
     receivers = scene.camera.width * scene.camera.height * len(scene.lights) / 2
     samples = 2 ** int(np.clip(np.log2(RAYS / receivers), 6, 12))
-    return changed(scene, shadows="AREA_SAMPLING", light_samples=samples)
+    return scene.with_settings(shadows="AREA_SAMPLING", light_samples=samples)
 
 
 def penumbra(scene: Scene) -> NDArray[np.bool_]:
     """Pixels (height, width) in which some light is seen in part, 0.02 < S < 0.98, or focused; S as of `half_ball`."""
-    ready = Prepared(changed(half_ball(scene), samples=1))
+    ready = Prepared(half_ball(scene).with_settings(samples=1))
     camera = ready.scene.camera
     origin, direction, reach = camera_rays(camera, (0, 0, camera.width, camera.height), np.zeros((1, 2)))
     hit, seen = ready.closest("camera", origin, direction, None, reach)

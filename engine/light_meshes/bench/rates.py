@@ -9,7 +9,7 @@ import numpy as np
 
 from ..picture.render import render_image
 from .measure import Say, seconds
-from .scenes import Case, changed, sized
+from .scenes import Case, sized
 
 RATES = (1, 2, 4, 8)
 SHARES = ("interpolated", "refined", "computed")
@@ -18,9 +18,9 @@ SHARES = ("interpolated", "refined", "computed")
 def table(case: Case, size: int, repeats: int, sharp: bool, say: Say, samples: int = 4) -> list[dict[str, Any]]:
     """Rows of a case: seconds of the frame, and the errors that the rate adds; of RRTA too (rate 0) where `sharp`."""
     scene = sized(case.scene, size, samples=samples)
-    ways = {rate: changed(scene, shadow_rate=rate) for rate in RATES}
+    ways = {rate: scene.with_settings(shadow_rate=rate) for rate in RATES}
     if sharp:
-        ways = {0: changed(scene, shadows="SHARP")} | ways
+        ways = {0: scene.with_settings(shadows="SHARP")} | ways
     frames: dict[int, list[float]] = {rate: [] for rate in ways}
     pictures, reports = {}, {}
     for way in ways.values():

@@ -157,7 +157,7 @@ class Bench:
         self._say(f"{case.title}, {size}²: references")
         partly = errors.penumbra(base)
         half_ball, sphere = errors.half_ball(base), errors.sphere(base)
-        references = {"RRTA": errors.picture(scenes.changed(base, shadows="SHARP")),
+        references = {"RRTA": errors.picture(base.with_settings(shadows="SHARP")),
                       "HALF_BALL": errors.picture(half_ball)}
         about = {"scene": case.name, "lights": case.lights, "size": size, "in_penumbra": float(partly.mean())}
         if case.name != "S5":
@@ -174,7 +174,7 @@ class Bench:
                 assert cycles is not None
                 found, held = cycles.picture(case, size, method.samples), {"CYCLES": by_cycles}
             else:
-                found = errors.picture(scenes.changed(base, **method.settings()))
+                found = errors.picture(base.with_settings(**method.settings()))
                 held = {k: v for k, v in references.items() if k != method.kind}
             for name, reference in held.items():
                 self.results["errors"].append(about | {

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..frontends import blend
 from ..picture.prepared import Prepared
@@ -17,6 +16,8 @@ from ..picture.render import measure
 from ..scene import snapshot
 from ..scene.description import Geometry, Light, Material, Object, Scene
 from ..scene.errors import SceneError
+from ..scene.mesh import box, cylinder, sphere
+from ..scene.transforms import scale, translate
 from ..shadows.radius import own_radii
 
 FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}
@@ -59,7 +60,7 @@ def exported(name: str, folder: Path) -> Scene:
     if not (folder / "scene.json").exists():
         blend.export(blend_folder() / f"{FILES[name]}.blend", folder, [], False)
     scene = dataclasses.replace(snapshot.read(folder), world_color=(0.0, 0.0, 0.0))
-    return changed(scene, h=measure(scene)["h"], auto_h=False) if scene.settings.auto_h else scene
+    return scene.with_settings(h=measure(scene)["h"], auto_h=False) if scene.settings.auto_h else scene
 
 
 def case(name: str, scene: Scene, lights: int | None = None) -> Case:
@@ -86,25 +87,20 @@ def radius(scene: Scene) -> float:
     return scene.settings.h * scene.settings.kI
 
 
-def changed(scene: Scene, **settings: Any) -> Scene:
-    """The scene with some settings changed."""
-    return dataclasses.replace(scene, settings=dataclasses.replace(scene.settings, **settings))
-
-
 def sized(scene: Scene, edge: int, **settings: Any) -> Scene:
     """The whole frame in edge² pixels, of whatever shape it has; and some settings changed."""
     camera = scene.camera
     stretch = np.sqrt(camera.width / camera.height)
     camera = dataclasses.replace(camera, width=max(1, round(edge * stretch)), height=max(1, round(edge / stretch)),
                                  crop=None)
-    return changed(dataclasses.replace(scene, camera=camera), **settings)
+    return dataclasses.replace(scene, camera=camera).with_settings(**settings)
 
 
 def matched(scene: Scene) -> tuple[Light, ...]:
     """The lights, each of the size that would ask for the scene's r (`light_size`, from what the camera sees)."""
     unit = tuple(dataclasses.replace(_with_size(light, 1.0), softness="LIGHT_SIZE", reference_distance=0.0)
                  for light in scene.lights)
-    own = own_radii(Prepared(changed(dataclasses.replace(scene, lights=unit), shadows="SHARP")))
+    own = own_radii(Prepared(dataclasses.replace(scene, lights=unit).with_settings(shadows="SHARP")))
     usual = float(np.median([*own.values()])) if own else radius(scene)  # of a light without shadows in view
     return tuple(_with_size(light, radius(scene) / own.get(i, usual)) for i, light in enumerate(scene.lights))
 
@@ -125,66 +121,15 @@ def hall(scene: Scene, triangles: int) -> Scene:
     # A place has sides² + 2·sides: a column 4·sides, a ball 2·sides·(sides/2 − 1).
     sides = max(4, 2 * round((np.sqrt(1 + triangles / PLACES**2) - 1) / 2))
     step = 4 / PLACES
-    low, high = [(-2.2, -2.2, -0.1), (-2.3, -2.2, 0), (-2.2, 2.2, 0)], [(2.2, 2.2, 0), (-2.2, 2.2, 2), (2.2, 2.3, 2)]
-    angle = np.pi * np.arange(sides // 2 + 1) / (sides // 2)
-    meshes = [_box(*ends) for ends in zip(low, high, strict=True)]
-    meshes += [_lathe(np.array([(0, 0), (0.12 * step, 0), (0.12 * step, 1.2), (0, 1.2)]), sides, False),
-               _lathe(0.16 * step * np.stack([np.sin(angle), -np.cos(angle)], 1), sides, True)]
+    meshes = [box((-2.2, -2.2, -0.1), (2.2, 2.2, 0)), box((-2.3, -2.2, 0), (-2.2, 2.2, 2)),
+              box((-2.2, 2.2, 0), (2.2, 2.3, 2)), cylinder(0.12 * step, 0, 1.2, sides, smooth=True),
+              sphere(0.16 * step, sides, sides // 2)]
     places = [(step * (i + 0.5) - 2, step * (j + 0.5) - 2) for i in range(PLACES) for j in range(PLACES)]
-    matrices, mesh = [np.eye(4)] * 3, [0, 1, 2]
+    instances = [(mesh, 0, np.eye(4)) for mesh in range(3)]
     for x, y in places:
-        column, ball = np.eye(4), np.diag([1, 1, 0.9, 1])
-        column[:2, 3] = x, y
-        ball[:3, 3] = x + 0.33 * step, y - 0.3 * step, 0.17 * step
-        matrices, mesh = [*matrices, column, ball], [*mesh, 3, 4]
-    counts = np.array([(len(v), len(t)) for v, t, _ in meshes])
-    starts = np.cumsum(counts, 0) - counts
-    geometry = Geometry(
-        np.concatenate([v for v, _, _ in meshes]).astype(np.float32),
-        np.concatenate([t for _, t, _ in meshes]).astype(np.int32),
-        np.concatenate([n for _, _, n in meshes]).astype(np.float32), np.zeros((0, 3, 2), np.float32),
-        np.repeat(np.array([0, 1, 2, 0, 3], np.int32), counts[:, 1]),
-        np.stack([starts[:, 0], counts[:, 0], starts[:, 1], counts[:, 1]], 1).astype(np.int64),
-        np.array(mesh, np.int32), np.zeros(len(mesh), np.int32), np.array(matrices))
+        ball = translate(x + 0.33 * step, y - 0.3 * step, 0.17 * step) @ scale(1, 1, 0.9)
+        instances += [(3, 0, translate(x, y, 0)), (4, 0, ball)]
     colours = ((0.8, 0.8, 0.8), (0.7, 0.4, 0.3), (0.3, 0.5, 0.7), (0.7, 0.7, 0.3))
-    return dataclasses.replace(scene, geometry=geometry, objects=(Object("hall"),), images=(),
+    return dataclasses.replace(scene, geometry=Geometry.from_meshes(meshes, (0, 1, 2, 0, 3), instances),
+                               objects=(Object("hall"),), images=(),
                                materials=tuple(Material(f"material {n}", Od=c) for n, c in enumerate(colours)))
-
-
-def _box(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[NDArray, NDArray, NDArray]:
-    v = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    quads = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
-    t = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    return v, t, _flat(v, t)
-
-
-def _lathe(profile: NDArray, sides: int, ball: bool) -> tuple[NDArray, NDArray, NDArray]:
-    """The (radius, z) points of `profile`, from axis to axis, turned around z: vertices, triangles, normals.
-
-    A ball is smooth all over, anything else but for level faces.
-    """
-    turn = 2 * np.pi * np.arange(sides) / sides
-    around = np.stack([np.cos(turn), np.sin(turn)], 1)
-    inner = profile[1:-1]
-    v = np.concatenate([
-        np.concatenate([inner[:, None, :1] * around, np.broadcast_to(inner[:, None, 1:], (len(inner), sides, 1))],
-                       2).reshape(-1, 3), [(0, 0, profile[0, 1]), (0, 0, profile[-1, 1])]])
-    here, end = np.arange(sides), len(inner) * sides
-    there = (here + 1) % sides
-    t = [np.stack([np.full(sides, end), there, here], 1)]
-    for ring in range(0, end - sides, sides):
-        t += [np.stack([ring + here, ring + there, ring + sides + there], 1),
-              np.stack([ring + here, ring + sides + there, ring + sides + here], 1)]
-    top = end - sides
-    t += [np.stack([np.full(sides, end + 1), top + here, top + there], 1)]
-    triangles = np.concatenate(t)
-    out = v * (1, 1, ball)
-    round_ = (out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30))[triangles]
-    flat = _flat(v, triangles)
-    return v, triangles, np.where((np.abs(flat[:, :, 2:]) > 0.999) & (not ball), flat, round_)
-
-
-def _flat(v: NDArray, t: NDArray) -> NDArray:
-    a, b, c = (v[t[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    return np.repeat((normal / np.linalg.norm(normal, axis=1, keepdims=True))[:, None], 3, 1)

@@ -123,7 +123,7 @@ def check_geometry(g: Geometry, objects: int, materials: int) -> None:
                               ("triangle_materials", materials, "material")):
         values = getattr(g, name)
         if len(values) and not (values.min() >= 0 and values.max() < count):
-            raise SceneError(f"{name}.npy names a {what} that does not exist")
+            raise SceneError(f"{name} names a {what} that does not exist")
 
 
 def _check_meshes(g: dict[str, np.ndarray]) -> None:
@@ -131,10 +131,10 @@ def _check_meshes(g: dict[str, np.ndarray]) -> None:
     _check_rows(g["corner_normals"], "corner_normals", triangles)
     _check_rows(g["triangle_materials"], "triangle_materials", triangles)
     if len(g["uvs"]) not in (0, triangles):
-        raise SceneError(f"uvs.npy has {len(g['uvs'])} rows; needed: {triangles}, or none")
+        raise SceneError(f"uvs has {len(g['uvs'])} rows; needed: {triangles}, or none")
     for m, (v0, mv, t0, mt) in enumerate(g["meshes"].tolist()):
         if min(v0, mv, t0, mt) < 0 or v0 + mv > vertices or t0 + mt > triangles:
-            raise SceneError(f"mesh {m} points outside vertices.npy or triangles.npy")
+            raise SceneError(f"mesh {m} points outside vertices or triangles")
         part = g["triangles"][t0:t0 + mt]
         if mt and not (part.min() >= 0 and part.max() < mv):
             raise SceneError(f"mesh {m} has a triangle whose vertex does not exist")
@@ -142,4 +142,4 @@ def _check_meshes(g: dict[str, np.ndarray]) -> None:
 
 def _check_rows(array: np.ndarray, name: str, rows: int) -> None:
     if len(array) != rows:
-        raise SceneError(f"{name}.npy has {len(array)} rows; needed: {rows}")
+        raise SceneError(f"{name} has {len(array)} rows; needed: {rows}")

@@ -6,11 +6,17 @@ on column vectors, angles are in radians. Nothing here knows of Blender, of file
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from ..support.text import quoted
+from . import transforms
+from .errors import SceneError
+from .mesh import Mesh, at_least, numbers
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
@@ -78,6 +84,40 @@ class Camera:
     lens_rotation: float = 0.0  # of the middle of a blade, counter-clockwise from x
     lens_ratio: float = 1.0  # above 1 the lens is narrower along x, as anamorphic ones
     crop: tuple[int, int, int, int] | None = None  # x0, y0, x1, y1 in pixels, y up, ends excluded; None: all
+
+    @classmethod
+    def look_at(cls, eye: Sequence[float], target: Sequence[float], degrees: float, width: int, height: int,
+                up: Sequence[float] = (0.0, 0.0, 1.0), **more: Any) -> Camera:
+        """A perspective camera at `eye` that looks at `target`, for a picture of width × height pixels.
+
+        degrees is its field of view over the longer side, as in Blender; `more` are fields of Camera, by their names.
+        Raises SceneError where that is no view.
+        """
+        angle = float(numbers(degrees, "camera: the field of view", ()))
+        if not 0 < angle < 180:
+            raise SceneError(f"camera: the field of view is {angle:g} degrees; it must lie between 0 and 180")
+        _check_pixels(width, height)
+        half = float(np.tan(np.radians(angle) / 2)) / max(width, height)
+        window = (-half * width, half * width, -half * height, half * height)
+        return cls(transforms.look_at(eye, target, up), window, width, height, **more)
+
+    @classmethod
+    def orthographic(cls, eye: Sequence[float], target: Sequence[float], size: float, width: int, height: int,
+                     up: Sequence[float] = (0.0, 0.0, 1.0), **more: Any) -> Camera:
+        """A camera of parallel rays, at `eye` and looking at `target`, that sees `size` scene units.
+
+        size is that of the longer side, as in Blender; `more` are fields of Camera, by their names. Raises SceneError.
+        """
+        half = float(numbers(size, "camera: its size", ())) / 2
+        _check_pixels(width, height)
+        x, y = half * (width / max(width, height)), half * (height / max(width, height))
+        return cls(transforms.look_at(eye, target, up), (-x, x, -y, y), width, height, perspective=False, **more)
+
+
+def _check_pixels(width: int, height: int) -> None:
+    """Raise SceneError unless these are a picture's."""
+    at_least(1, width, "camera: its width in pixels")
+    at_least(1, height, "camera: its height in pixels")
 
 
 @dataclass(frozen=True)
@@ -179,6 +219,21 @@ class Object:
     cryptomatte_asset: int = 0  # and that of what it hangs from
 
 
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A mesh of one material that stands in one place or in several: what `Scene.from_shapes` takes.
+
+    Shapes that share a Mesh share its triangles in memory.
+    """
+
+    mesh: Mesh
+    material: Material = Material("default")
+    name: str = "object"
+    # (4,4) local to world, one for each place; `transforms` makes them.
+    matrices: Sequence[ArrayLike] = field(default_factory=lambda: (np.eye(4),))
+    flags: Mapping[str, Any] = field(default_factory=dict)  # fields of Object, by their names
+
+
 @dataclass(frozen=True)
 class Geometry:
     """All meshes in one set of arrays, and where they stand.
@@ -196,6 +251,48 @@ class Geometry:
     instance_object: NDArray[np.int32]  # (I,) index into Scene.objects
     instance_matrix: NDArray[np.float64]  # (I,4,4) local to world
 
+    @classmethod
+    def from_meshes(cls, meshes: Sequence[Mesh], materials: Sequence[int | NDArray[np.integer[Any]]] | None = None,
+                    instances: Sequence[tuple[int, int, ArrayLike]] | None = None) -> Geometry:
+        """All `meshes` in one set of arrays. `Scene.from_shapes` is simpler where each has one material.
+
+        materials: of each mesh the index of its material, or those (t,) of its triangles; None: all have material 0.
+        instances: (mesh, object, matrix) for each place where a mesh stands, matrix (4,4) local to world; None: each
+        mesh stands once, where its vertices are, as the object of its own number. Raises SceneError.
+        """
+        if materials is None:
+            materials = [0] * len(meshes)
+        if instances is None:
+            instances = [(n, n, np.eye(4)) for n in range(len(meshes))]
+        if len(materials) != len(meshes):
+            raise SceneError(f"there are {len(meshes)} meshes, but materials for {len(materials)}")
+        counts = np.array([(len(m.vertices), len(m.triangles)) for m in meshes], int).reshape(-1, 2)
+        starts = np.cumsum(counts, 0) - counts
+        uvs = [np.zeros((len(m.triangles), 3, 2)) if m.uvs is None else m.uvs for m in meshes]
+        places = [numbers(matrix, f"the matrix of instance {n}", (4, 4)) for n, (*_, matrix) in enumerate(instances)]
+        try:
+            of_triangles = [np.broadcast_to(np.asarray(m, np.int32), n) for m, n in zip(materials, counts[:, 1],
+                                                                                       strict=True)]
+        except ValueError as e:
+            raise SceneError("a mesh has one material, or one for each of its triangles") from e
+        return cls(
+            vertices=_stack([m.vertices for m in meshes], (0, 3), np.float32),
+            triangles=_stack([m.triangles for m in meshes], (0, 3), np.int32),
+            corner_normals=_stack([m.corner_normals() for m in meshes], (0, 3, 3), np.float32),
+            uvs=_stack(uvs if any(m.uvs is not None for m in meshes) else [], (0, 3, 2), np.float32),
+            triangle_materials=_stack(of_triangles, (0,), np.int32),
+            meshes=np.stack([starts[:, 0], counts[:, 0], starts[:, 1], counts[:, 1]], 1).astype(np.int64),
+            instance_mesh=np.array([mesh for mesh, _, _ in instances], np.int32),
+            instance_object=np.array([number for _, number, _ in instances], np.int32),
+            instance_matrix=_stack([np.array(places).reshape(-1, 4, 4)], (0, 4, 4), np.float64),
+        )
+
+
+def _stack(arrays: Sequence[NDArray[Any]], empty: tuple[int, ...], dtype: type) -> NDArray[Any]:
+    """The arrays one after the other; of shape `empty` where they have no rows."""
+    arrays = [a for a in arrays if len(a)]
+    return np.concatenate(arrays).astype(dtype) if arrays else np.zeros(empty, dtype)
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -211,6 +308,53 @@ class Scene:
     settings: Settings = field(default_factory=Settings)
     to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # from the scene's linear light to that of sRGB, which PNGs are in
     warnings: tuple[str, ...] = ()  # what the exporter could not translate, one sentence each
+
+    @classmethod
+    def from_shapes(cls, shapes: Sequence[Shape], camera: Camera, lights: Sequence[Light] = (),
+                    settings: Settings | None = None, **more: Any) -> Scene:
+        """A scene of these shapes, each an object of its name; `more` are fields of Scene, by their names.
+
+        Materials and meshes that shapes share are there once. Raises SceneError where a shape is none.
+        """
+        materials: dict[Material, int] = {}
+        meshes: dict[tuple[int, int], int] = {}  # a mesh with a material, which belongs to its triangles
+        of_meshes: list[Mesh] = []
+        instances = []
+        for n, shape in enumerate(shapes):
+            _check_shape(shape, n)
+            material = materials.setdefault(shape.material, len(materials))
+            mesh = meshes.setdefault((id(shape.mesh), material), len(meshes))
+            of_meshes += [shape.mesh] * (mesh == len(of_meshes))
+            instances += [(mesh, n, matrix) for matrix in shape.matrices]
+        geometry = Geometry.from_meshes(of_meshes, [material for _, material in meshes], instances)
+        return cls(camera, geometry, tuple(lights), tuple(materials) or (Material("default"),),
+                   objects=tuple(Object(s.name, **s.flags) for s in shapes), settings=settings or Settings(), **more)
+
+    def with_settings(self, **changes: Any) -> Scene:
+        """The scene with some settings changed, by their names. Raises SceneError where there is no such setting."""
+        unknown = changes.keys() - names_of(Settings)
+        if unknown:
+            raise SceneError(f"there is no setting {quoted(min(unknown))}; there are {', '.join(names_of(Settings))}")
+        return replace(self, settings=replace(self.settings, **changes))
+
+
+def _check_shape(shape: Shape, n: int) -> None:
+    """Raise SceneError unless what `shape` holds is what it should be."""
+    if not isinstance(shape, Shape):
+        raise SceneError(f"shape {n} is of type {type(shape).__name__}; a Shape holds a mesh, its material and "
+                         "its places")
+    where = f"shape {n} {quoted(shape.name)}"
+    for name, kind in (("mesh", Mesh), ("material", Material)):
+        if not isinstance(getattr(shape, name), kind):
+            raise SceneError(f"{where}: its {name} is of type {type(getattr(shape, name)).__name__}; it must "
+                             f"be of type {kind.__name__}")
+    try:
+        hash(shape.material)
+    except TypeError:
+        raise SceneError(f"{where}: colours of its material must be tuples of 3 numbers, no lists or arrays") from None
+    unknown = shape.flags.keys() - names_of(Object)
+    if unknown:
+        raise SceneError(f"{where}: an object has no {quoted(min(unknown))}; it has {', '.join(names_of(Object))}")
 
 
 def names_of(cls: type) -> dict[str, Any]:

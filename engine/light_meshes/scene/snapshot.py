@@ -148,8 +148,8 @@ def read(path: Path, mapped: bool = True) -> Scene:
     unknown = set(data) - known - {"format", "version", "blocks", "instances"}
     if unknown:
         raise SceneError(f"scene.json has an unknown entry {quoted(min(unknown))}")
-    world = _checked(Scene, "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]), "scene.json")
-    to_rec709 = _checked(Scene, "to_rec709", IDENTITY, data.get("to_rec709", IDENTITY), "scene.json")
+    world = checked_value(Scene, "world_color", (0.0, 0.0, 0.0), data.get("world_color", [0.0, 0.0, 0.0]), "scene.json")
+    to_rec709 = checked_value(Scene, "to_rec709", IDENTITY, data.get("to_rec709", IDENTITY), "scene.json")
     warnings = data.get("warnings", [])
     if not isinstance(warnings, list) or not all(isinstance(w, str) for w in warnings):
         raise SceneError("scene.json: warnings must be a list of sentences")
@@ -167,7 +167,7 @@ def read(path: Path, mapped: bool = True) -> Scene:
         images=images,
         objects=_many(Object, data, "objects"),
         world_color=world,
-        settings=_build(Settings, data.get("settings", {}), "settings"),
+        settings=built(Settings, data.get("settings", {}), "settings"),
         to_rec709=to_rec709,
         warnings=tuple(warnings),
     )
@@ -180,7 +180,7 @@ def read(path: Path, mapped: bool = True) -> Scene:
 
 def camera(data: Any) -> Camera:
     """A checked camera from its JSON object. Raises SceneError."""
-    made: Camera = _build(Camera, data, "camera")
+    made: Camera = built(Camera, data, "camera")
     left, right, bottom, top = made.window
     if left == right or bottom == top:
         raise SceneError("camera: the window has no area")
@@ -208,10 +208,10 @@ def _many(cls: type, data: dict[str, Any], key: str) -> tuple[Any, ...]:
     items = data.get(key, [])
     if not isinstance(items, list):
         raise SceneError(f"scene.json: {key} must be a list")
-    return tuple(_build(cls, item, f"{key[:-1]} {n}") for n, item in enumerate(items))
+    return tuple(built(cls, item, f"{key[:-1]} {n}") for n, item in enumerate(items))
 
 
-def _build(cls: type, data: Any, where: str) -> Any:
+def built(cls: type, data: Any, where: str) -> Any:
     """A dataclass from a JSON object, each value checked against the type of the field's default."""
     if not isinstance(data, dict):
         raise SceneError(f"scene.json: {where} is missing or not an object")
@@ -224,7 +224,7 @@ def _build(cls: type, data: Any, where: str) -> Any:
     values = {}
     for name, default in fields.items():
         if name in data:
-            values[name] = _checked(cls, name, default, data[name], where)
+            values[name] = checked_value(cls, name, default, data[name], where)
         elif default is dataclasses.MISSING:
             raise SceneError(f"{where}: {name} is missing")
     return cls(**values)
@@ -238,7 +238,7 @@ def with_setting(settings: Settings, key: str, text: str) -> Settings:
         value = json.loads(text.lower() if text.lower() in ("true", "false") else text)
     except (ValueError, RecursionError):
         value = text
-    value = _checked(Settings, key, names_of(Settings)[key], value, "--set")
+    value = checked_value(Settings, key, names_of(Settings)[key], value, "--set")
     changed: dict[str, Any] = {key: value} | ({"auto_h": False} if key == "h" else {})
     return dataclasses.replace(settings, **changed)
 
@@ -254,7 +254,11 @@ _SAMPLES: dict[tuple[type, str], Any] = {  # what a field without a default, or 
 }
 
 
-def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
+def checked_value(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
+    """`value` in the type of the field `name` of `cls`, whose default is `default`. Raises SceneError.
+
+    Lists become tuples. `where` begins the error's sentence.
+    """
     if (cls, name) == (Camera, "matrix"):
         try:
             matrix = np.array(value, np.float64)
@@ -268,7 +272,7 @@ def _checked(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
     if value is None and default is None:
         return None
     if cls is Light and name in ("receivers", "blockers"):
-        if not isinstance(value, list) or not all(type(i) is int for i in value):
+        if not isinstance(value, list | tuple) or not all(type(i) is int for i in value):
             raise SceneError(f"{where}: {name} must be null or a list of objects' numbers")
         return tuple(value)
     sample = _SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
@@ -313,7 +317,7 @@ def check(scene: Scene) -> None:
             if not -1 <= image < len(scene.images):
                 raise SceneError(f"material {quoted(material.name)}: image {image} does not exist")
             if image >= 0 and not len(g.uvs) and len(g.triangles):
-                raise SceneError(f"material {quoted(material.name)} has an image, but uvs.npy is empty")
+                raise SceneError(f"material {quoted(material.name)} has an image, but there are no uvs")
     for picture in scene.images:
         if picture.colorspace not in COLORSPACES and not picture.ocio:
             raise SceneError(f"image {quoted(picture.name)}: colorspace is {quoted(picture.colorspace)}; choose one of "

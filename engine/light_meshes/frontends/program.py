@@ -1,0 +1,69 @@
+"""A program asks: render a scene that it described or read, and write what came of it. `light_meshes` exports this."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from ..film import images
+from ..picture import render as renderer
+from ..scene import snapshot
+from ..scene.description import IDENTITY, RGB, Scene
+from ..scene.errors import SceneError
+from ..scene.validation import checked
+from ..support.text import quoted
+
+StrPath = str | os.PathLike[str]
+
+
+@dataclass(frozen=True)
+class Picture(renderer.Result):
+    """A finished picture: `passes` (arrays), `statistics`, `warnings`, and a way to a file."""
+
+    to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # the scene's
+
+    def save(self, path: StrPath) -> None:
+        """Write an .exr with all passes, scene-linear float32, or a .png with Combined, 8 bits in sRGB.
+
+        The file appears at once, whole. Raises SceneError where it cannot be written.
+        """
+        file = Path(path)
+        images.check_place(file)
+        if file.suffix.lower() == ".png" and "Combined" not in self.passes:
+            raise SceneError(f"{file.name}: a .png shows the pass Combined, which was not rendered: ask for it, or "
+                             "write an .exr")
+        images.write(self.frame, file, self.to_rec709)
+
+
+def render(scene: Scene, passes: Sequence[str] = ("Combined",), *, threads: int | None = None,
+           progress: Callable[[float, str], None] = lambda fraction, stage: None,
+           cancelled: Callable[[], bool] = lambda: False) -> Picture:
+    """Check `scene`, then render it into memory.
+
+    passes: names of `PASSES`. threads: how many to render with; None: one for each processor. progress hears, from any
+    of them, what share is done. Once cancelled() is true Cancelled is raised. Raises SceneError where the scene, or
+    what is asked of it, is wrong. The picture does not depend on threads.
+    """
+    if isinstance(passes, str):
+        raise SceneError(f"passes must be a list of names, not {quoted(passes)}")
+    if threads is not None and (not isinstance(threads, int) or threads < 1):
+        raise SceneError(f"threads are {quoted(threads)}; they must be a whole number from 1 up, or None")
+    scene = checked(scene)
+    result = renderer.render(scene, images.Framebuffer.create(scene, passes), threads=threads, progress=progress,
+                             cancelled=cancelled)
+    return Picture(**{f.name: getattr(result, f.name) for f in fields(result)}, to_rec709=scene.to_rec709)
+
+
+def read_snapshot(path: StrPath) -> Scene:
+    """Read and check a snapshot: its folder, or a scene file in it. Raises SceneError.
+
+    Arrays stay in their files where they can, which must not change as long as the scene is in use.
+    """
+    return snapshot.read(Path(path))
+
+
+def write_snapshot(scene: Scene, folder: StrPath) -> None:
+    """Check `scene` and write it into `folder`, which is made if need be. Raises SceneError, and OSError."""
+    snapshot.write(checked(scene), Path(folder))
