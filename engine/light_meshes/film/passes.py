@@ -99,7 +99,8 @@ class Tile:
             rows = rays["part"] == part
             for name, share in shares.items():
                 if name in self.samples:
-                    _add(self.samples[name], rays["pixel"][rows], weight[rows], share[rows] if share.ndim > 1 else share)
+                    own = share[rows] if share.ndim > 1 else share
+                    _add(self.samples[name], rays["pixel"][rows], weight[rows], own)
 
     def take_alpha(self, pixel: NDArray, weight: NDArray) -> None:
         """Alpha −= the mean of weight (n,3): here the picture stays open."""

@@ -89,7 +89,6 @@ def certificate(surfaces: Surfaces, casts: NDArray[np.bool_], r: float) -> Certi
 
 def _bodies(s: Surfaces, reach: float, body: NDArray[np.int32], clear: NDArray[np.uint8]) -> Convex | None:
     """Fill body and clear (T,): instances that seem convex, and the planes of the others. None: there are none."""
-    shape = s.vertices, s.triangles
     ends = np.searchsorted(s.instance, np.arange(s.instance.max(initial=-1) + 2)).astype(np.int64)
     count, parts = len(body), processors.count()
     low, high, own = (np.zeros(len(ends) - 1, np.int64) for _ in range(3))
@@ -98,14 +97,11 @@ def _bodies(s: Surfaces, reach: float, body: NDArray[np.int32], clear: NDArray[n
 
     def find_convex(part: int) -> None:
         first, last = cuts[part], cuts[part + 1]
-        _convex(*shape, ends[first:last + 1], first, body, clear, low[first:last], high[first:last], own[first:last])
+        _convex(s.vertices, s.triangles, ends[first:last + 1], first, body, clear, low[first:last], high[first:last],
+                own[first:last])
 
     processors.each(find_convex, parts)
-    keys = np.empty(count, np.int64)
-    processors.each(lambda part: _keys(*shape, part * count // parts, (part + 1) * count // parts, body, keys), parts)
-    processors.each(lambda part: needs_memory(
-        _planes(*shape, keys, part, parts, reach, len(ends), body, clear)), parts)
-    del keys
+    _find_planes(s, reach, len(ends), body, clear)
     if not (body >= 0).any():
         return None
     first = np.concatenate([[0], np.cumsum(own)])
@@ -117,6 +113,21 @@ def _bodies(s: Surfaces, reach: float, body: NDArray[np.int32], clear: NDArray[n
     _boxes(vertices, GROUP, boxes)
     _boxes(vertices, GROUP * GROUP, larger)
     return Convex(vertices, boxes, larger, first)
+
+
+def _find_planes(s: Surfaces, reach: float, first: int, body: NDArray[np.int32], clear: NDArray[np.uint8]) -> None:
+    """Fill body, from number `first` on, and clear of triangles that lie in one plane and are of no body yet."""
+    count, parts = len(body), processors.count()
+    keys = np.empty(count, np.int64)
+
+    def name(part: int) -> None:
+        _keys(s.vertices, s.triangles, part * count // parts, (part + 1) * count // parts, body, keys)
+
+    def find(part: int) -> None:
+        needs_memory(_planes(s.vertices, s.triangles, keys, part, parts, reach, first, body, clear))
+
+    processors.each(name, parts)
+    processors.each(find, parts)
 
 
 def _grid(s: Surfaces, wanted: NDArray[np.int64], body: NDArray[np.int32], cell: float,
