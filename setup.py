@@ -9,11 +9,13 @@ import os
 import platform
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 
 HERE = Path(__file__).resolve().parent
 PACKAGE = HERE / "engine" / "light_meshes"
@@ -21,10 +23,12 @@ sys.path.insert(0, str(PACKAGE / "support"))  # a module that imports nothing of
 from sources import TARGETS, Target, digest, library, sources  # noqa: E402
 
 FLAGS = [
-    "-shared", "-fPIC", "-O3", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden", "-s",
+    "-fPIC", "-O3", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden",
     # IEEE arithmetic, operation by operation: the same bits whatever the processor.
     "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
 ]
+LINKING = ["-shared", "-O3", "-s"]
+TOOLS = {("light_meshes_addon", "build"), ("light_meshes_addon", "libraries")}
 
 
 def target() -> Target:
@@ -46,18 +50,39 @@ class Kernels(build_ext):
         return str(Path(*folders, library(target().system, level)))
 
     def build_extension(self, extension: Extension) -> None:
-        """Compile and link in one call."""
-        out = Path(self.get_ext_fullpath(extension.name))
-        out.parent.mkdir(parents=True, exist_ok=True)
-        flags = target().levels[extension.name.split(".")[-1]]
-        subprocess.run([
-            sys.executable, "-m", "ziglang", "cc", "-target", target().zig, *flags, *FLAGS,
-            f'-DSOURCES="{digest(PACKAGE)}"', f"-I{PACKAGE / 'support'}", "-o", str(out), *extension.sources,
-            *([] if target().system == "win32" else ["-lm"]),
-        ], check=True, cwd=HERE)
+        """Compile for one level of processors, and link.
+
+        The C library, which zig makes where a system has none, is linked for every processor: Windows' takes minutes.
+        """
+        out = Path(self.get_ext_fullpath(extension.name)).resolve()
+        level = extension.name.split(".")[-1]
+        objects = Path(self.build_temp).resolve() / level
+        for folder in (out.parent, objects):
+            folder.mkdir(parents=True, exist_ok=True)
+        zig = [sys.executable, "-m", "ziglang", "cc", "-target", target().zig]
+        compiler = [*zig, *target().levels[level], *FLAGS, f'-DSOURCES="{digest(PACKAGE)}"', f"-I{PACKAGE / 'support'}"]
+
+        def compiled(source: str) -> str:
+            name = Path(source).stem + ".o"
+            subprocess.run([*compiler, "-c", "-o", name, str(HERE / source)], check=True, cwd=objects)
+            return name
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            names = sorted(pool.map(compiled, extension.sources))
+        subprocess.run([*zig, *LINKING, "-o", str(out), *names, *([] if target().system == "win32" else ["-lm"])],
+                       check=True, cwd=objects)
         for extra in out.parent.glob("*.pdb"), out.parent.glob("*.lib"):  # what Windows' linker leaves
             for path in extra:
                 path.unlink()
+
+
+class Modules(build_py):
+    """The packages' modules, without the tools that build and check what is released."""
+
+    def find_package_modules(self, package: str, package_dir: str) -> list[tuple[str, str, str]]:
+        """All modules of a package as (package, module, path)."""
+        found = super().find_package_modules(package, package_dir)
+        return [one for one in found if one[:2] not in TOOLS]
 
 
 class AnyPython(bdist_wheel):
@@ -74,5 +99,5 @@ setup(
                   depends=[path.relative_to(HERE).as_posix() for path in PACKAGE.rglob("*.h")])
         for level in target().levels
     ],
-    cmdclass={"build_ext": Kernels, "bdist_wheel": AnyPython},
+    cmdclass={"build_py": Modules, "build_ext": Kernels, "bdist_wheel": AnyPython},
 )

@@ -1,16 +1,16 @@
-"""Builds the extension: zips with the add-on, the engine and every package that Blender lacks.
+"""Builds what is released: the extension's zips, and the wheels of the engine.
 
-    python addon/build.py [-o FOLDER] [NAME …]
+    python addon/build.py [-o FOLDER] [NAME …]            # zips; NAME is one of them, such as linux-x64
+    python addon/build.py --wheels [-o FOLDER] [NAME …]   # wheels; NAME is one of them, such as linux-x86_64
 
-One zip a platform and Python; NAME is the beginning of some, such as linux-x64 or linux-x64-py3.13. Needs pip, and a
-network or pip's cache. The wheels' versions and hashes are in wheels.txt. numpy is left out: all Blenders have it.
+A zip serves one platform and all Blenders: it holds the add-on, the engine's wheel and all packages that Blender lacks,
+for each Python that a Blender has. numpy is left out, as all Blenders have it. The packages' versions and hashes are
+in wheels.txt. A wheel serves one platform and all Pythons. All platforms are built on any of them, with zig's
+compiler. What is built is checked. Needs pip, and a network or pip's cache.
 """
 
 import argparse
-import base64
-import hashlib
 import importlib.util
-import io
 import json
 import os
 import re
@@ -18,138 +18,82 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 import zipfile
+from calendar import timegm
 from pathlib import Path
 from typing import NamedTuple
 
-ADDON = Path(__file__).parent
+ADDON = Path(__file__).resolve().parent
 ROOT = ADDON.parent
-TOOLS = {"build.py", "wheels.txt"}  # of this folder, and no part of the add-on
-LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the same sources give the same bytes
+sys.path[:0] = [str(ADDON), str(ROOT / "engine/light_meshes/support")]  # not as packages: they import bpy and numpy
+from libraries import LibraryError, check_wheel  # noqa: E402
+from sources import TARGETS, library  # noqa: E402
 
-# What the engine's kernels are built for, as `engine/light_meshes/support/sources.py` names it.
-TARGETS = {"linux-x64": "linux-x86_64", "windows-x64": "win32-x86_64", "macos-arm64": "darwin-arm64"}
-# Of wheels that run on the oldest system that Blender 4.2 runs on; on macOS that is 11, but embreex needs 13.
+del sys.path[:2]
+
+TOOLS = {"build.py", "libraries.py", "wheels.txt"}  # of this folder, and no part of the add-on
+LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the same sources give the same bytes
+LARGEST = 50e6  # bytes of a zip
+
+# blender.org's Blenders have 3.11 up to 5.0 and 3.13 from 5.1 on; Linux distributions build older ones with 3.13.
+# Of a zip's wheels Blender installs those that are for its own Python.
+PYTHONS = ("3.11", "3.13")
+
+
+class Platform(NamedTuple):
+    """A platform that Blender runs on."""
+
+    target: str  # a key of TARGETS, what the engine's kernels are compiled for
+    tags: list[str]  # of packages that run on the oldest system that Blender 4.2 runs on, the best ones first
+
+
+# On macOS the oldest system of Blender 4.2 is 11, but embreex needs 13. embreex has no wheel for Linux on arm64.
 PLATFORMS = {
-    "linux-x64": [f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)],
-    "windows-x64": ["win_amd64"],
-    "macos-arm64": [f"macosx_{major}_0_arm64" for major in range(13, 10, -1)],
+    "linux-x64": Platform("linux-x86_64", [f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)]),
+    "windows-x64": Platform("win32-x86_64", ["win_amd64"]),
+    "macos-arm64": Platform("darwin-arm64", [f"macosx_{major}_0_arm64" for major in range(13, 10, -1)]),
+    "macos-x64": Platform("darwin-x86_64", [*(f"macosx_{major}_0_x86_64" for major in range(13, 10, -1)),
+                                            "macosx_10_15_x86_64"]),
 }
 
 
-class Python(NamedTuple):
-    """A Python, and the Blenders that have it."""
-
-    version: str
-    blender_min: str
-    blender_max: str | None  # the first that has another
-
-
-# blender.org's Blenders have 3.11 up to 5.0 and 3.13 from 5.1 on; Linux distributions build older ones with 3.13.
-# Blender itself refuses wheels of another Python than its own.
-PYTHONS = (Python("3.11", "4.2.0", "5.1.0"), Python("3.13", "4.2.0", None))
-
-
 class BuildError(Exception):
-    """One sentence that says what is wrong."""
+    """Something cannot be built. The message is one sentence that says why."""
 
 
 def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return the exit code: 0 if all is built and checked."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("names", metavar="NAME", nargs="*", default=[""])
+    parser.add_argument("names", metavar="NAME", nargs="*", help="platforms (default: all)")
+    parser.add_argument("--wheels", action="store_true", help="build the engine's wheels and no zips")
     parser.add_argument("-o", "--output", metavar="FOLDER", type=Path, default=ROOT / "dist")
     options = parser.parse_args(arguments)
-    targets = {f"{platform}-py{python.version}": (platform, python) for python in PYTHONS for platform in PLATFORMS}
-    wanted = [name for name in targets if name.startswith(tuple(options.names))]
+    known = list(TARGETS if options.wheels else PLATFORMS)
     try:
-        if not wanted:
-            raise BuildError(f"there is no {' or '.join(options.names)}; there are {', '.join(targets)}")
+        if unknown := [name for name in options.names if name not in known]:
+            raise BuildError(f"there is no {' or '.join(unknown)}; there are {', '.join(known)}")
         options.output.mkdir(parents=True, exist_ok=True)
-        for name in wanted:
-            path = options.output / f"light_meshes-{version()}-{name}.zip"
-            with tempfile.TemporaryDirectory() as folder:
-                build(*targets[name], download(*targets[name], Path(folder)), path)
-            print(f"{path}: {path.stat().st_size / 1e6:.1f} MB, {validate(path)}", flush=True)
-    except BuildError as e:
+        for name in options.names or known:
+            start = time.perf_counter()
+            path, said = (build_wheel if options.wheels else build_zip)(name, options.output)
+            size, took = path.stat().st_size / 1e6, time.perf_counter() - start
+            print(f"{path}: {size:.2f} MB, {took:.0f} s, {said}", flush=True)
+    except (BuildError, LibraryError) as e:
         print(f"build: {e}", file=sys.stderr)
         return 1
     return 0
 
 
-def build(platform: str, python: Python, packages: list[Path], path: Path) -> None:
-    """Write the zip of one platform and Python, with the wheels of `packages`, to `path`."""
-    wheels = dict([engine_wheel(platform), *((file.name, file.read_bytes()) for file in sorted(packages))])
-    with zipfile.ZipFile(path, "w") as archive:
-        for file in sorted(p for p in ADDON.rglob("*.py") if p.name not in TOOLS):
-            _add(archive, file.relative_to(ADDON).as_posix(), file.read_bytes())
-        _add(archive, "LICENSE", (ROOT / "LICENSE").read_bytes())
-        _add(archive, "blender_manifest.toml", manifest(platform, python, list(wheels)).encode())
-        for name, data in wheels.items():
-            _add(archive, f"wheels/{name}", data, zipfile.ZIP_STORED)
+def build_wheel(target: str, folder: Path) -> tuple[Path, str]:
+    """Write the wheel for a key of TARGETS into `folder`. Returns its path, and what its libraries are.
 
-
-def version() -> str:
-    """The one version of the add-on and the engine."""
-    versions = {tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))["version"],
-                tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"],
-                *re.findall(r'__version__ = "(.*)"', (ROOT / "engine/light_meshes/__init__.py").read_text("utf-8"))}
-    if len(versions) > 1:
-        raise BuildError(f"blender_manifest.toml, pyproject.toml and the engine have versions {sorted(versions)}")
-    return versions.pop()
-
-
-def manifest(platform: str, python: Python, wheels: list[str]) -> str:
-    """The add-on's manifest with what is different in each zip."""
-    text = (ADDON / "blender_manifest.toml").read_text(encoding="utf-8")
-    own, tables = text.split("\n[", 1)
-    lines = [line for line in own.splitlines() if not line.startswith("blender_version_")]
-    lines.append(f'blender_version_min = "{python.blender_min}"')
-    if python.blender_max:
-        lines.append(f'blender_version_max = "{python.blender_max}"')
-    lines.append(f'platforms = ["{platform}"]')
-    lines.append("wheels = " + json.dumps([f"./wheels/{name}" for name in wheels], indent=2))
-    return "\n".join(lines) + "\n\n[" + tables
-
-
-def download(platform: str, python: Python, folder: Path) -> list[Path]:
-    """The wheels of wheels.txt for one platform and Python, in `folder`."""
-    places = [word for tag in PLATFORMS[platform] for word in ("--platform", tag)]
-    command = [sys.executable, "-P", "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
-               "--only-binary=:all:", "--require-hashes", "--implementation", "cp", "--python-version", python.version,
-               *places, "--dest", str(folder), "--requirement", str(ADDON / "wheels.txt")]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        missing = re.search(r"No matching distribution found for (\S+)", done.stderr)
-        raise BuildError(f"no wheel of {missing[1]} is to be had for {platform} and Python {python.version}" if missing
-                         else f"pip cannot download the wheels: {done.stderr.strip()}")
-    return list(folder.glob("*.whl"))
-
-
-def engine_wheel(platform: str) -> tuple[str, bytes]:
-    """The engine alone as a wheel: its name and contents. The project's own has the add-on beside it."""
-    contents, tag = project_wheel(platform)
-    # Blender keeps an installed package of the same name and version, so every engine has a version of its own.
-    release = f"{version()}+{hashlib.sha256(repr(contents).encode()).hexdigest()[:8]}"
-    info = f"light_meshes-{release}.dist-info"
-    contents |= {
-        f"{info}/METADATA": f"Metadata-Version: 2.1\nName: light-meshes\nVersion: {release}\n"
-                            "License: GPL-3.0-or-later\n".encode(),
-        f"{info}/WHEEL": f"Wheel-Version: 1.0\nGenerator: light-meshes\nRoot-Is-Purelib: false\nTag: {tag}\n".encode(),
-    }
-    record = [f"{name},sha256={_hash(data)},{len(data)}" for name, data in contents.items()]
-    contents[f"{info}/RECORD"] = "\n".join([*record, f"{info}/RECORD,,", ""]).encode()
-    wheel = io.BytesIO()
-    with zipfile.ZipFile(wheel, "w") as archive:
-        for name, data in contents.items():
-            _add(archive, name, data)
-    return f"light_meshes-{release}-{tag}.whl", wheel.getvalue()
-
-
-def project_wheel(platform: str) -> tuple[dict[str, bytes], str]:
-    """The engine's files in the project's wheel for a platform, built by pip, and the wheel's tag."""
-    with tempfile.TemporaryDirectory() as folder:
-        source, out = Path(folder) / "source", Path(folder) / "out"
+    It is the project's own wheel as pip builds it, engine and add-on, and can be published as it is. The same sources
+    give the same bytes.
+    """
+    with tempfile.TemporaryDirectory() as temporary:
+        source, out = Path(temporary) / "source", Path(temporary) / "out"
         source.mkdir()
         for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):  # nothing that an earlier build left
             shutil.copy(ROOT / name, source)
@@ -157,25 +101,99 @@ def project_wheel(platform: str) -> tuple[dict[str, bytes], str]:
         for name in ("engine", "addon"):
             shutil.copytree(ROOT / name, source / name, ignore=left)
         command = [sys.executable, "-P", "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps",
-                   "--wheel-dir", str(out), str(source)]
-        done = subprocess.run(command, capture_output=True, text=True,
-                              env=os.environ | {"LIGHT_MESHES_TARGET": TARGETS[platform]})
+                   *_without_isolation(), "--wheel-dir", str(out), str(source)]
+        environment = os.environ | {"LIGHT_MESHES_TARGET": target, "SOURCE_DATE_EPOCH": str(timegm(LONG_AGO))}
+        done = subprocess.run(command, capture_output=True, text=True, env=environment)
         if done.returncode:
-            raise BuildError(f"the engine cannot be built for {platform}: {done.stderr.strip()}")
-        wheel = next(out.glob("*.whl"))
-        with zipfile.ZipFile(wheel) as archive:
-            names = [name for name in sorted(archive.namelist()) if name.startswith("light_meshes/")]
-            return {name: archive.read(name) for name in names}, "-".join(wheel.stem.split("-")[-3:])
+            raise BuildError(f"the engine cannot be built for {target}: {done.stderr.strip()}")
+        built = next(out.glob("*.whl"))
+        libraries = {library(TARGETS[target].system, level) for level in TARGETS[target].levels}
+        said = check_wheel(built, version(), TARGETS[target].wheel, libraries)
+        path = folder / built.name
+        shutil.move(built, path)
+    return path, "; ".join(said)
+
+
+def _without_isolation() -> list[str]:
+    """The arguments that have pip build with the compiler of this Python, where it has one.
+
+    Else pip installs one for each build in another folder, and the compiler makes the C libraries of other systems
+    anew each time, as it keeps them by folder.
+    """
+    here = all(importlib.util.find_spec(name) for name in ("setuptools.command.bdist_wheel", "ziglang"))
+    return ["--no-build-isolation"] if here else []
+
+
+def build_zip(platform: str, folder: Path) -> tuple[Path, str]:
+    """Write the zip for a key of PLATFORMS into `folder`. Returns its path, and what Blender's check says of it."""
+    path = folder / f"light_meshes-{version()}-{platform}.zip"
+    with tempfile.TemporaryDirectory() as temporary:
+        wheels = [build_wheel(PLATFORMS[platform].target, Path(temporary))[0], *download(platform, Path(temporary))]
+        write_zip(platform, wheels, path)
+    if path.stat().st_size > LARGEST:
+        raise BuildError(f"{path} has {path.stat().st_size / 1e6:.1f} MB, more than {LARGEST / 1e6:.0f}")
+    return path, validate(path)
+
+
+def write_zip(platform: str, wheels: list[Path], path: Path) -> None:
+    """Write a zip with the add-on and these wheels to `path`."""
+    wheels = sorted(wheels, key=lambda wheel: wheel.name)
+    with zipfile.ZipFile(path, "w") as archive:
+        for file in sorted(p for p in ADDON.rglob("*.py") if p.name not in TOOLS):
+            _add(archive, file.relative_to(ADDON).as_posix(), file.read_bytes())
+        _add(archive, "LICENSE", (ROOT / "LICENSE").read_bytes())
+        _add(archive, "blender_manifest.toml", manifest(platform, [wheel.name for wheel in wheels]).encode())
+        for wheel in wheels:
+            _add(archive, f"wheels/{wheel.name}", wheel.read_bytes(), zipfile.ZIP_STORED)
+
+
+def version() -> str:
+    """The version of the add-on and the engine, as `light_meshes/__init__.py` says it.
+
+    blender_manifest.toml repeats it, because Blender reads that file as it is, from a checkout too. Raises BuildError
+    where the two differ.
+    """
+    found = re.findall(r'^__version__ = "(.*)"$', (ROOT / "engine/light_meshes/__init__.py").read_text("utf-8"), re.M)
+    repeated = tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
+    if found != [repeated]:
+        raise BuildError(f"blender_manifest.toml has version {repeated} and light_meshes/__init__.py {found}: "
+                         "write into the first what the second says")
+    return repeated
+
+
+def manifest(platform: str, wheels: list[str]) -> str:
+    """The add-on's manifest with what is different in each zip."""
+    own, tables = (ADDON / "blender_manifest.toml").read_text(encoding="utf-8").split("\n[", 1)
+    listed = json.dumps([f"./wheels/{name}" for name in wheels], indent=2)
+    return f'{own}platforms = ["{platform}"]\nwheels = {listed}\n\n[{tables}'
+
+
+def download(platform: str, folder: Path, pythons: tuple[str, ...] = PYTHONS) -> list[Path]:
+    """The wheels of wheels.txt for one platform and these Pythons, downloaded into `folder`."""
+    places = [word for tag in PLATFORMS[platform].tags for word in ("--platform", tag)]
+    packages = folder / "packages"
+    for python in pythons:
+        command = [sys.executable, "-P", "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
+                   "--only-binary=:all:", "--require-hashes", "--implementation", "cp", "--python-version", python,
+                   *places, "--dest", str(packages), "--requirement", str(ADDON / "wheels.txt")]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            missing = re.search(r"No matching distribution found for (\S+)", done.stderr)
+            raise BuildError(f"no wheel of {missing[1]} is to be had for {platform} and Python {python}" if missing
+                             else f"pip cannot download the wheels: {done.stderr.strip()}")
+    return sorted(packages.glob("*.whl"))
 
 
 def validate(path: Path) -> str:
-    """What Blender's own check says of a zip."""
+    """What Blender's own check says of a zip, or that there is no Blender to ask. Raises BuildError if it complains."""
     found = importlib.util.find_spec("bpy")
-    scripts = found and list(Path(found.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+    origin = found.origin if found else None
+    scripts = list(Path(origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")) if origin else []
+    blender = shutil.which("blender")
     if scripts:
         command = [sys.executable, str(scripts[0])]
-    elif shutil.which("blender"):
-        command = [shutil.which("blender"), "--command", "extension"]
+    elif blender:
+        command = [blender, "--command", "extension"]
     else:
         return "not validated, as there is neither a bpy nor a blender"
     done = subprocess.run([*command, "validate", str(path)], capture_output=True, text=True)
@@ -185,13 +203,10 @@ def validate(path: Path) -> str:
 
 
 def _add(archive: zipfile.ZipFile, name: str, data: bytes, compression: int = zipfile.ZIP_DEFLATED) -> None:
+    """Add a file to an archive, with the same time and mode wherever it is built."""
     entry = zipfile.ZipInfo(name, LONG_AGO)
     entry.external_attr = 0o644 << 16
     archive.writestr(entry, data, compression)
-
-
-def _hash(data: bytes) -> str:
-    return base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
 
 
 if __name__ == "__main__":

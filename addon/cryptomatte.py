@@ -72,7 +72,7 @@ def add_numbers(description: dict, view_layer) -> dict[str, set[str]]:
 
 def metadata(view_layer_name: str, names: dict[str, set[str]]) -> dict[str, str]:
     """Field → value for the names of each kind, as the specification has them."""
-    fields = {}
+    fields: dict[str, str] = {}
     for kind, of_kind in names.items():
         layer = f"{view_layer_name}.{kind}"
         prefix = f"cryptomatte/{number(layer):08x}"[:len("cryptomatte/") + 7]

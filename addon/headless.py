@@ -331,6 +331,7 @@ def _this_package() -> str:
     here = Path(__file__).resolve().parent
     name = "light_meshes_addon"
     spec = importlib.util.spec_from_file_location(name, here / "__init__.py", submodule_search_locations=[str(here)])
+    assert spec and spec.loader
     sys.modules[name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(sys.modules[name])
     return name

@@ -73,6 +73,7 @@ class Job:
     def render(self) -> None:
         """Have the exported snapshot rendered, and show it."""
         engine, render = self.engine, self.depsgraph.scene.render
+        assert self._session and self._folder, "nothing has been exported"
         frame = self._folder / "frame"
         crop = border(render, engine.resolution_x, engine.resolution_y)
         size = (crop[2] - crop[0], crop[3] - crop[1]) if crop else (engine.resolution_x, engine.resolution_y)
@@ -125,6 +126,7 @@ class Job:
 
     def _carry_out(self, on_event, command: str, **arguments) -> dict:
         """Send a command and see it through; its last event."""
+        assert self._session
         number = self._session.send(command, threads=threads(self.depsgraph.scene), **arguments)
         try:
             while True:
@@ -143,6 +145,7 @@ class Job:
 
     def _poll(self) -> dict | None:
         self.check()
+        assert self._session
         try:
             event = self._session.poll(ASK_SECONDS)
             if event and event["event"] == "error" and event["id"] is None:

@@ -183,12 +183,12 @@ class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
     def _take(self, context, found: dict):
         scene = context.scene
         usual = USUAL * penumbra.AUTO_STEPS * found["h"]  # of a light without any shadow in sight
-        found = suggested(found["h"], [usual if r is None else r for r in found["radii"].values()])
+        best = suggested(found["h"], [usual if r is None else r for r in found["radii"].values()])
         own = scene.light_meshes
-        own.auto_h, own.h, own.kI = False, found.h, found.kI
-        width = penumbra.length(scene, 2 * found.h * found.kI)
-        self.report({'INFO'}, f"Step {penumbra.length(scene, found.h)}, quality {found.kI:g}: "
-                              f"shadow edges {width} wide, {found.why}")
+        own.auto_h, own.h, own.kI = False, best.h, best.kI
+        width = penumbra.length(scene, 2 * best.h * best.kI)
+        self.report({'INFO'}, f"Step {penumbra.length(scene, best.h)}, quality {best.kI:g}: "
+                              f"shadow edges {width} wide, {best.why}")
         return {'FINISHED'}
 
 

@@ -70,7 +70,8 @@ def pixels(scene, r: float | None) -> tuple[float, str] | None:
     if lens.type == 'ORTHO' and r is not None:
         return 2 * r / across * width, "everywhere"
     if scene.light_meshes.auto_h and (not lens.dof.use_dof or r is None):
-        steps = scene.light_meshes.kI if r is None or _measured(scene) is None else r / _measured(scene)
+        measured = _measured(scene)
+        steps = scene.light_meshes.kI if r is None or measured is None else r / measured
         return 2 * steps / AUTO_STEPS * max(width, height), "in the middle of what is seen"
     distance = _focus(camera)
     if r is None or distance <= 0:

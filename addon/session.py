@@ -128,6 +128,7 @@ class Session:
 
     def new_folder(self) -> Path:
         """A new folder in the shared one, for the snapshots and the framebuffer of one job."""
+        assert self.folder, "the engine is not ready yet"
         self._folders += 1
         folder = self.folder / f"job-{self._folders}"
         folder.mkdir()
@@ -167,7 +168,7 @@ class Session:
             return
         self.ask_to_cancel(number)
         if not self._ended(number, seconds):
-            in_background(lambda: self._ended(number, 10 * seconds) or self.kill())
+            in_background(lambda: self._ended(number, 10 * seconds) or self.kill())  # type: ignore[func-returns-value]
 
     def ask_to_cancel(self, number: int) -> None:
         """Ask the engine to give command `number` up, and go on without waiting."""
@@ -186,7 +187,7 @@ class Session:
         """End the process by request, then by signal, and see that its folder is gone."""
         self._write(command="quit")
         with contextlib.suppress(OSError), _broken_pipe_survived():  # what was not sent cannot be
-            self._process.stdin.close()  # a request as well, which does not wait for a render to end
+            self._process.stdin.close()  # type: ignore[union-attr]  # a request too, which waits for no render to end
         for insist in (self._process.terminate, self._process.kill):
             try:
                 self._process.wait(patience)
@@ -205,8 +206,7 @@ class Session:
     def _write(self, **message) -> None:
         # When it has ended, poll says so, with the log.
         with contextlib.suppress(OSError, ValueError), _broken_pipe_survived():
-            self._process.stdin.write(json.dumps(message) + "\n")
-            self._process.stdin.flush()
+            print(json.dumps(message), file=self._process.stdin, flush=True)
 
     def _read_events(self) -> None:
         for line in _lines(self._process.stdout):

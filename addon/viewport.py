@@ -16,6 +16,7 @@ import weakref
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -126,6 +127,7 @@ class Viewport:
             bpy.app.timers.register(self._timer, first_interval=TICK_SECONDS)
 
     def _export(self, context, depsgraph) -> None:
+        assert self._scenes
         space, scene = context.space_data, depsgraph.scene_eval
         if not scene.camera and not self._home and self._view:
             self._home = self._view.camera
@@ -133,6 +135,7 @@ class Viewport:
         def eye(report):
             # What h is measured with: the camera of renders, so that the view has their shadows from all sides.
             found = camera.frame(view.Final(scene), scene, depsgraph, report) if scene.camera else self._home
+            assert found  # the view's own, which was taken above
             return found | {"crop": None}
 
         with handing_over():
@@ -150,7 +153,8 @@ class Viewport:
     def _ask(self) -> None:
         """Ask for the picture that is wanted, unless it has been asked for, or the time has not come."""
         last = self._asked
-        if not (self._scene and self._differs and self._scenes.written()) or self._unseen:
+        if not (self._session and self._scene and self._scenes and self._view and self._differs
+                and self._scenes.written()) or self._unseen:
             return
         if self._exporting and not self._exported:
             return  # the view has turned, and the scene has changed: a picture of both
@@ -172,7 +176,7 @@ class Viewport:
     @property
     def _unseen(self) -> bool:
         """Whether a picture has been asked for of which nothing has come yet."""
-        return bool(self._asked) and self._asked.running and not self._asked.seen
+        return self._asked is not None and self._asked.running and not self._asked.seen
 
     @property
     def _exported(self) -> bool:
@@ -189,7 +193,7 @@ class Viewport:
         """Whether the engine or the writer is to be heard of."""
         if self._failed or not self._session:
             return False
-        return not self._scenes or self._exporting or self._differs or (bool(self._asked) and self._asked.running)
+        return not self._scenes or self._exporting or self._differs or (self._asked is not None and self._asked.running)
 
     def _tick(self) -> float | None:
         with self._boundary("tick"):
@@ -204,6 +208,7 @@ class Viewport:
     def _hear(self) -> None:
         """Take in what the engine said."""
         picture = None
+        assert self._session
         while event := self._session.poll(0):
             kind, last = event["event"], self._asked
             if event.get("id", 0) not in {last and last.number, None}:
@@ -213,6 +218,7 @@ class Viewport:
             if kind == "picture":
                 picture = event
             elif kind in session.LAST_EVENTS:
+                assert last and self._scenes
                 last.running = False
                 self._scenes.only(last.scene)
                 if kind == "done":
@@ -230,10 +236,12 @@ class Viewport:
         self._picture.clear()
         if not (self._exporting or self._differs):
             self._failed = True
+        assert self._session
         self._tell(session.lacks_package(self._session.python, message) or f"Light Meshes: {message}")
 
     def _show(self, event: dict) -> None:
         last = self._asked
+        assert last and self._scenes
         if not last.seen:
             last.seen = True
             self._scenes.only(last.scene)
@@ -269,7 +277,8 @@ class Viewport:
             e.__traceback__ = None  # its frames would keep the engine, and with it the process
         finally:
             took = time.perf_counter() - start, time.thread_time() - busy
-            self.longest[what] = tuple(map(max, took, self.longest.get(what, took)))
+            before = self.longest.get(what, took)
+            self.longest[what] = max(took[0], before[0]), max(took[1], before[1])
 
     def _weigh(self, error: Exception) -> None:
         if isinstance(error, session.EngineGone):
@@ -305,12 +314,12 @@ class Viewport:
     def _leave(self, how: Callable[[session.Session], None]) -> None:
         engine, scenes = self._session, self._scenes
 
-        def leave():
+        def leave(engine: session.Session) -> None:
             if scenes:
                 scenes.close()  # first, or it would write where the engine has removed everything
             how(engine)
         if engine:
-            session.in_background(leave)
+            session.in_background(partial(leave, engine))
         self._session = self._scenes = self._scene = self._asked = None
         self._exporting, self._slice = True, SLICE_SECONDS
         self._picture.clear()  # it would lie under the overlays of whatever comes

@@ -74,7 +74,7 @@ class Blocks:
             mesh = read()
             stored = None if mesh is None else Stored(len(mesh.corners), mesh.uvs is not None)
             self._known[key] = stored, owners
-            if stored:
+            if stored and mesh:
                 self._open.append((stored, mesh))
                 self._open_triangles += stored.triangles
                 if self._open_triangles >= FULL:
@@ -91,7 +91,8 @@ class Blocks:
         if self._open:
             self._close()
         self._tidy(wanted)
-        numbers, names, n = {}, [], 0
+        numbers: dict[int, int] = {}
+        names, n = [], 0
         for name, block in self._blocks.items():
             names.append(name)
             numbers |= {id(m): n + i for i, m in enumerate(block.meshes) if m in wanted}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,14 +20,21 @@ _NOT_TRANSLATED = {
 }
 
 
+class MeshStore(Protocol):
+    """What a Geometry hands its meshes to: `Meshes` of one snapshot, or `Blocks` that successive ones share."""
+
+    def get(self, key: tuple, owners: set[int], read: Callable[[], Mesh | None]) -> Any:
+        """Something that stands for the mesh that `read` gives, or None where there is nothing to see."""
+
+
 class Geometry:
     """Collects instances; every mesh once, however many instances it has."""
 
     def __init__(self, materials: Materials, report: Report, check: Callable[[], None], view_layer,
-                 meshes: Meshes | None = None) -> None:
+                 meshes: MeshStore | None = None) -> None:
         self.objects: list[dict] = []
         self.owners: list[tuple[int, int]] = []  # of each object, as `linking` wants them
-        self.meshes = meshes or Meshes()
+        self.meshes: MeshStore = meshes or Meshes()
         self._materials, self._report, self._view_layer = materials, report, view_layer
         self._reader = Reader(check)
         self._mesh_of: dict[tuple, Any] = {}  # what `meshes` made of it; None: nothing to see
@@ -66,6 +73,7 @@ class Geometry:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays of the engine's Geometry."""
+        assert isinstance(self.meshes, Meshes)
         found, textured = self.meshes.found, bool(self._materials.images) or self._materials.every_uv
         return joined([mesh.arrays() for mesh in found], textured) | self.instances({
             id(mesh): i for i, mesh in enumerate(found)})

@@ -53,7 +53,7 @@ class Links:
 
 def _states(collection) -> dict[int, str]:
     """Identity of each object in `collection` → INCLUDE or EXCLUDE. Of several the last counts, as in Blender."""
-    states = {}
+    states: dict[int, str] = {}
     for child, how in zip(collection.children, collection.collection_children, strict=True):
         states |= dict.fromkeys(map(identity, child.all_objects), how.light_linking.link_state)
     for ob, how in zip(collection.objects, collection.collection_objects, strict=True):

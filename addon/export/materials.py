@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from ..cryptomatte import DEFAULT
 from .images import Images
@@ -80,7 +81,7 @@ class Materials:
 
     def _translate(self, index: int, material, report: Report) -> None:
         surface = translate(material, report) if material else Surface()
-        description = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
+        description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
         description |= surface.whitted()
         overrides = material.light_meshes if material else None
         if overrides:

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -65,19 +66,18 @@ class Scenes:
             self._changed = None
 
     def advance(self, depsgraph, seconds: float, camera: Callable[[Report], dict],
-                seen: Callable[[object], bool]) -> Path | None:
+                seen: Callable[[Any], bool]) -> Path | None:
         """Go on for about `seconds`. None: not all is taken in yet. Else the scene file, which `written` waits for.
 
         It is the same file as before if nothing has changed. `camera` and `seen` as `Walk` wants them.
         """
         self._deadline = time.monotonic() + seconds
-        if not self._walk:
-            self._begin(depsgraph)
+        walk = self._walk or self._begin(depsgraph)
         try:
-            self._walk.go(depsgraph, seen)
+            walk.go(depsgraph, seen)
         except _TimeIsUp:
             return None
-        walk, self._walk = self._walk, None
+        self._walk = None
         blocks, numbers = self._blocks.end()
         arrays = self._geometry.instances(numbers)
         description = walk.description(depsgraph, camera(self._report)) | {"blocks": blocks}
@@ -104,13 +104,13 @@ class Scenes:
         gone = [self._folder / name for name in self._made - needed]
         self._made &= needed
         if gone:
-            self._jobs.append(self._writer.submit(lambda: [_remove(path) for path in gone]))
+            self._jobs.append(self._writer.submit(lambda: list(map(_remove, gone))))
 
     def close(self) -> None:
         """Write nothing more; waits for what is being written."""
         self._writer.shutdown(cancel_futures=True)
 
-    def _begin(self, depsgraph) -> None:
+    def _begin(self, depsgraph) -> Walk:
         self._report = Report()
         if self._materials is None:
             self._materials = Materials(self._report, self._folder, depsgraph)
@@ -121,6 +121,7 @@ class Scenes:
         self._geometry = Geometry(
             self._materials, self._report, self._check, depsgraph.view_layer_eval, self._blocks)
         self._walk = Walk(self._materials, self._geometry, self._report, self._check)
+        return self._walk
 
     def _check(self) -> None:
         if time.monotonic() > self._deadline:

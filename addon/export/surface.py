@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-RGB = tuple[float, float, float]
+RGB = tuple[float, ...]  # three of them
 BLACK: RGB = (0.0, 0.0, 0.0)
 
 # A surface smoother than the first mirrors its surroundings, one rougher than the second does not, between

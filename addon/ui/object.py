@@ -64,6 +64,7 @@ class _Linking(LightMeshesPanel):
 
     bl_context = "object"
     bl_options: ClassVar = {'DEFAULT_CLOSED'}
+    what: str  # receiver or blocker, as Blender's names of properties and operators begin
 
     @classmethod
     def poll(cls, context):
@@ -92,6 +93,6 @@ class LIGHT_MESHES_PT_shadow_linking(_Linking, bpy.types.Panel):
     what = "blocker"
 
 
-CLASSES = (LIGHT_MESHES_PT_object, LIGHT_MESHES_PT_shadow_terminator, LIGHT_MESHES_PT_ray_visibility)
+CLASSES: tuple[type, ...] = (LIGHT_MESHES_PT_object, LIGHT_MESHES_PT_shadow_terminator, LIGHT_MESHES_PT_ray_visibility)
 if not hasattr(bpy.types, "OBJECT_PT_light_linking"):
     CLASSES += (LIGHT_MESHES_PT_light_linking, LIGHT_MESHES_PT_shadow_linking)

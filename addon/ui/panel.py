@@ -1,7 +1,7 @@
 """What all panels have in common."""
 
 import textwrap
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ..console import shown
 
@@ -15,6 +15,7 @@ class LightMeshesPanel:
     bl_region_type = 'WINDOW'
     bl_context = "render"
     COMPAT_ENGINES: ClassVar = {ENGINE}
+    layout: Any  # Blender's
 
     @classmethod
     def poll(cls, context):
@@ -25,6 +26,9 @@ class LightMeshesPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         self.fill(layout, context)
+
+    def fill(self, layout, context):
+        raise NotImplementedError
 
 
 def in_shader_editor(panel):

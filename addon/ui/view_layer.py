@@ -19,7 +19,7 @@ class LIGHT_MESHES_PT_passes(LightMeshesPanel, bpy.types.Panel):
 class _Passes(LightMeshesPanel):
     bl_context = "view_layer"
     bl_parent_id = "LIGHT_MESHES_PT_passes"
-    names = ()  # of passes, as the engine calls them
+    names: tuple[str, ...] = ()  # of passes, as the engine calls them
 
     def fill(self, layout, context):
         column = layout.column(heading="Include", align=True)

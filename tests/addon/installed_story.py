@@ -97,7 +97,7 @@ own = scene.light_meshes
 say("UPGRADED", [scene.render.engine, own.kI, own.shadows, own.weights, children()])
 
 say("VERSIONS", [addon_utils.module_bl_info(sys.modules[NAME])["version"],
-                 [p.name.partition("+")[0] for path in sys.path for p in Path(path).glob("light_meshes-*.dist-info")]])
+                 [p.name for path in sys.path for p in Path(path).glob("light_meshes-*.dist-info")]])
 
 # Uninstalled while a new engine starts.
 session = sys.modules[NAME + ".session"]

@@ -1,4 +1,4 @@
-"""Ruff is clean, and files stay of a size that one mind holds."""
+"""Ruff and mypy are clean, and files stay of a size that one mind holds."""
 
 import shutil
 import subprocess
@@ -17,6 +17,14 @@ def test_ruff_has_nothing_to_say():
     done = subprocess.run([ruff, "check", "engine", "addon", "tests", "blend_scenes", "docs"], cwd=ROOT,
                           capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+def test_mypy_has_nothing_to_say():
+    """Of engine and add-on, with the numpy that is installed; .ci/run asks with the oldest and the newest one."""
+    pytest.importorskip("mypy")
+    done = subprocess.run([sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_no_file_is_long_without_a_reason():

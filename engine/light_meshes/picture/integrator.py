@@ -117,8 +117,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     if plan.reflections:
         # Where nothing passes, light divides no further: only mirrors count then.
         events = np.where(passed.any(1), rays["depth"], rays["mirrored"])
-        bounced = _as(REFLECTED, rays) | {"clear": np.zeros_like(rays["clear"]), "events": events}
-        children += _going(ready, "reflection", bounced, hits, share * face.mirror, None, 1)
+        reflected = _as(REFLECTED, rays) | {"clear": np.zeros_like(rays["clear"]), "events": events}
+        children += _going(ready, "reflection", reflected, hits, share * face.mirror, None, 1)
     return children
 
 

@@ -149,7 +149,7 @@ class Prepared:
     def _certify(self, previous: Prepared | None, r: float) -> None:
         """Make the certificate, if there are bodies."""
         casts = np.array([o.visible_shadow for o in self.scene.objects], np.bool_)
-        meets = casts[self.owner(np.arange(len(self.surfaces.triangles)))]
+        meets = casts[self.owner(np.arange(len(self.surfaces.triangles), dtype=np.int32))]
         with self.stats.stage("certificate"):
             self.certificate = reuse.certificate(self, previous, meets, r) or certificate(self.surfaces, meets, r)
         if self.certificate is None:

@@ -212,7 +212,8 @@ class PathTable:
             first, self._count = self._count, self._count + len(alpha)
             if self._count > len(self.rows[0]):
                 room = np.zeros((2 * self._count, 3))
-                self.rows = tuple(np.concatenate([old[:first], room[first:]]) for old in self.rows)
+                alphas, all_ends = (np.concatenate([old[:first], room[first:]]) for old in self.rows)
+                self.rows = alphas, all_ends
             for array, new in zip(self.rows, (alpha, ends), strict=True):
                 array[first:self._count] = new
             return first
