@@ -33,8 +33,8 @@ from sources import TARGETS, library  # noqa: E402
 
 del sys.path[:2]
 
-TOOLS = {"build.py", "libraries.py", "wheels.txt"}  # of this folder, and no part of the add-on
-LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the same sources give the same bytes
+TOOLS = {"build.py", "libraries.py", "wheels.txt"}  # files in this folder that are not part of the add-on
+LONG_AGO = (1980, 1, 1, 0, 0, 0)  # a fixed time, so that the same sources give the same bytes
 LARGEST = 50e6  # bytes of a zip
 
 # blender.org's Blenders have 3.11 up to 5.0 and 3.13 from 5.1 on; Linux distributions build older ones with 3.13.
@@ -95,7 +95,8 @@ def build_wheel(target: str, folder: Path) -> tuple[Path, str]:
     with tempfile.TemporaryDirectory() as temporary:
         source, out = Path(temporary) / "source", Path(temporary) / "out"
         source.mkdir()
-        for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):  # nothing that an earlier build left
+        # copy only these, so that nothing from an earlier build is included
+        for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
             shutil.copy(ROOT / name, source)
         left = shutil.ignore_patterns("__pycache__", "*.egg-info", "kernels*.so", "kernels*.dll", "kernels*.dylib")
         for name in ("engine", "addon"):
@@ -162,7 +163,7 @@ def version() -> str:
 
 
 def manifest(platform: str, wheels: list[str]) -> str:
-    """The add-on's manifest with what is different in each zip."""
+    """Return the text of the add-on's manifest, with the parts that differ from zip to zip."""
     own, tables = (ADDON / "blender_manifest.toml").read_text(encoding="utf-8").split("\n[", 1)
     listed = json.dumps([f"./wheels/{name}" for name in wheels], indent=2)
     return f'{own}platforms = ["{platform}"]\nwheels = {listed}\n\n[{tables}'

@@ -1,16 +1,18 @@
-"""What the add-on says on the console, whatever that can show; names in a file steer no terminal."""
+"""Print messages of the add-on on any console. Control characters in names from a file are escaped."""
 
 import contextlib
 import os
 
 
 def shown(text: str) -> str:
-    """`text` in one line, what is no letter or sign of it as escapes: they could steer a terminal, or turn its text."""
+    """Return `text` as one line. Characters that cannot be printed are escaped, because they could control a terminal
+    or reverse the text.
+    """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def say(text: str) -> None:
-    """Print lines. A console that is closed or full, or lacks letters, must not end a render."""
+    """Print lines. This never raises: a console that is closed or full, or lacks characters, must not end a render."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         lines = "\n".join(map(shown, text.split("\n")))
         try:
@@ -20,7 +22,9 @@ def say(text: str) -> None:
 
 
 def keep_standard_streams() -> None:
-    """Open those that are closed: else a pipe to the engine takes the number of one, and Blender writes to it."""
+    """Open standard streams that are closed. Otherwise a pipe to the engine would get the number of one, and Blender
+    would write into it.
+    """
     with contextlib.suppress(OSError):
         while (number := os.open(os.devnull, os.O_RDWR)) < 3:
             pass

@@ -1,4 +1,4 @@
-"""Cryptomatte: numbers of names, and what a compositor reads in the picture's metadata."""
+"""Cryptomatte: compute the numbers of names, and the metadata that a compositor reads in the picture's file."""
 
 import json
 
@@ -7,22 +7,22 @@ import bpy
 KINDS = ("CryptoObject", "CryptoMaterial", "CryptoAsset")
 SWITCHES = {"CryptoObject": "use_pass_cryptomatte_object", "CryptoMaterial": "use_pass_cryptomatte_material",
             "CryptoAsset": "use_pass_cryptomatte_asset"}
-DEFAULT = "default"  # our name of what has no material,
-UNNAMED = "default_surface"  # and Cycles'
+DEFAULT = "default"  # our name for the material of objects that have none
+UNNAMED = "default_surface"  # Cycles' name for it
 
 
 def wanted(view_layer) -> list[str]:
-    """The kinds that the view layer asks for."""
+    """Return the kinds of Cryptomatte (object, material, asset) that the view layer asks for."""
     return [kind for kind in KINDS if getattr(view_layer, SWITCHES[kind])]
 
 
 def levels(view_layer) -> int:
-    """How many passes a kind has; each holds two ids."""
+    """Return how many passes each kind has; each pass holds two ids."""
     return (min(16, view_layer.pass_cryptomatte_depth) + 1) // 2
 
 
 def number(name: str) -> int:
-    """MurmurHash3 (x86, 32 bits, seed 0) of a name."""
+    """Return the MurmurHash3 (x86, 32 bits, seed 0) of a name."""
     data = name.encode("utf-8", "surrogateescape")
     whole = len(data) - len(data) % 4
     h = 0
@@ -45,14 +45,16 @@ def _mixed(k: int) -> int:
 
 
 def asset(ob) -> str:
-    """The name of what `ob` hangs from in the end, or its own."""
+    """Return the name of the topmost parent of `ob`, or its own name if it has no parent."""
     while ob.parent:
         ob = ob.parent
     return ob.name
 
 
 def add_numbers(description: dict, view_layer) -> dict[str, set[str]]:
-    """Give objects and materials of a snapshot's `description` their numbers; the names of each kind asked for."""
+    """Add the Cryptomatte numbers to objects and materials of a snapshot's `description`; return the names of each
+    wanted kind.
+    """
     kinds = wanted(view_layer)
     if not kinds:
         return {}
@@ -71,7 +73,7 @@ def add_numbers(description: dict, view_layer) -> dict[str, set[str]]:
 
 
 def metadata(view_layer_name: str, names: dict[str, set[str]]) -> dict[str, str]:
-    """Field → value for the names of each kind, as the specification has them."""
+    """Return field → value for the names of each kind, as in the Cryptomatte specification."""
     fields: dict[str, str] = {}
     for kind, of_kind in names.items():
         layer = f"{view_layer_name}.{kind}"

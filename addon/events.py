@@ -1,23 +1,25 @@
-"""What the engine says: a line of its output → a checked event, as the engine's `service` module describes them.
+"""Read the engine's output: turn each line into a checked event, as described in the engine's `service` module.
 
-Knows nothing of Blender. Whatever comes out of the engine's process is read here, so nothing else need doubt it.
+This module does not use Blender. All output of the engine's process is read and checked here, so no other module needs
+to check it.
 """
 
 import json
 from pathlib import Path
 
-LAST = {"done", "measured", "cancelled", "error"}  # each command ends with one of these
-LONGEST = 2**24  # characters of a line; what is longer comes in parts, of which none is an event
+LAST = {"done", "measured", "cancelled", "error"}  # each command ends with one of these events
+LONGEST = 2**24  # characters in a line; a longer line arrives in parts, and none of these is an event
 _START = '{"event": "'
 
 
 def read(line: str) -> dict | None:
-    """The event in `line`, or None where it is none, or one that nobody here waits for.
+    """Return the event in `line`, or None if it contains no event, or an event that the add-on does not use.
 
-    One that is not as it should be becomes an error of no command: whoever waits for it would wait for ever.
+    A malformed event becomes an error that belongs to no command, because whoever waits for this event would wait for
+    ever.
     """
     try:
-        # What a library printed without ending its line stands in front.
+        # A library may have printed something before it on the same line, without a line end.
         event = json.loads(line[max(line.find(_START), 0):])
     except (ValueError, RecursionError):
         return None
@@ -26,7 +28,7 @@ def read(line: str) -> dict | None:
     try:
         if all(is_right(event[key]) for key, is_right in _CONTENTS[event["event"]].items()):
             return event
-    except (KeyError, OSError, ValueError):  # no such entry; a path that no system takes
+    except (KeyError, OSError, ValueError):  # no such entry; or a path that the system does not accept
         pass
     return {"event": "error", "id": None, "message": f"the engine's event '{event['event']}' is not as this add-on "
             "knows it; are both of the same release?"}
@@ -41,7 +43,7 @@ def _text(value) -> bool:
 
 
 def _number(value) -> bool:
-    return type(value) in {int, float} and abs(value) < 1e300  # no NaN, no infinity
+    return type(value) in {int, float} and abs(value) < 1e300  # neither NaN nor infinity
 
 
 def _share(value) -> bool:
@@ -53,7 +55,9 @@ def _length(value) -> bool:
 
 
 def _folder(value) -> bool:
-    """One that an engine made. It is removed when the engine has ended, so nothing else will do."""
+    """Return `value` as a path if it is a folder that an engine made. It is removed when the engine has ended, so no
+    other folder may be accepted.
+    """
     return _text(value) and Path(value).name.startswith("light-meshes-") and Path(value).is_dir()
 
 
@@ -66,12 +70,12 @@ def _sentences(value) -> bool:
 
 
 def _statistics(value) -> bool:
-    """With what `job.summary` always tells."""
+    """Return `value` if it has the entries that `job.summary` needs."""
     return isinstance(value, dict) and all(
         _number(value.get(key)) for key in ("width", "height", "triangles", "lights", "seconds"))
 
 
-# Event → what of it is used here, and what that must be.
+# For each event: the entries that are used here, and the check that each must pass.
 _CONTENTS = {
     "ready": {"folder": _folder},
     "started": {"id": _whole},

@@ -1,13 +1,17 @@
-"""Render a .blend without a window, as the command line `light-meshes` has it done.
+"""Render a .blend file without a window; the command line `light-meshes` runs this program.
 
     python -m light_meshes_addon.headless render FILE.blend -o OUT.png|.exr [-f 1,3..8] [--resume] [--set key=value]…
     blender -b -P addon/headless.py -- snapshot FILE.blend -o FOLDER [-f N] [--set key=value]…
 
-What a program wants to know is printed on lines of a mark, "@light-meshes " or what LIGHT_MESHES_MARK says, and JSON:
-the events progress, wrote, kept (there already), warning, statistics, error, and end where all is done.
-One that gives its temporary folder as LIGHT_MESHES_TEMPORARY answers "found", a picture that is there, by a line
-"whole" or "broken" on stdin. When stdin closes it is gone: this process goes, with all in that folder and in --work.
-Exit codes: 0 done, 1 failed, 2 bad usage.
+Results for the calling program are printed as lines that begin with a mark and go on with JSON. The mark is
+"@light-meshes " or the value of LIGHT_MESHES_MARK. The events are: progress, wrote, kept (the picture existed already),
+warning, statistics, error, and end when everything is done.
+
+A calling program may set LIGHT_MESHES_TEMPORARY to its temporary folder. Then it must answer each event "found" (a
+picture exists) with a line "whole" or "broken" on stdin. When stdin closes, the calling program has ended: then this
+process removes that folder and the one of --work, and ends.
+
+Exit codes: 0 done, 1 failed, 2 wrong usage.
 """
 
 import argparse
@@ -26,24 +30,25 @@ import threading
 from pathlib import Path
 from typing import NoReturn
 
-MARK = "@light-meshes "  # a program that must not take anything else for ours gives another for each run
-FRAMES = 1048574  # Blender has none beyond
+# a calling program sets a new mark for each run, so that it cannot mistake other output for an event
+MARK = "@light-meshes "
+FRAMES = 1048574  # Blender's largest frame number
 RENDER_KEYS = ("resolution", "resolution_percentage")
 _mark = MARK
-_driven = False  # by a program, which answers
+_driven = False  # whether a program drives this one, and answers
 _answers: queue.Queue[str] = queue.Queue()
 
 
 class UsageError(Exception):
-    """The command makes no sense; exit code 2."""
+    """The arguments of the command are wrong; the exit code is 2."""
 
 
 class FailedError(Exception):
-    """The command could not be carried out; exit code 1."""
+    """The command could not be carried out; the exit code is 1."""
 
 
 def _listen(folders: list[Path]) -> None:
-    """Hear answers, until the program that started us is gone: then `folders` and this process go as well."""
+    """Read answers from stdin until the calling program has ended; then remove `folders` and end this process."""
     with contextlib.suppress(OSError):
         for answer in os.fdopen(os.dup(0), "rb", buffering=0):
             _answers.put(answer.decode().strip())
@@ -53,7 +58,7 @@ def _listen(folders: list[Path]) -> None:
 
 
 def _is_whole(picture: Path) -> bool:
-    """Whether a picture is there, and all of it: this the program that started us can tell."""
+    """Return whether a picture exists and is complete. Only the calling program can check that it is complete."""
     if not picture.is_file() or not picture.stat().st_size:
         return False
     if not _driven:
@@ -63,14 +68,14 @@ def _is_whole(picture: Path) -> bool:
 
 
 def say(**event) -> None:
-    """Tell the program that started us."""
+    """Send an event to the calling program."""
     print(_mark + json.dumps(event), flush=True)
 
 
 def main(arguments: list[str]) -> int:
-    """Carry a command out; the exit code."""
+    """Carry out a command and return the exit code."""
     global _mark, _driven
-    _mark = os.environ.pop("LIGHT_MESHES_MARK", MARK)  # nobody else need know it
+    _mark = os.environ.pop("LIGHT_MESHES_MARK", MARK)  # child processes do not need it
     temporary = os.environ.pop("LIGHT_MESHES_TEMPORARY", "")
     try:
         options = _parse(arguments)
@@ -123,7 +128,7 @@ def _parse(arguments: list[str]):
 
 
 def frames_of(text: str) -> list[range]:
-    """'1,3..8' or '1,3-8' → ranges of frame numbers."""
+    """Convert a text such as '1,3..8' or '1,3-8' to ranges of frame numbers."""
     frames = []
     for part in text.split(","):
         match = re.fullmatch(r"(-?[0-9]{1,999})(?:(?:\.\.|-)(-?[0-9]{1,999}))?", part.strip())
@@ -139,7 +144,9 @@ def frames_of(text: str) -> list[range]:
 
 
 def path_of(output: Path, frame: int, several: bool) -> Path:
-    """Where the picture of `frame` goes: #s are its number; else, of several, it comes before the suffix."""
+    """Return the path for the picture of `frame`. #s in `output` are replaced by the frame's number. If there are none
+    and there are several frames, the number is put before the suffix.
+    """
     match = re.search(r"#+", output.name)
     if match:
         return output.with_name(output.name[:match.start()] + f"{frame:0{len(match[0])}d}" + output.name[match.end():])
@@ -147,7 +154,7 @@ def path_of(output: Path, frame: int, several: bool) -> Path:
 
 
 def _disable_others() -> None:
-    """Of two copies of the add-on, the engine's name belongs to this one, whatever the user has enabled."""
+    """Disable other copies of the add-on that the user has enabled, so that the engine's name belongs to this copy."""
     import addon_utils
     import bpy
 
@@ -190,11 +197,11 @@ def _set(changes: list[str]) -> None:
         else:
             setattr(scene.light_meshes, key, _value(own[key], text))
             if key == "h" and not any(c.startswith("auto_h=") for c in changes):
-                scene.light_meshes.auto_h = False  # whoever gives a step means it
+                scene.light_meshes.auto_h = False  # a step that is given on the command line must be used
 
 
 def _value(prop, text: str):
-    """`text` as a value of property `prop`."""
+    """Convert `text` to a value of property `prop`."""
     if prop.type == 'BOOLEAN':
         values = {"true": True, "1": True, "on": True, "false": False, "0": False, "off": False}
         if text.lower() not in values:
@@ -232,11 +239,12 @@ def _render(options) -> None:
         scene.render.threads_mode, scene.render.threads = 'FIXED', options.threads
     file_format = 'PNG' if options.output.suffix.lower() == ".png" else 'OPEN_EXR'
     image = scene.render.image_settings
-    if not image.file_format.startswith(file_format):  # an EXR of several layers stays one
+    if not image.file_format.startswith(file_format):  # an EXR with several layers keeps this format
         if hasattr(image, "media_type"):
             image.media_type = 'IMAGE'  # 5.0+
         image.file_format = file_format
-    # Blender would append a suffix of its own choice, and read #s in a folder's name as the frame's number.
+    # Otherwise Blender would append a suffix of its own choice, and replace #s in the folder's name by the frame's
+    # number.
     scene.render.use_file_extension = False
     for frame in itertools.chain.from_iterable(frames):
         path = path_of(options.output, frame, several).resolve()
@@ -248,8 +256,8 @@ def _render(options) -> None:
             say(event="kept", frame=frame, path=str(path))
             continue
         scene.frame_set(frame)
-        # Under another name until it is whole: a picture that is there is a finished one.
-        # Not longer than the picture's own, which may be as long as the file system takes.
+        # The picture has a temporary name until it is complete, so a picture that exists is a finished one. The
+        # temporary name is not longer than the final one, which may have the file system's maximum length.
         new = (options.work or path.parent) / f".{secrets.token_hex(4)}{path.suffix.lower()}"
         scene.render.filepath = _literal(new)
         _check_place(path, new)
@@ -265,7 +273,7 @@ def _render(options) -> None:
 
 
 def _literal(path: Path) -> str:
-    """`path` as Blender takes it: since 5.0 braces are templates, unless they are doubled."""
+    """Return `path` in the form that Blender needs: since 5.0 braces are templates unless they are doubled."""
     import bpy
 
     text = str(path)
@@ -273,17 +281,17 @@ def _literal(path: Path) -> str:
 
 
 def _check_place(path: Path, new: Path) -> None:
-    """Before it is rendered: whether a picture can be written there, under that name."""
+    """Check before the render whether a picture can be written at `path`, and under the temporary name `new`."""
     try:
         new.touch()
         new.unlink()
-        path.exists()  # which a name that is too long cannot be asked
+        path.exists()  # raises OSError if the name is too long
     except OSError as e:
         raise FailedError(f"{path} cannot be written: {e.strerror}") from e
 
 
 def _check_room(picture: Path) -> None:
-    """Raise OSError where the disk is full: Blender writes half a picture there, and says nothing."""
+    """Raise OSError if the disk is full. Otherwise Blender would write half a picture without an error."""
     with picture.open("r+b") as f:
         size = f.seek(0, os.SEEK_END)
         f.write(bytes(1 << 16))
@@ -306,7 +314,7 @@ def _snapshot(options) -> None:
 
 
 def _run(render) -> None:
-    """Have something rendered, with what is said on the way passed on."""
+    """Start a render, and pass its messages on."""
     from .observers import observers
 
     errors = []
@@ -322,12 +330,12 @@ def _run(render) -> None:
 
 
 def _reason(error: RuntimeError) -> str:
-    """Blender's own sentence in an operator's error."""
+    """Return Blender's own sentence from an operator's error."""
     return str(error).strip().removeprefix("Error: ").splitlines()[0]
 
 
 def _this_package() -> str:
-    """Import the folder of this script as a package: `blender -P` runs it as a lone file."""
+    """Import the folder of this script as a package, because `blender -P` runs it as a single file."""
     here = Path(__file__).resolve().parent
     name = "light_meshes_addon"
     spec = importlib.util.spec_from_file_location(name, here / "__init__.py", submodule_search_locations=[str(here)])
@@ -338,13 +346,13 @@ def _this_package() -> str:
 
 
 def leave(code: int) -> NoReturn:
-    """End the process with `code`."""
-    for stream in filter(None, (sys.stdout, sys.stderr)):  # one that is closed is None
+    """End the process with exit code `code`."""
+    for stream in filter(None, (sys.stdout, sys.stderr)):  # a stream that is closed is None
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
     bpy = sys.modules.get("bpy")
     if bpy and not bpy.app.binary_path:
-        # bpy as a Python module: 4.2 may crash and 4.5 may hang at exit once an add-on's engine has rendered.
+        # With bpy as a Python module, 4.2 may crash and 4.5 may hang at exit after an add-on's engine has rendered.
         session_folder = Path(bpy.app.tempdir)
         if session_folder.name.startswith("blender_"):
             shutil.rmtree(session_folder, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""One render of one view layer: what the engine is asked, and what Blender is told meanwhile."""
+"""One render of one view layer: the requests to the engine, and the messages to Blender meanwhile."""
 
 import shutil
 import time
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from . import console, observers, passes, session
+from . import console, engine_python, observers, passes, session
 from .cryptomatte import metadata
 from .export import border, export
 from .export.snapshot import handing_over
@@ -14,7 +14,7 @@ from .picture import Picture
 
 ASK_SECONDS = 0.04  # how often Blender is asked whether the artist pressed ESC
 SHOW_SECONDS = 0.5  # how often new tiles are shown
-CONFIRM_SECONDS = 0.1  # how long a cancelled render has to end before Blender goes on without it
+CONFIRM_SECONDS = 0.1  # how long a cancelled render may take to end before Blender goes on without it
 
 
 class Cancelled(Exception):  # noqa: N818  no error: it is what the artist wants
@@ -22,7 +22,7 @@ class Cancelled(Exception):  # noqa: N818  no error: it is what the artist wants
 
 
 class Job:
-    """Used as a context, which leaves no files behind."""
+    """One render of one view layer. Use it as a context manager; it removes its files at the end."""
 
     def __init__(self, engine, depsgraph, purpose: str = session.RENDER) -> None:
         self.engine, self.depsgraph = engine, depsgraph
@@ -41,16 +41,16 @@ class Job:
         if self._folder:
             shutil.rmtree(self._folder, ignore_errors=True)
         if self.engine.is_preview:
-            return  # the panel of a material shows what is not translated
+            return  # for previews: the panel of a material shows what is not translated
         for sentence in self._warnings:
             self.engine.report({'WARNING'}, console.shown(sentence))
             observers.notify(event="warning", message=sentence)
 
     def export(self, overrides: dict[str, dict], folder: Path | None = None) -> None:
-        """Write the snapshot of the current frame; `overrides` as `export.export` takes them."""
+        """Write the snapshot of the current frame. `overrides` are as in `export.export`."""
         with handing_over():
             if not folder:
-                # Never over an older one, which the engine may have mapped.
+                # A new folder each time, because the engine may have mapped the older one.
                 self._snapshots += 1
                 folder = self._shared_folder() / f"scene-{self._snapshots}"
             self._say("Exporting the scene")
@@ -61,9 +61,10 @@ class Job:
         self._mattes = report.mattes
 
     def measure(self) -> dict:
-        """What the engine finds for the exported snapshot: the step "h", and the "radii" of lights whose size counts.
+        """Ask the engine for the step "h" of the exported snapshot, and for the "radii" of lights whose size sets the
+        width of their shadows' edges.
 
-        A radius is None where nothing tells of it.
+        A radius is None if nothing in the picture shows a shadow of the light.
         """
         self._say("Measuring the scene")
         found = self._carry_out(lambda event: None, "measure", snapshot=str(self._snapshot))
@@ -71,7 +72,7 @@ class Job:
             light: r for light, r in zip(self._lights, found["radii"], strict=True) if light}}
 
     def render(self) -> None:
-        """Have the exported snapshot rendered, and show it."""
+        """Have the engine render the exported snapshot, and show the result."""
         engine, render = self.engine, self.depsgraph.scene.render
         assert self._session and self._folder, "nothing has been exported"
         frame = self._folder / "frame"
@@ -81,7 +82,7 @@ class Job:
         if not engine.is_preview:
             layer = self.depsgraph.view_layer_eval
             self._warnings.update(dict.fromkeys(passes.missing(self.depsgraph.scene, layer)))
-        # A preview comes at once: until then its artist sees the one before, not one with holes.
+        # A preview is shown only when it is complete. Until then the artist sees the previous one, and none with holes.
         shows = not bpy.app.background and not engine.is_preview
         shown = time.monotonic()
 
@@ -106,7 +107,7 @@ class Job:
         self._finish(done)
 
     def check(self) -> None:
-        """Raise Cancelled when the artist pressed ESC. Cheap: asks Blender only now and then."""
+        """Raise Cancelled if the artist pressed ESC. This is cheap: it asks Blender only once in ASK_SECONDS."""
         now = time.monotonic()
         if now - self._asked > ASK_SECONDS:
             self._asked = now
@@ -114,10 +115,12 @@ class Job:
                 raise Cancelled
 
     def _shared_folder(self) -> Path:
-        """A folder of our own in the one shared with the engine, which is started if need be."""
+        """Make a folder for this job inside the folder that is shared with the engine. The engine is started if
+        necessary.
+        """
         if not self._folder:
             self._say("Starting the engine")
-            session.set_temporary(temporary_folder())
+            engine_python.set_temporary(temporary_folder())
             self._session = session.current(self._purpose)
             while not self._session.folder:
                 self._poll()
@@ -125,16 +128,16 @@ class Job:
         return self._folder
 
     def _carry_out(self, on_event, command: str, **arguments) -> dict:
-        """Send a command and see it through; its last event."""
+        """Send a command, handle its events until it has ended, and return the last one."""
         assert self._session
         number = self._session.send(command, threads=threads(self.depsgraph.scene), **arguments)
         try:
             while True:
                 event = self._poll()
                 if not event or event.get("id") != number:
-                    continue  # nothing, or of an earlier command that was cancelled
+                    continue  # no event, or one of an earlier command that was cancelled
                 if event["event"] == "error":
-                    raise session.EngineError(session.lacks_package(self._session.python, event["message"])
+                    raise session.EngineError(engine_python.lacks_package(self._session.python, event["message"])
                                               or f"Light Meshes: {event['message']}", self._session.log)
                 if event["event"] in session.LAST_EVENTS:
                     return event
@@ -175,25 +178,28 @@ class Job:
         observers.notify(event=event, frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
 
     def _say(self, text: str) -> None:
-        # In a window this moves the clock on; in the background Blender prints a line for each.
+        # In a window this updates the displayed time; in the background Blender would print a line for each.
         if text != self._said or not bpy.app.background:
             self._said = text
             self.engine.update_stats("", text)
 
 
 def temporary_folder() -> str:
-    """Where Blender has its temporary files: the folder that its preferences name, or the system's."""
-    folder = Path(bpy.app.tempdir)  # of this Blender alone, if it could be made; it goes when Blender ends
+    """Return the folder where Blender keeps temporary files: the one in its preferences, or the system's."""
+    # the folder of this Blender process, if Blender could make it; it is removed when Blender ends
+    folder = Path(bpy.app.tempdir)
     return str(folder.parent if folder.name.startswith("blender_") else folder) if bpy.app.tempdir else ""
 
 
 def threads(scene) -> int | None:
-    """How many threads the engine is to use, by Blender's setting or its -t; None: all processors it may use."""
+    """Return how many threads the engine should use, from Blender's setting or its option -t. None means all processors
+    that it may use.
+    """
     return scene.render.threads if scene.render.threads_mode == 'FIXED' else None
 
 
 def summary(statistics: dict) -> str:
-    """What an artist wants to know of a render, in one line."""
+    """Describe a render in one line for the artist."""
     parts = ["{width}×{height} pixels, {triangles:,} triangles, " + (
         "{lights} light" if statistics["lights"] == 1 else "{lights} lights")]
     if statistics.get("nodes"):
@@ -201,6 +207,6 @@ def summary(statistics: dict) -> str:
         parts.append(f"h {{h:.4g}}, r {low:.4g}{f' to {high:.4g}' if high > low else ''}, "
                      "{nodes:,} nodes ({node_share:.1%}), {empty_sets} empty sets")
     parts.append("{seconds:.2f} s")
-    if statistics.get("peak_memory"):  # not every system tells
+    if statistics.get("peak_memory"):  # not every system has this figure
         parts.append(f"{statistics['peak_memory'] / 1e6:.0f} MB")
     return ", ".join(parts).format_map(statistics)

@@ -1,4 +1,4 @@
-"""Who wants to hear of a render's progress, beside Blender: the headless driver does."""
+"""A list of functions that hear the progress of a render, besides Blender. The headless driver adds one."""
 
 from collections.abc import Callable
 
@@ -6,6 +6,6 @@ observers: list[Callable[[dict], None]] = []
 
 
 def notify(**event) -> None:
-    """Tell all observers."""
+    """Call all observers with the event."""
     for observer in observers:
         observer(event)

@@ -1,4 +1,6 @@
-"""What an artist can have done: presets of quality, a suggested step, a snapshot for a bug report."""
+"""Operators that an artist can run: set a quality preset, measure the softness of shadows, write a snapshot for a bug
+report.
+"""
 
 import shutil
 import statistics
@@ -14,7 +16,7 @@ from .job import Cancelled, Job
 
 
 class Preset(NamedTuple):
-    """Settings of one quality. The look stays, as far as a quality does not show."""
+    """The settings of one quality level. They change the look only where a difference in quality is visible."""
 
     name: str
     description: str
@@ -24,7 +26,8 @@ class Preset(NamedTuple):
         return all(getattr(own, key) == value for key, value in self.values.items())
 
 
-# A point averages (2π/3)·kI³ nodes: 17, 57, 134 at kI 2, 3, 4. At the same h nodes and short rays cost as much more.
+# A point averages (2π/3)·kI³ nodes: 17, 57, 134 for kI 2, 3, 4. At the same h the cost of nodes and short rays grows in
+# the same proportion.
 PRESETS = {
     'DRAFT': Preset("Draft", "Fast: edges of objects are rough, those of shadows average some 17 nodes",
                     {"samples": 1, "kI": 2.0, "max_depth": 2, "light_samples": 16}),
@@ -63,14 +66,14 @@ class Suggestion(NamedTuple):
     why: str
 
 
-# Of the picture's longer side at the middle depth: edges wider than the first swallow the shadows of all small
-# things, narrower ones than the second are a few pixels wide and cost more nodes than pixels.
+# Limits of r as a share of the picture's longer side at the middle depth. Edges wider than WIDEST swallow the shadows
+# of all small things. Edges narrower than NARROWEST are a few pixels wide and need more nodes than there are pixels.
 WIDEST, NARROWEST = 0.04, 0.003
-USUAL = 0.015  # r where no light has a size: the automatic step's at a quality of 3
+USUAL = 0.015  # r if no light has a size: that of the automatic step with a quality of 3
 
 
 def suggested(h: float, radii: list[float]) -> Suggestion:
-    """h and kI for a scene whose automatic step is `h`, and whose lights' sizes give `radii`."""
+    """Return h and kI for a scene whose automatic step is `h`, and whose lights' sizes give the radii `radii`."""
     across = penumbra.AUTO_STEPS * h
     real = [r for r in radii if r > 0]
     if real:
@@ -82,13 +85,13 @@ def suggested(h: float, radii: list[float]) -> Suggestion:
             r, why = NARROWEST * across, "as narrow as is worth its time; the lights are smaller"
     else:
         r, why = USUAL * across, "a thirtieth of what the camera sees across, as no light has a size"
-    # The steps of grey are seen in wide edges only.
+    # Steps of grey are visible only in wide edges, so only these need a large kI.
     kI = 4.0 if r > 0.025 * across else 3.0 if r > 0.006 * across else 2.0
     return Suggestion(float(f"{r / kI:.2g}"), kI, why)
 
 
 class _Watcher:
-    """What a Job asks of the RenderEngine that it works for, where an operator takes its place."""
+    """The part of a RenderEngine that a Job uses. An operator passes it to a Job instead of a RenderEngine."""
 
     camera_override = None
     is_animation = is_preview = False
@@ -129,7 +132,7 @@ class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
         return self._take(context, found)
 
     def invoke(self, context, event):
-        """As `execute`, but Blender's window stays alive."""
+        """Do the same as `execute`, but keep Blender's window responsive."""
         try:
             self._job = self._asked(context)
         except (ExportError, session.EngineError) as e:
@@ -158,7 +161,7 @@ class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
         return {'CANCELLED'}
 
     def _asked(self, context) -> Job:
-        """A job whose scene is exported, with lights whose size sets their shadows' edges."""
+        """Return a job whose scene is exported and has lights whose size sets the edges of their shadows."""
         depsgraph = context.evaluated_depsgraph_get()
         job = Job(_Watcher(context.scene.render), depsgraph, session.MEASURE)
         try:
@@ -171,18 +174,18 @@ class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
         return job
 
     def _wait(self) -> None:
-        """In a thread of its own."""
+        """Wait for the engine; runs in a separate thread."""
         try:
             with self._job as job:
                 self._answer.append(job.measure())
-        except Exception as e:  # for the artist to read
+        except Exception as e:  # shown to the artist
             self._answer.append(e)
         finally:
             session.discard(session.MEASURE)
 
     def _take(self, context, found: dict):
         scene = context.scene
-        usual = USUAL * penumbra.AUTO_STEPS * found["h"]  # of a light without any shadow in sight
+        usual = USUAL * penumbra.AUTO_STEPS * found["h"]  # of a light that casts no visible shadow
         best = suggested(found["h"], [usual if r is None else r for r in found["radii"].values()])
         own = scene.light_meshes
         own.auto_h, own.h, own.kI = False, best.h, best.kI

@@ -1,4 +1,4 @@
-"""The one list of render passes: registration, the engine's request, the picture and the panel all read it."""
+"""The only list of render passes. Registration, the request to the engine, the picture and the panel all use it."""
 
 from typing import NamedTuple
 
@@ -8,21 +8,21 @@ from . import cryptomatte
 
 
 class Pass(NamedTuple):
-    """A pass, by Blender's name and by the engine's."""
+    """A render pass, with its names in Blender and in the engine."""
 
-    name: str  # in Blender
+    name: str  # its name in Blender
     engine_name: str
     channel_ids: str
-    kind: str  # what the compositor makes of it
-    switch: str = ""  # the property that asks for it: of the view layer,
-    own: bool = False  # or of its light_meshes, where Blender has none
+    kind: str  # how the compositor interprets it
+    switch: str = ""  # the property that switches it on: of the view layer,
+    own: bool = False  # or of the view layer's `light_meshes` (for passes that Blender does not have)
 
     @property
     def channels(self) -> int:
         return len(self.channel_ids)
 
     def owner(self, view_layer):
-        """What has the property `switch`."""
+        """Return the object that has the property `switch`."""
         return view_layer.light_meshes if self.own else view_layer
 
 
@@ -52,14 +52,16 @@ _ALL = (
     Pass("Debug Skipped", "Debug Skipped", "X", 'VALUE', "use_pass_debug_skipped", own=True),
 )
 ALL = {p.engine_name: p for p in _ALL}
-# As the panel groups them.
+# The groups of the panel.
 DATA = ("Combined", "Depth", "Mist", "Position", "Normal", "UV", "Object Index", "Material Index")
 LIGHT = ("Diffuse", "Glossy", "Transmission", "Emission", "Ambient", "Environment", "Shadow")
 DEBUG = ("Debug Candidates", "Debug m", "Debug Empty", "Debug Skipped")
 
 
 def wanted(scene, view_layer) -> list[Pass]:
-    """The passes that `view_layer` asks for, and those of the lights of `scene`. Blender always has Combined."""
+    """Return the passes that `view_layer` asks for, and those of the lights of `scene`. Blender always asks for
+    Combined.
+    """
     own = [p for p in _ALL if p.name == "Combined" or getattr(p.owner(view_layer), p.switch)]
     mattes = [Pass(f"{kind}{i:02d}", f"{kind}{i:02d}", "rgba", 'COLOR')
               for kind in cryptomatte.wanted(view_layer) for i in range(cryptomatte.levels(view_layer))]
@@ -67,7 +69,7 @@ def wanted(scene, view_layer) -> list[Pass]:
 
 
 def missing(scene, view_layer) -> list[str]:
-    """A sentence for each pass of `view_layer` that the compositor of `scene` uses and does not get."""
+    """Return a sentence for each pass of `view_layer` that the compositor of `scene` uses but does not get."""
     tree = scene.compositing_node_group if bpy.app.version >= (5, 0) else scene.use_nodes and scene.node_tree
     if not (tree and scene.render.use_compositing):
         return []
@@ -100,15 +102,19 @@ def missing(scene, view_layer) -> list[str]:
 
 
 def shadow_number(light) -> int:
-    """The number N of the engine's pass "Shadow N" of light data; −1 where the artist wants none.
+    """Return the number N of the engine's pass "Shadow N" for the data of a light, or −1 if the artist wants no such
+    pass.
 
-    It is Blender's number of the data for the session: names change, and may be anything.
+    It is the number that Blender gives to the data for this session. A name is not used, because it can change and can
+    be any text.
     """
     return light.original.session_uid if light.light_meshes.shadow_pass else -1
 
 
 def lights(scene) -> list:
-    """The light data in `scene`, each once, by name; also what is in collections that are instanced."""
+    """Return the light data in `scene`, each once, sorted by name, including lights in collections that are
+    instanced.
+    """
     found, todo, done = {}, [scene.objects], set()
     while todo:
         for ob in todo.pop():
@@ -124,11 +130,11 @@ def lights(scene) -> list:
 
 def _shadow_passes(scene) -> list[Pass]:
     if not any(light.light_meshes.shadow_pass for light in bpy.data.lights):
-        return []  # not worth a look at all objects
+        return []  # then it is not necessary to look at all objects
     passes: dict[str, Pass] = {}
     for light in lights(scene):
         if light.light_meshes.shadow_pass:
-            # A dot would end the layer's name in a multilayer EXR. Blender cuts names at 63 bytes.
+            # A dot would end the layer's name in a multilayer EXR, and Blender cuts names at 63 bytes.
             stem = f"Shadow {light.name_full}".replace(".", "_").encode()[:57].decode(errors="ignore")
             name, n = stem, 1
             while name in passes:

@@ -1,4 +1,4 @@
-"""What h, kI and r mean in the picture: how wide a shadow's edge is, in the scene's units and in pixels."""
+"""What h, kI and r mean in the picture: the width of a shadow's edge, in the scene's units and in pixels."""
 
 import math
 
@@ -6,11 +6,13 @@ import bpy
 
 from . import session
 
-AUTO_STEPS = 200  # the automatic step is the picture's longer side, where half of what is seen is nearer, over this
+AUTO_STEPS = 200  # the automatic step is the longer side of the picture at the median depth, divided by this
 
 
 def step(scene) -> float | None:
-    """h that the scene renders with; None if it is automatic and the scene has not been rendered yet."""
+    """Return the h that the scene renders with. It is None if the step is automatic and the scene has not been rendered
+    yet.
+    """
     own = scene.light_meshes
     if not own.auto_h:
         return own.h
@@ -18,9 +20,9 @@ def step(scene) -> float | None:
 
 
 def radius(scene) -> float | None:
-    """r = h·kI, of the lights that have none of their own; None if it is still to be measured.
+    """Return r = h·kI of the lights that have no own radius, or None if it has not been measured yet.
 
-    The automatic step is finer where a light's own radius needs it, but r stays as the camera alone would have it.
+    The automatic step gets finer if a light's own radius needs it, but r stays what the camera alone gives.
     """
     own = scene.light_meshes
     h = _measured(scene) if own.auto_h else own.h
@@ -28,13 +30,13 @@ def radius(scene) -> float | None:
 
 
 def _measured(scene) -> float | None:
-    """The automatic step as the camera alone asks for it."""
+    """Return the automatic step that the camera alone gives, or None if it is not known."""
     known = session.statistics.get("scene") == scene.name_full
     return (session.statistics.get("measured_h") or None) if known else None
 
 
 def light_radius(scene, lamp, name: str) -> float | None:
-    """r of the light object `name` with data `lamp`; None if it is still to be measured."""
+    """Return r of the light object `name` with data `lamp`, or None if it has not been measured yet."""
     own = lamp.light_meshes
     if own.softness == 'RADIUS':
         return own.radius
@@ -46,16 +48,17 @@ def light_radius(scene, lamp, name: str) -> float | None:
 
 
 def nodes(kI: float) -> int:
-    """How many nodes a point averages on open ground: those of half a ball."""
+    """Return how many nodes a point averages on open ground, which is the number of nodes in half a ball."""
     return round(2 * math.pi / 3 * kI**3)
 
 
 def pixels(scene, r: float | None) -> tuple[float, str] | None:
-    """Width in pixels of an edge of radius `r` that the camera faces, and where; None if it cannot be told.
+    """Return the width in pixels of an edge of radius `r` that faces the camera, and where this holds; None if it is
+    unknown.
 
-    Where the camera is focused, if it has depth of field; else at the depth that the automatic step is made for;
-    else, where the step is set by hand, at the focus distance all the same. An `r` of None is that of the
-    automatic step, which needs no measurement to be known in pixels.
+    With depth of field the width is measured where the camera is focused. Otherwise it is measured at the depth for
+    which the automatic step is made, or, if the step is set by hand, at the focus distance. An `r` of None stands for
+    the radius of the automatic step; its width in pixels is known without a measurement.
     """
     camera = scene.camera
     if camera is None or camera.type != 'CAMERA':
@@ -81,7 +84,7 @@ def pixels(scene, r: float | None) -> tuple[float, str] | None:
 
 
 def _focus(camera) -> float:
-    """Depth of what the camera is focused on."""
+    """Return the depth at which the camera is focused."""
     target = camera.data.dof.focus_object
     if target is None:
         return camera.data.dof.focus_distance
@@ -89,7 +92,7 @@ def _focus(camera) -> float:
 
 
 def length(scene, value: float) -> str:
-    """`value` in the scene's units, as Blender writes lengths."""
+    """Return `value` in the scene's units, as text in Blender's format."""
     units = scene.unit_settings
     if units.system == 'NONE':
         return f"{value:.4g}"

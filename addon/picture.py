@@ -1,4 +1,4 @@
-"""The picture in Blender: the engine's framebuffer → Blender's render result."""
+"""The picture in Blender: copies the engine's framebuffer into Blender's render result."""
 
 from pathlib import Path
 
@@ -9,13 +9,13 @@ from .session import EngineError
 
 
 class Picture:
-    """The render result of one view layer, and the framebuffer that fills it."""
+    """The render result of one view layer, and the framebuffer from which it is filled."""
 
     def __init__(self, engine, size: tuple[int, int], depsgraph) -> None:
         view_layer = depsgraph.view_layer_eval
         self.passes = passes.wanted(depsgraph.scene, view_layer)
         self._engine, self._size = engine, size
-        # With a border, Blender counts from the border's corner.
+        # With a render border, Blender counts from the corner of the border.
         self._result = engine.begin_result(0, 0, *size, layer=view_layer.name)
         self._arrays: dict[str, np.ndarray] = {}
 
@@ -30,12 +30,12 @@ class Picture:
             self._arrays[p.name] = array
 
     def show(self) -> None:
-        """Show what is done."""
+        """Show the part that is done."""
         self._copy()
         self._engine.update_result(self._result)
 
     def end(self, metadata: dict[str, str]) -> None:
-        """Hand over what is done, for good; metadata: field → value of the files that Blender writes."""
+        """Hand the finished picture to Blender. `metadata` holds field → value for the files that Blender writes."""
         self._copy()
         self._engine.end_result(self._result)
         if metadata:
@@ -44,7 +44,9 @@ class Picture:
                 result.stamp_data_add_field(field, value)
 
     def give_up(self) -> None:
-        """Nothing more will come. What was shown stays in sight; handing more over would keep the artist waiting."""
+        """End without further results. The part that was shown stays visible; to hand over more would keep the artist
+        waiting.
+        """
         self._engine.end_result(self._result, cancel=True)
 
     def _copy(self) -> None:
@@ -52,6 +54,7 @@ class Picture:
         for p in self.passes:
             if p.name in self._arrays:
                 pixels = np.broadcast_to(self._arrays[p.name], (height, width, p.channels))
-                for rect in (r for r in self._result.layers[0].passes if r.name == p.name):  # one a view
-                    # foreach_set: assigning `rect` takes a hundred times as long.
+                # there is one for each view
+                for rect in (r for r in self._result.layers[0].passes if r.name == p.name):
+                    # foreach_set is used because assigning to `rect` takes a hundred times as long.
                     rect.rect.foreach_set(np.ascontiguousarray(pixels, np.float32).ravel())

@@ -2,15 +2,16 @@
 
 import bpy
 
-from . import session
+from . import engine_python
 
 
 def _python_changed(preferences, context):
     if preferences.python.startswith("//"):
-        # Blender's file browser may give a path by the open file's folder. Another file does not choose another Python.
-        preferences.python = bpy.path.abspath(preferences.python)  # comes back here
+        # Blender's file browser may give a path relative to the open file. It must not mean another Python when another
+        # file is open.
+        preferences.python = bpy.path.abspath(preferences.python)  # this calls this function again
     else:
-        session.set_python(preferences.python)
+        engine_python.set_python(preferences.python)
 
 
 class LightMeshesPreferences(bpy.types.AddonPreferences):
@@ -29,9 +30,9 @@ class LightMeshesPreferences(bpy.types.AddonPreferences):
 
 def register() -> None:
     bpy.utils.register_class(LightMeshesPreferences)
-    session.set_installed(__package__.startswith("bl_ext."))
-    # Read now, because a render must not touch the context. Without an entry the add-on was
-    # registered by a script, not enabled by a user.
+    engine_python.set_installed(__package__.startswith("bl_ext."))
+    # This is read at registration, because a render must not use the context. There is no entry if a script, and not a
+    # user, registered the add-on.
     addon = bpy.context.preferences.addons.get(__package__)
     if addon and addon.preferences:
         _python_changed(addon.preferences, None)

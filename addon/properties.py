@@ -1,4 +1,4 @@
-"""What the artist sets: on the scene, on a view layer, on a light, on an object, on a material."""
+"""The properties that the artist sets: on the scene, on a view layer, on a light, on an object, on a material."""
 
 import bpy
 from bpy.app.handlers import persistent
@@ -6,20 +6,22 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProp
 
 
 def _changed(settings, context):
-    # Without this Blender hands the old values to the render: an add-on's properties
-    # reach evaluated data only when their owner is tagged.
+    # Without this tag Blender gives the old values to the render: an add-on's properties reach the evaluated data only
+    # when their owner is tagged.
     settings.id_data.update_tag()
 
 
 def _refraction_changed(settings, context):
-    # Written down, so that `caustics` tells this file from one of an earlier release.
+    # Store the value, so that `caustics_of` can tell this file from a file of an earlier release.
     if settings.refraction == 'FULL' and not settings.is_property_set("caustics"):
         settings.caustics = settings.caustics
     _changed(settings, context)
 
 
 def caustics_of(settings):
-    """The scene's caustics: files in which light bends and nothing was chosen are of releases that began with PAPER."""
+    """Return the scene's caustics setting. Files with bent light in which nothing was chosen come from early releases,
+    which had only PAPER.
+    """
     if settings.refraction == 'FULL' and not settings.is_property_set("caustics"):
         return 'PAPER'
     return settings.caustics
@@ -34,7 +36,7 @@ def _show_old_choices(_file):
 
 
 def _passes_changed(settings, context):
-    # Blender asks for the passes of an engine only when it is told to.
+    # Blender asks an engine for its passes only when it is told to do so.
     _changed(settings, context)
     for scene in bpy.data.scenes:
         for layer in scene.view_layers:
@@ -44,18 +46,18 @@ def _passes_changed(settings, context):
 class LightMeshesScene(bpy.types.PropertyGroup):
     mode: EnumProperty(
         name="Method",
-        description="How much of the light's way through the scene is followed",
+        description="Which shadows, reflections and refractions are computed",
         items=(
             ('LOCAL', "Local", "Light and surface only: no shadows, no reflections. Fastest, for a first look", 0),
             ('RAY_CASTING', "Ray Casting", "With shadows, without reflections", 1),
-            ('WHITTED', "Whitted Ray Tracing", "With shadows, and what is seen in mirrors and through glass, as in "
+            ('WHITTED', "Whitted Ray Tracing", "With shadows, mirrors and refraction through glass, as in "
              "T. Whitted's ray tracer of 1980. Surfaces do not light each other", 2),
         ),
         default='WHITTED', update=_changed,
     )
     shadows: EnumProperty(
         name="Shadow Method",
-        description="How the edge of a shadow is found",
+        description="How the edges of shadows are computed",
         items=(
             ('SHARP', "Sharp", "Every shadow has a hard edge", 0),
             ('LIGHT_MESHES', "Light Meshes", "Soft edges without noise: light is looked up at the nodes of a lattice "
@@ -73,8 +75,8 @@ class LightMeshesScene(bpy.types.PropertyGroup):
     )
     measure_frame: IntProperty(
         name="Measured at Frame",
-        description="At this frame the automatic step and the sizes of lights are measured, for all frames alike. "
-                    "Which frames are rendered does not change it. A file from before this setting has its first frame",
+        description="The automatic step and the radii from lights' sizes are measured at this frame and used for all "
+                    "frames, whichever are rendered. In files saved before this setting existed it is the first frame",
         min=-1048574, max=1048574, default=1, update=_changed,
     )
     h: FloatProperty(
@@ -95,10 +97,10 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         name="Node Weights",
         description="How the nodes around a point are averaged",
         items=(
-            ('UNIFORM', "Uniform", "All count the same: the method as published. With few nodes the gradation of "
-             "shadow edges shows fine steps", 0),
-            ('SMOOTH', "Smooth", "Nodes count less the farther they are: no steps, and edges that look "
-             "a little narrower at the same radius", 1),
+            ('UNIFORM', "Uniform", "All nodes have the same weight: the method as published. With few nodes the "
+             "gradation of shadow edges shows fine steps", 0),
+            ('SMOOTH', "Smooth", "Nodes have less weight the farther away they are: there are no steps, and edges "
+             "look a little narrower at the same radius", 1),
         ),
         default='SMOOTH', update=_changed,
     )
@@ -107,8 +109,8 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         description="Which rays bend where they enter or leave a closed mesh of glass",
         items=(
             ('NONE', "None", "All rays go straight on, as in OpenGL", 0),
-            ('VIEW', "View", "What is seen through glass is bent; shadows fall straight through it", 1),
-            ('FULL', "Full", "Shadows too: glass gathers and spreads light as a lens does. Slower", 2),
+            ('VIEW', "View", "Rays from the camera bend; light goes straight through glass", 1),
+            ('FULL', "Full", "Light bends too: glass gathers and spreads it as a lens does. Slower", 2),
         ),
         default='VIEW', update=_refraction_changed,
     )
@@ -116,25 +118,27 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         name="Soft Shadows at Glass",
         description="What a pane of glass does to the soft shadows beside it",
         items=(
-            ('BOUNDED', "Bounded", "Glass bounds the neighbourhood that is averaged, as any surface does: "
-             "no dark seam beside a pane", 0),
-            ('PAPER', "Paper", "The neighbourhood reaches through glass, dimmed by it: the method as published", 1),
+            ('BOUNDED', "Bounded", "The neighbourhood that is averaged ends at glass, as at any surface: "
+             "there is no dark seam beside a pane", 0),
+            ('PAPER', "Paper", "The neighbourhood goes on behind glass, where it counts less by the glass's "
+             "transparency: the method as published", 1),
         ),
         default='BOUNDED', update=_changed,
     )
     caustics: EnumProperty(
         name="Caustics",
-        description="How bright light is that glass has bent",
+        description="How the brightness of light that glass has bent is computed",
         items=(
-            ('PAPER', "Paper", "Each way through the glass counts with what the glass lets through, as published: "
+            ('PAPER', "Paper", "Each light path is multiplied only by the transparency of the glass, as published: "
              "behind a lens there is more light than fell on it", 0),
-            ('FOCUS', "Focus", "Ways also count with how closely glass gathers light: a lens makes a bright spot", 1),
+            ('FOCUS', "Focus", "Each path is also multiplied by how much the glass concentrates the light: "
+             "a lens makes a bright spot", 1),
         ),
         default='FOCUS', update=_changed,
     )
     leak_free: BoolProperty(
         name="No Leaks",
-        description="Keep light that comes through glass from behind a surface off that surface. Slower, takes memory",
+        description="A surface gets no light that comes through glass from behind it. Slower, and needs memory",
         default=False, update=_changed,
     )
     samples: IntProperty(
@@ -144,8 +148,8 @@ class LightMeshesScene(bpy.types.PropertyGroup):
     )
     shadow_rate: IntProperty(
         name="Shadow Rate",
-        description="Pixels between the points where soft light is computed. What lies between is interpolated where "
-                    "they agree, and computed where they do not. 1 computes all; 4 is faster with many lights",
+        description="How many pixels apart soft light is computed. Between these points it is interpolated where they "
+                    "agree, and computed where they do not. 1 computes it everywhere; 4 is faster with many lights",
         min=1, max=16, soft_max=8, default=1, update=_changed,
     )
     light_samples: IntProperty(
@@ -172,12 +176,12 @@ def _pass(name, description):
 
 
 class LightMeshesViewLayer(bpy.types.PropertyGroup):
-    use_pass_ambient: _pass("Ambient", "Deliver the world's light on surfaces, which is there in shadow too")
+    use_pass_ambient: _pass("Ambient", "Deliver the world's light on surfaces, which is not affected by shadows")
     use_pass_debug_candidates: _pass(
-        "Candidates", "Deliver how many nodes of the lattice were looked at, over all surfaces seen in the pixel")
+        "Candidates", "Deliver how many nodes of the lattice were tested, over all surfaces seen in the pixel")
     use_pass_debug_m: _pass(
         "Nodes (m)", "Deliver how many nodes of the lattice were averaged, over all surfaces seen in the pixel. "
-        "Where the visibility of nodes did not matter they are not counted")
+        "Nodes whose visibility did not matter are not counted")
     use_pass_debug_empty: _pass(
         "Empty Sets", "Deliver where no node of the lattice was found, so that the shadow is sharp")
     use_pass_debug_skipped: _pass(
@@ -186,11 +190,11 @@ class LightMeshesViewLayer(bpy.types.PropertyGroup):
 
 class LightMeshesLight(bpy.types.PropertyGroup):
     shadow_pass: _pass(
-        "Shadow Pass", "Deliver a pass of its own that shows how much of this light reaches each surface: "
-        "1 in its full light, 0 in its shadow. Lights that share this data share the pass, as their mean")
+        "Shadow Pass", "Deliver a separate pass that shows how much of this light reaches each surface: "
+        "1 in its full light, 0 in its shadow. Lights that share this data share the pass, which is their mean")
     soft_shadows: BoolProperty(
         name="Soft Shadows",
-        description="Let the shadows of this light have soft edges; without it they are sharp whatever the scene says",
+        description="Let the shadows of this light have soft edges. Without it they are always sharp",
         default=True, update=_changed,
     )
     softness: EnumProperty(
@@ -198,28 +202,28 @@ class LightMeshesLight(bpy.types.PropertyGroup):
         description="What sets the width of the edges of this light's shadows",
         items=(
             ('SCENE', "Scene", "The scene's step and quality, as for all lights", 0),
-            ('RADIUS', "Own Radius", "A radius of this light's own", 1),
-            ('LIGHT_SIZE', "Light Size", "The size of the light: edges as wide as a lamp of that size casts them "
-             "at one distance", 2),
+            ('RADIUS', "Own Radius", "A radius for this light alone", 1),
+            ('LIGHT_SIZE', "Light Size", "The size of the light: edges are as wide as those of a real lamp of this "
+             "size, at one distance", 2),
         ),
         default='SCENE', update=_changed,
     )
     radius: FloatProperty(
         name="Edge Radius",
         description="Half the width of the edges of this light's shadows. Larger makes them softer, and rendering "
-                    "slower where it is many steps (h) long: it may have 16. 0 makes them sharp",
+                    "slower if it is many steps (h) long: at most 16. 0 makes them sharp",
         subtype='DISTANCE', unit='LENGTH', min=0.0, soft_max=10.0, default=0.15, precision=4, update=_changed,
     )
     reference_distance: FloatProperty(
         name="Distance",
-        description="How far the shadow falls from what casts it, where the edges shall be as wide as the light's size "
-                    "makes them: farther is wider. 0 measures it from what the camera sees",
+        description="The distance between a caster and its shadow at which the edges are as wide as those of a real "
+                    "lamp of this size: farther is wider. 0 measures it from what the camera sees",
         subtype='DISTANCE', unit='LENGTH', min=0.0, soft_max=100.0, default=0.0, precision=4, update=_changed,
     )
 
 
 def _surface_switches(whose: str, other: str) -> dict:
-    """The two switches of an object, and of a material."""
+    """Return the two soft-shadow switches of an object, or of a material."""
     return {
         "cast_soft_shadows": BoolProperty(
             name="Cast Soft Shadows",
@@ -240,7 +244,7 @@ class LightMeshesObject(bpy.types.PropertyGroup):
 
 def _override_switched(name):
     def update(settings, context):
-        # Start from what the picture showed, unless a value was given before.
+        # Start with the translated value that the picture showed, unless the property was set before.
         if getattr(settings, f"override_{name}") and not settings.is_property_set(name):
             from .export.materials import translated_value
 
@@ -249,10 +253,10 @@ def _override_switched(name):
     return update
 
 
-# The parameters of Whitted's shading that a material's nodes are translated to, and that may be overridden.
+# The parameters of Whitted's shading that a material's nodes are translated to, and that the artist may override.
 PARAMETERS = {
     "ka": FloatProperty(
-        name="Ambient", description="How much of the world's color the surface returns, in shadow too",
+        name="Ambient", description="How much of the world's color the surface reflects, in shadow too",
         min=0.0, soft_max=1.0, default=1.0, update=_changed),
     "kd": FloatProperty(
         name="Diffuse", description="How bright the surface is where light falls on it",
@@ -283,8 +287,8 @@ PARAMETERS = {
         "An open mesh is a thin sheet and bends nothing",
         min=0.01, max=100.0, soft_min=1.0, soft_max=3.0, default=1.0, update=_changed),
     "fresnel": BoolProperty(
-        name="Fresnel", description="Reflect more and let less through the flatter a ray comes in, as real glass does; "
-        "without it Mirror and Transparency are the same from all sides",
+        name="Fresnel", description="At flat angles reflect more light and let less through, as real glass does. "
+        "Without it Mirror and Transparency are the same at all angles",
         default=False, update=_changed),
     "alpha": FloatProperty(
         name="Alpha", description="How much of the surface is there: 0 is a hole", min=0.0, max=1.0, default=1.0,
@@ -293,8 +297,8 @@ PARAMETERS = {
 
 
 PRIORITY = IntProperty(
-    name="Priority", description="Where closed meshes of glass overlap, the one with the highest priority is there: "
-    "give the glass more than the water in it", min=0, max=100, default=0, update=_changed)
+    name="Priority", description="Where closed meshes of glass overlap, the one with the highest priority counts: "
+    "give a glass a higher priority than the water in it", min=0, max=100, default=0, update=_changed)
 
 
 class LightMeshesMaterial(bpy.types.PropertyGroup):
@@ -306,11 +310,13 @@ class LightMeshesMaterial(bpy.types.PropertyGroup):
     }
 
 
-translated: dict[int, dict] = {}  # what the panel of the material with this session_uid found
+translated: dict[int, dict] = {}  # the translated values for the panel, by the material's session_uid
 
 
 def _translated(name):
-    """What shows a color as it is: Blender dims those that cannot be changed. To change it is to override it."""
+    """Return a color property that shows a translated value. It can be edited, because Blender dims colors that cannot;
+    an edit makes it an override.
+    """
     def override(own, value):
         settings = own.id_data.light_meshes
         setattr(settings, name, value)
@@ -319,7 +325,7 @@ def _translated(name):
 
 
 class LightMeshesTranslated(bpy.types.PropertyGroup):
-    """The colors that a material's nodes are translated to, for the panel to show."""
+    """The colors that result from a material's nodes, for the panel to show."""
 
     __annotations__ = {
         name: FloatVectorProperty(

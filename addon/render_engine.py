@@ -1,4 +1,4 @@
-"""The render engine that Blender sees."""
+"""The render engine class that Blender uses."""
 
 import atexit
 import traceback
@@ -12,9 +12,10 @@ from . import console, observers, passes, session, step, viewport
 from .export import ExportError
 from .job import Cancelled, Job
 
-# What Blender does with a picture. There is none where only a snapshot is written: Freestyle would end Blender.
+# Settings that make Blender process a picture. They are off while only a snapshot is written: there is no picture then,
+# and Freestyle would crash Blender.
 _AROUND = ("use_compositing", "use_sequencer", "use_freestyle", "use_stamp")
-_SLOT = "Snapshot"  # of the render result: what is exported without being rendered leaves an empty picture
+_SLOT = "Snapshot"  # the slot of the render result for exports, which leave an empty picture
 
 
 class LightMeshesEngine(bpy.types.RenderEngine):
@@ -27,7 +28,8 @@ class LightMeshesEngine(bpy.types.RenderEngine):
 
     _viewport: viewport.Viewport | None = None
 
-    export_to: ClassVar[Path | None] = None  # export there and render nothing, as the headless driver may want
+    # if set, export into this folder and render nothing; the headless driver uses it
+    export_to: ClassVar[Path | None] = None
 
     def update_render_passes(self, scene=None, renderlayer=None):
         for p in passes.wanted(scene, renderlayer):
@@ -40,12 +42,12 @@ class LightMeshesEngine(bpy.types.RenderEngine):
                 if not self.export_to:
                     job.render()
         except Cancelled:
-            pass  # Blender knows
-        except KeyboardInterrupt:  # Ctrl-C where Python is the host; Blender would not know that it ended early
+            pass  # Blender knows about it already
+        except KeyboardInterrupt:  # Ctrl-C with Python as the host; Blender would not know that the render ended early
             self._fail("The render was interrupted", "")
         except (ExportError, session.EngineError) as e:
             self._fail(str(e), getattr(e, "log", ""))
-        except Exception as e:  # the boundary: Blender itself would finish with an empty picture
+        except Exception as e:  # the last place to catch it: otherwise Blender would finish with an empty picture
             self._fail(f"The Light Meshes add-on failed: {type(e).__name__}: {e}", traceback.format_exc())
 
     def view_update(self, context, depsgraph):
@@ -63,20 +65,20 @@ class LightMeshesEngine(bpy.types.RenderEngine):
             return
         if log:
             console.say(f"Light Meshes, the end of the log:\n{log}")
-        self.report({'ERROR'}, console.shown(message))  # exit code 1
-        self.error_set(console.shown(message))  # in the picture's window
+        self.report({'ERROR'}, console.shown(message))  # this makes Blender's exit code 1
+        self.error_set(console.shown(message))  # this shows it in the picture's window
         observers.notify(event="error", message=message)
 
 
 def export_frame(scene, folder: Path) -> None:
-    """Export the current frame of `scene` as a render sees it into `folder`, and render nothing.
+    """Export the current frame of `scene` into `folder`, as a render sees it, and render nothing.
 
-    Through a render, because only a render sees the objects and modifiers that are meant for it. It must not touch
-    the artist's last picture, nor write files.
+    The export runs inside a render, because only a render sees the objects and modifiers that are enabled for renders.
+    The render must neither change the artist's last picture nor write files.
     """
     render = scene.render
     before = {name: getattr(render, name) for name in _AROUND}
-    # Of several layers, the one that is seen; all would write the same files.
+    # If there are several layers, only the visible one writes files; all of them would write the same.
     layers = sorted((layer for layer in scene.view_layers if layer.use), key=lambda one: one != bpy.context.view_layer)
     if not layers:
         raise RuntimeError(f"Scene '{scene.name}' renders no view layer: switch Use for Rendering on")
@@ -99,7 +101,7 @@ def export_frame(scene, folder: Path) -> None:
 
 @persistent
 def _another_file(*_):
-    session.statistics = {}  # they were of the file before
+    session.statistics = {}  # these were of the previous file
     session.forget()
 
 

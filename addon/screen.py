@@ -1,4 +1,4 @@
-"""What is drawn into the region of a 3D view: a picture, pixels → a texture; and a sentence instead of one."""
+"""Drawing into the region of a 3D view: a picture, which is uploaded as a texture, or a sentence instead of it."""
 
 import blf
 import gpu
@@ -7,15 +7,17 @@ from gpu_extras.presets import draw_texture_2d
 
 
 class Picture:
-    """The last picture of a 3D view. `draw` is for Blender's draw callback; `put` may be called any time."""
+    """The last picture of a 3D view. Call `draw` only from Blender's draw callback; `put` may be called at any time."""
 
     def __init__(self) -> None:
-        self._pixels: np.ndarray | None = None  # not on the graphics card yet
+        self._pixels: np.ndarray | None = None  # pixels that are not on the graphics card yet
         self._texture = None
         self._corners = (0.0, 0.0, 0.0, 0.0)
 
     def put(self, pixels: np.ndarray, corners: tuple[float, float, float, float]) -> None:
-        """Show `pixels` (h,w,4), scene-linear, premultiplied, rows bottom-up, between these corners of the region."""
+        """Show `pixels` between these corners of the region. They have the shape (h,w,4), are scene-linear and
+        premultiplied, and begin with the bottom row.
+        """
         self._pixels, self._corners = np.ascontiguousarray(pixels, np.float32), corners
 
     def clear(self) -> None:
@@ -23,7 +25,7 @@ class Picture:
         self._pixels = self._texture = None
 
     def draw(self, engine, scene) -> None:
-        """Draw what there is, through the scene's view transform."""
+        """Draw the picture, if there is one, through the scene's view transform."""
         if self._pixels is not None:
             height, width = self._pixels.shape[:2]
             buffer = gpu.types.Buffer('FLOAT', self._pixels.size, self._pixels.ravel())
@@ -40,7 +42,7 @@ class Picture:
 
 
 def sentence(context, text: str) -> None:
-    """Draw `text` below the middle of the region, right of the toolbar, in as many lines as it needs."""
+    """Draw `text` below the middle of the region, to the right of the toolbar, on as many lines as it needs."""
     region, scale, font = context.region, context.preferences.system.ui_scale, 0
     margin = 20 * scale
     left = margin + max([0, *(r.x + r.width - region.x for r in context.area.regions if r.type == 'TOOLS')])

@@ -1,13 +1,12 @@
-"""The engine's process: start, send, poll, cancel, end. Knows nothing of Blender.
+"""The engine's process: start it, send commands, poll for events, cancel, end it. This module does not use Blender.
 
-One JSON object a line goes each way; the protocol is described in the engine's `service` module. The process is
-kept between renders. It owns the folder that both sides share and ends by itself when its stdin closes, so it
-does not outlive Blender, however Blender ends.
+In each direction one line holds one JSON object; the protocol is described in the engine's `service` module. The
+process is kept between renders. It owns the folder that both sides share. It ends by itself when its stdin closes, so
+it never outlives Blender, whatever ends Blender.
 """
 
 import collections
 import contextlib
-import errno
 import json
 import os
 import queue
@@ -15,35 +14,27 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from . import console, events
+from . import console, engine_python, events
 
-MODULE = "light_meshes.frontends.service"
-# Nothing of the current folder is run, which Python's -m would put in front; every Python knows this, unlike -P.
-_START = f"import sys; sys.path[:] = [p for p in sys.path if p]; import runpy; runpy.run_module({MODULE!r}, " \
-    "run_name='__main__')"
-# Blender's own Python looks for packages where Blender does. Blender's path alone has those of an extension, and none
-# that the user has for another Python.
-_OWN_START = f"import sys; sys.path[:] = dict.fromkeys(sys.argv[1:] + sys.path); {_START}"
-POLITENESS = 5  # POSIX's niceness of a polite engine
+POLITENESS = 5  # POSIX niceness of a polite engine
 LAST_EVENTS = events.LAST
-# What may be behind the signal that ended an engine.
+# Likely reasons for a signal that ended the engine.
 _REASONS = {getattr(signal, "SIGKILL", None): "The system may have run out of memory",
             getattr(signal, "SIGBUS", None): "The disk may be full",
             signal.SIGSEGV: "It crashed, perhaps for want of memory",
             signal.SIGABRT: "It crashed, perhaps for want of memory"}
 _OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment",
                             re.IGNORECASE)
-LISTENED_SECONDS = 2.0  # for which we must have listened without a pause before an engine is called silent
+LISTENED_SECONDS = 2.0  # we must have listened for this long without a pause before an engine is called silent
 
 
 class EngineError(Exception):
-    """The engine did not do it. The message is for the artist; `log` is the end of the engine's log."""
+    """The engine could not carry out a command. The message is for the artist; `log` is the end of the engine's log."""
 
     def __init__(self, message: str, log: str = "") -> None:
         super().__init__(message)
@@ -51,11 +42,13 @@ class EngineError(Exception):
 
 
 class EngineGone(EngineError):  # noqa: N818  what it says, not what to call it
-    """The engine's process has ended, or hangs. Another one may do it."""
+    """The engine's process has ended or hangs. A new process may succeed."""
 
 
 def timeout() -> float:
-    """Seconds of silence after which an engine hangs: it says "alive" every second."""
+    """Return the seconds of silence after which an engine counts as hanging. A working engine says "alive" every
+    second.
+    """
     text = os.environ.get("LIGHT_MESHES_TIMEOUT", "60")
     with contextlib.suppress(ValueError):
         if float(text) > 0:
@@ -64,29 +57,29 @@ def timeout() -> float:
 
 
 class Session:
-    """A running engine. Made and used by one thread at a time.
+    """A running engine. Only one thread at a time may use it.
 
-    `polite`: it lets Blender go first where both want the processor.
+    `polite`: give the process a lower priority, so that Blender goes first if both need the processor.
     """
 
     def __init__(self, python: str, polite: bool = False) -> None:
-        self.python, self.temporary = python, _temporary
-        self.folder: Path | None = None  # shared with the engine, known once it is ready
-        self.keeps = False  # what it prepared for the last render, for the next one
+        self.python, self.temporary = python, engine_python.temporary()
+        self.folder: Path | None = None  # shared with the engine; known once the engine is ready
+        self.keeps = False  # whether it keeps what it prepared for the last render, for the next one
         self._number = 0
         self._folders = 0
-        self._changed = threading.Condition()  # guards the next two
+        self._changed = threading.Condition()  # guards the next two attributes
         self._unfinished: set[int] = set()
-        self._closed = False  # nothing more will come
+        self._closed = False  # no more output will come
         self._events: queue.Queue[dict | None] = queue.Queue()
         self._log: collections.deque[str] = collections.deque(maxlen=60)
-        timeout()  # raises where it is none
+        timeout()  # raises an error now if the variable is wrong
         console.keep_standard_streams()
         try:
-            # Only this process holds the other ends of the pipes: close_fds is subprocess's default.
+            # No other process has the other ends of the pipes, because close_fds is subprocess's default.
             self._process = subprocess.Popen(
-                _command(python), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                env=_environment(), text=True, encoding="utf-8", errors="replace",
+                engine_python.command(python), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                env=engine_python.environment(), text=True, encoding="utf-8", errors="replace",
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
                 | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if polite else 0),
             )
@@ -94,40 +87,42 @@ class Session:
             raise EngineError(f"The Light Meshes engine cannot start: {python} cannot be run ({e.strerror}). "
                               "Choose another Python in the add-on's preferences") from e
         if polite and hasattr(os, "setpriority"):
-            with contextlib.suppress(OSError):  # it ended at once; poll says so
+            with contextlib.suppress(OSError):  # the process ended at once; `poll` reports it
                 os.setpriority(os.PRIO_PROCESS, self._process.pid, POLITENESS)
         self._heard = self._looked = self._listens_since = time.monotonic()
-        # Threads, because Windows cannot wait for a pipe with a timeout.
+        # Threads are used because Windows cannot wait for a pipe with a timeout.
         self._readers = [threading.Thread(target=f, daemon=True) for f in (self._read_events, self._read_log)]
         for reader in self._readers:
             reader.start()
 
     @property
     def alive(self) -> bool:
-        """Whether it runs, and no cleaner of temporary files took the shared folder away."""
+        """Return whether the process runs, and its shared folder still exists (a cleaner of temporary files may have
+        removed it).
+        """
         running = self._process.poll() is None and not self._closed
         return running and (self.folder is None or self.folder.is_dir())
 
     @property
     def usable(self) -> bool:
-        """Whether another command may be sent: it lives and is heard of, and nothing is left that was cancelled but
-        goes on.
+        """Return whether another command may be sent: the process is alive and answers, and no cancelled command is
+        still running.
         """
         return self.alive and not self._unfinished and self._silence <= timeout()
 
     @property
     def _silence(self) -> float:
-        """Seconds since the engine's last word; what we say to it does not count."""
+        """Return the seconds since the engine's last message; messages to the engine do not count."""
         return time.monotonic() - self._heard
 
     def ends_within(self, seconds: float) -> bool:
-        """Whether it is not alive, or not any more in so many seconds."""
+        """Return whether the process has ended, or ends within this many seconds."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(seconds)
         return not self.alive
 
     def new_folder(self) -> Path:
-        """A new folder in the shared one, for the snapshots and the framebuffer of one job."""
+        """Make a new folder inside the shared one, for the snapshots and the framebuffer of one job."""
         assert self.folder, "the engine is not ready yet"
         self._folders += 1
         folder = self.folder / f"job-{self._folders}"
@@ -135,7 +130,7 @@ class Session:
         return folder
 
     def send(self, command: str, **arguments) -> int:
-        """Send a command; the number that its events will carry."""
+        """Send a command, and return the number that its events will carry."""
         self._number += 1
         with self._changed:
             self._unfinished.add(self._number)
@@ -143,9 +138,11 @@ class Session:
         return self._number
 
     def poll(self, seconds: float) -> dict | None:
-        """The next event, or None if there was none for `seconds`. Raises EngineGone when the engine is gone."""
+        """Return the next event, or None if none arrived within `seconds`. Raises EngineGone if the engine has ended or
+        hangs.
+        """
         now = time.monotonic()
-        if now - self._looked > 1:  # Blender was busy, or the machine asleep: what was said may not be read yet
+        if now - self._looked > 1:  # Blender was busy, or the machine asleep; there may be output that was not read yet
             self._listens_since = now
         self._looked = now
         try:
@@ -160,9 +157,9 @@ class Session:
         return event
 
     def cancel(self, number: int, seconds: float) -> None:
-        """Ask the engine to give command `number` up and wait for it, but no longer than `seconds`.
+        """Ask the engine to cancel command `number`, and wait for this for at most `seconds`.
 
-        An engine that goes on after that is ended in the background.
+        An engine that is still busy after that is ended in the background.
         """
         if self._ended(number, 0):
             return
@@ -171,7 +168,7 @@ class Session:
             in_background(lambda: self._ended(number, 10 * seconds) or self.kill())  # type: ignore[func-returns-value]
 
     def ask_to_cancel(self, number: int) -> None:
-        """Ask the engine to give command `number` up, and go on without waiting."""
+        """Ask the engine to cancel command `number`, without waiting."""
         self._write(command="cancel", id=number)
 
     def _ended(self, number: int, seconds: float) -> bool:
@@ -180,13 +177,13 @@ class Session:
 
     @property
     def log(self) -> str:
-        """The end of the engine's log."""
+        """Return the end of the engine's log."""
         return "\n".join(self._log)
 
     def end(self, patience: float = 2.0) -> None:
-        """End the process by request, then by signal, and see that its folder is gone."""
+        """End the process, first by request and then by signal, and make sure that its folder is removed."""
         self._write(command="quit")
-        with contextlib.suppress(OSError), _broken_pipe_survived():  # what was not sent cannot be
+        with contextlib.suppress(OSError), _broken_pipe_survived():  # the rest cannot be sent
             self._process.stdin.close()  # type: ignore[union-attr]  # a request too, which waits for no render to end
         for insist in (self._process.terminate, self._process.kill):
             try:
@@ -204,7 +201,7 @@ class Session:
         self.end()
 
     def _write(self, **message) -> None:
-        # When it has ended, poll says so, with the log.
+        # If it has ended, `poll` says so, together with the log.
         with contextlib.suppress(OSError, ValueError), _broken_pipe_survived():
             print(json.dumps(message), file=self._process.stdin, flush=True)
 
@@ -235,17 +232,17 @@ class Session:
             self._log.append(line[:1000].rstrip())
 
     def gone(self) -> EngineError:
-        """Why it is not alive."""
+        """Return the error that says why the process is not alive."""
         if self.folder and self._process.poll() is None and not self._closed:
             return EngineGone(f"The folder {self.folder} of the Light Meshes engine has been removed", self.log)
         try:
             self._process.wait(1.0)
-        except subprocess.TimeoutExpired:  # it closed its output, and lives
+        except subprocess.TimeoutExpired:  # it closed its output but still runs
             self._process.kill()
             self._process.wait()
-        self._readers[1].join(1.0)  # the log's last lines say why
+        self._readers[1].join(1.0)  # the last lines of the log give the reason
         log = self.log
-        lacking = lacks_package(self.python, log)
+        lacking = engine_python.lacks_package(self.python, log)
         if lacking:
             return EngineError(lacking, log)
         code = self._process.returncode
@@ -258,13 +255,15 @@ class Session:
 
 
 def _lines(stream) -> Iterator[str]:
-    """The lines of a stream; what never ends one comes in parts."""
+    """Yield the lines of a stream. A line that is too long comes in parts."""
     return iter(lambda: stream.readline(events.LONGEST), "")
 
 
 @contextlib.contextmanager
 def _broken_pipe_survived():
-    """Blender leaves SIGPIPE as it is, unlike Python's own program: writing to an engine that died would end it."""
+    """Ignore SIGPIPE meanwhile. Blender, unlike Python's own program, leaves it on, and writing to an engine that has
+    died would end Blender.
+    """
     if not hasattr(signal, "SIGPIPE"):
         yield
         return
@@ -277,95 +276,19 @@ def _broken_pipe_survived():
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def lacks_package(python: str, text: str) -> str:
-    """The sentence for an import that failed, if `text` tells of one, or an empty string."""
-    found = re.search(r"No module named '?([\w.]+)'?", text)
-    if not found:
-        return ""
-    how = f"Install the engine with '{python} -m pip install light-meshes'"
-    if _installed and python == sys.executable:
-        how = f"Install the add-on's zip for this system and Python {sys.version_info[0]}.{sys.version_info[1]}"
-    return (f"The Light Meshes engine cannot start: {python} has no package '{found[1].split('.')[0]}'. {how}, "
-            "or choose another Python in the add-on's preferences")
-
-
-# What an engine is for; each has its own, as they are used by several threads.
+# The purposes of engines. Each purpose has its own engine, because different threads use them.
 RENDER, PREVIEW, MEASURE = "render", "preview", "measure"
 
-_python = ""
-_installed = False
-_temporary = ""
 _sessions: dict[str, Session] = {}
 _enders: list[threading.Thread] = []
-statistics: dict = {}  # of the last render: its "scene" and "frame", and what the engine gave
-
-
-def set_python(python: str) -> None:
-    """Remember the Python that the artist chose; an empty string means this one."""
-    global _python
-    _python = python
-
-
-def engine_python() -> str:
-    """The Python that runs the engine."""
-    return os.environ.get("LIGHT_MESHES_PYTHON") or _python or sys.executable
-
-
-def set_installed(installed: bool) -> None:
-    """Remember whether the add-on came as a zip, which holds the engine as well."""
-    global _installed
-    _installed = installed
-
-
-def set_temporary(folder: str) -> None:
-    """Remember the folder where the next engines make theirs, the one that Blender's preferences name."""
-    global _temporary
-    _temporary = folder
-
-
-def _command(python: str) -> list[str]:
-    if python != sys.executable:
-        return [_program(python), "-c", _START]
-    named, here = _python_path(), os.path.realpath(_current_folder())
-    paths = [p for p in sys.path if p and Path(p).exists() and (p in named or os.path.realpath(p) != here)]
-    return [python, "-I", "-c", _OWN_START, *(str(Path(p).absolute()) for p in paths)]
-
-
-def _program(name: str) -> str:
-    """The program that `name` means, which is never one of the current folder, unless its path is given."""
-    if Path(name).name != name:
-        return name
-    for folder in os.get_exec_path():
-        found = Path(folder).is_absolute() and shutil.which(str(Path(folder, name)))
-        if found:
-            return found
-    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
-
-
-def _current_folder() -> str:
-    try:
-        return os.getcwd()  # noqa: PTH109
-    except OSError:  # it was removed
-        return ""
-
-
-def _python_path() -> list[str]:
-    """The folders that PYTHONPATH names; an empty entry or "." would be the current one."""
-    return [p for p in os.environ.get("PYTHONPATH", "").split(os.pathsep) if p and os.path.normpath(p) != os.curdir]
-
-
-def _environment() -> dict[str, str]:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(_python_path())}  # an empty one counts as none
-    if _temporary:
-        environment["TMPDIR"] = _temporary  # on Windows, too, it comes before TEMP
-    return environment
+statistics: dict = {}  # of the last render: the engine's figures, and its "scene" and "frame"
 
 
 def current(purpose: str = RENDER) -> Session:
-    """The engine for `purpose`, started if need be. It may not be ready yet: poll it."""
-    python = engine_python()
+    """Return the engine for `purpose`, and start it if necessary. It may not be ready yet; poll it."""
+    python = engine_python.chosen()
     session = _sessions.get(purpose)
-    if session and not (session.usable and session.python == python and session.temporary == _temporary):
+    if session and not (session.usable and session.python == python and session.temporary == engine_python.temporary()):
         discard(purpose)
     if purpose not in _sessions:
         _sessions[purpose] = Session(python)
@@ -373,27 +296,29 @@ def current(purpose: str = RENDER) -> Session:
 
 
 def forget() -> None:
-    """What was kept between renders is of no use any more, and large."""
+    """Drop what was kept between renders, when it is of no more use; it is large."""
     for purpose in [p for p, session in _sessions.items() if session.keeps]:
         discard(purpose)
 
 
 def discard(purpose: str = RENDER) -> None:
-    """Give the engine for `purpose` up without waiting: a thread ends it."""
+    """Give up the engine for `purpose` without waiting; a thread ends it."""
     session = _sessions.pop(purpose, None)
     if session:
         in_background(session.kill)
 
 
 def in_background(end_one: Callable[[], object]) -> None:
-    """Have an engine ended by a thread."""
+    """Run a function that ends an engine in a new thread."""
     _enders[:] = [thread for thread in _enders if thread.is_alive()]
     _enders.append(threading.Thread(target=end_one))
     _enders[-1].start()
 
 
 def end() -> None:
-    """End all engines in good order, and wait until all are gone: an uninstallation is to find no file in use."""
+    """End all engines in an orderly way, and wait until they are gone. Otherwise an uninstallation would find files in
+    use.
+    """
     while _sessions:
         _sessions.popitem()[1].end()
     for thread in _enders:

@@ -1,7 +1,8 @@
-"""What is measured once for a whole animation, always at one frame: the automatic step, the lights' radii.
+"""Measure once for a whole animation, always at the same frame: the automatic step and the lights' radii.
 
-So all frames have the same, in whichever order and parts they are rendered, on however many machines. Which frame it
-is stands in the file (`measure_frame`): the scene's range of frames is changed by whoever cuts a job.
+So all frames have the same values, in whatever order and parts and on however many machines they are rendered. The file
+says which frame is used (`measure_frame`). The scene's frame range cannot be used for this, because jobs for parts of
+an animation change it.
 """
 
 import contextlib
@@ -10,7 +11,7 @@ from functools import cache
 import bpy
 from bpy.app.handlers import persistent
 
-# Modifiers that are the same in all frames where the mesh and the objects that they name are.
+# Modifiers whose result is the same in all frames if the mesh and the objects that they refer to do not change.
 _STILL = {
     'ARMATURE', 'ARRAY', 'BEVEL', 'BOOLEAN', 'CAST', 'CORRECTIVE_SMOOTH', 'CURVE', 'DATA_TRANSFER', 'DECIMATE',
     'EDGE_SPLIT', 'HOOK', 'LAPLACIANDEFORM', 'LAPLACIANSMOOTH', 'LATTICE', 'MASK', 'MESH_DEFORM', 'MIRROR', 'MULTIRES',
@@ -18,14 +19,16 @@ _STILL = {
     'SURFACE_DEFORM', 'TRIANGULATE', 'UV_PROJECT', 'UV_WARP', 'WEIGHTED_NORMAL', 'WELD', 'WIREFRAME',
 }
 _HANDLERS = ("frame_change_pre", "frame_change_post", "depsgraph_update_pre", "depsgraph_update_post", "render_pre")
-_measured: dict[str, dict] = {}  # of the render job that is going on
+_measured: dict[str, dict] = {}  # values of the current render job
 
 
 def for_frame(job) -> dict[str, dict]:
-    """The overrides to export the current frame of `job` with. Empty: what the snapshot says by itself is right."""
+    """Return the overrides for exporting the current frame of `job`. They are empty if the snapshot alone gives the
+    right values.
+    """
     scene = job.depsgraph.scene
     own = job.depsgraph.scene_eval.light_meshes
-    auto_h = own.auto_h  # of the evaluated scene nothing is left once another frame is set
+    auto_h = own.auto_h  # read it now: setting another frame invalidates the evaluated scene
     if own.shadows != 'LIGHT_MESHES' or own.mode == 'LOCAL' or not (auto_h or _sized_lights(job.depsgraph)):
         return {}
     engine, frame, subframe, at = job.engine, scene.frame_current, scene.frame_subframe, measure_frame(scene)
@@ -35,8 +38,8 @@ def for_frame(job) -> dict[str, dict]:
     here = (frame == at and not subframe) or not moves
     alone = sum(layer.use for layer in scene.view_layers) == 1
     if alone and here and not (moves and engine.is_animation):
-        return {}  # the engine measures what it renders
-    key = scene.name_full  # layers that are put together must have the same: the first one's
+        return {}  # the engine measures the frame that it renders
+    key = scene.name_full  # all view layers of a picture must use the same values: those of the first one
     if key not in _measured:
         try:
             if not here:
@@ -49,20 +52,20 @@ def for_frame(job) -> dict[str, dict]:
     found = _measured[key]
     return {
         "settings": {"measured_h": found["h"]} if auto_h else {},
-        # A light whose size has no effect there, as nothing is in its way, has the scene's radius.
+        # A light whose size has no effect at that frame, because nothing blocks it, gets the scene's radius.
         "sized lights": {light: {"softness": 'SCENE'} if r is None else {"softness": 'RADIUS', "soft_radius": r}
                          for light, r in found["radii"].items()},
     }
 
 
 def _sized_lights(depsgraph) -> bool:
-    """Whether the size of any light is to set the width of its shadows' edges."""
+    """Return whether the size of any light sets the width of its shadows' edges."""
     return any(isinstance(block, bpy.types.Light) and block.light_meshes.softness == 'LIGHT_SIZE'
                for block in depsgraph.ids)
 
 
 def may_move(depsgraph) -> bool:
-    """Whether frames may differ: False only when nothing in the scene could."""
+    """Return whether frames may differ. It is False only if nothing in the scene can change."""
     scene = depsgraph.scene
     if scene.rigidbody_world or any(m.camera for m in scene.timeline_markers) or any(
             getattr(bpy.app.handlers, name) for name in _HANDLERS):
@@ -71,7 +74,9 @@ def may_move(depsgraph) -> bool:
 
 
 def _may_move(block) -> bool:
-    """Constraints count, as caches, tracks and targets move what they hold."""
+    """Return whether a data block may change from frame to frame. Constraints count, because caches, tracks and targets
+    move their owner.
+    """
     for owner in (block, getattr(block, "shape_keys", None), getattr(block, "node_tree", None)):
         if getattr(owner, "animation_data", None):
             return True
@@ -86,7 +91,9 @@ def _forget(*_):
 
 
 def measure_frame(scene) -> int:
-    """The frame at which is measured. Where the file does not say, its first one, and 1 of what is not saved yet."""
+    """Return the frame to measure at. A file without this setting uses the first frame of its range; a scene that is
+    not saved yet uses 1.
+    """
     own = scene.light_meshes
     if own.is_property_set("measure_frame") or not bpy.data.filepath:
         return own.measure_frame
@@ -95,9 +102,11 @@ def measure_frame(scene) -> int:
 
 @cache
 def _first_frames(file: str) -> dict[str, int]:
-    """Scene → its first frame in the file; what is in memory `blender -s` or a script may have changed.
+    """Return scene name → first frame, read from the file. The values in memory may have been changed by `blender -s`
+    or a script.
 
-    Needed where the add-on was enabled later than that. Blender's own reader finds the current scene, or nothing.
+    This is needed if the add-on was enabled after such a change. Blender's own reader finds only the current scene, or
+    nothing.
     """
     import blend_render_info
 

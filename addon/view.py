@@ -1,4 +1,4 @@
-"""What a 3D view shows: the engine's camera, and where in the region its picture belongs."""
+"""The view of a 3D view: the engine's camera, and the place of its picture in the region."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,9 @@ from .export import Report, camera
 
 
 class Final:
-    """What `camera.frame` asks of an engine, for the picture that a render would give, through camera `eye`."""
+    """The attributes of a render engine that `camera.frame` needs, for the picture that a render through camera `eye`
+    would give.
+    """
 
     def __init__(self, scene, eye=None) -> None:
         self.camera_override = eye
@@ -19,24 +21,25 @@ class Final:
 
 
 class View(NamedTuple):
-    """A camera as the engine's `view` command takes it, and its picture's corners in the region's pixels."""
+    """A camera in the form of the engine's `view` command, and the corners of its picture in pixels of the region."""
 
     camera: dict
     corners: tuple[float, float, float, float]  # x0, y0, x1, y1
 
 
 def current(context, scene, depsgraph) -> View | None:
-    """The view of the region that is drawn, or None where a render border leaves nothing to be seen."""
+    """Return the view of the region that is being drawn, or None if a render border leaves nothing visible."""
     region, space, view = context.region, context.space_data, context.region_data
     size = pixel_size(context, scene)
-    # Whole pixels of the picture; the last ones may reach out of the region.
+    # Use whole pixels of the picture; the last ones may reach beyond the region.
     width, height = math.ceil(region.width / size), math.ceil(region.height / size)
-    # As Blender draws its overlays, in a camera's view, with its frame moved or zoomed, and in all others.
+    # These formulas are Blender's own for its overlays: in a camera's view, where the frame may be moved or zoomed, and
+    # in all other views.
     projection = np.array(view.window_matrix, np.float64)
     perspective = bool(view.is_perspective)
     offset = projection[:2, 2] if perspective else -projection[:2, 3]
     low, high = (offset - 1) / projection.diagonal()[:2], (offset + 1) / projection.diagonal()[:2]
-    unit = (high - low) / (region.width, region.height)  # lengths of a pixel of the region
+    unit = (high - low) / (region.width, region.height)  # size of a pixel of the region
     high = low + unit * size * (width, height)
     matrix = np.linalg.inv(np.array(view.view_matrix, np.float64))
     matrix[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
@@ -60,7 +63,7 @@ def current(context, scene, depsgraph) -> View | None:
 
 
 def pixel_size(context, scene) -> int:
-    """Pixels of the screen for one of the picture, along a side."""
+    """Return how many pixels of the screen one pixel of the picture has along a side."""
     chosen = scene.render.preview_pixel_size
     if chosen != 'AUTO':
         return int(chosen)
@@ -72,11 +75,12 @@ def _clip(space, eye, perspective: bool) -> tuple[float, float]:
         return eye.data.clip_start, eye.data.clip_end
     if perspective:
         return space.clip_start, space.clip_end
-    return -space.clip_end / 2, space.clip_end / 2  # an orthographic view has no eye: it sees behind itself too
+    # an orthographic view has no eye point, so it also sees what is behind it
+    return -space.clip_end / 2, space.clip_end / 2
 
 
 def _border(space, scene, region, eye, depsgraph, low, unit) -> np.ndarray | None:
-    """x0, y0, x1, y1 of the render border in the region's pixels, or None without one."""
+    """Return x0, y0, x1, y1 of the render border in pixels of the region, or None if there is no border."""
     render = scene.render
     if eye:
         if not render.use_border:

@@ -1,11 +1,11 @@
-"""A rendered 3D view: exports what changed, asks the engine for pictures, and draws the last one.
+"""A rendered 3D view: it exports changes, asks the engine for pictures, and draws the last picture.
 
-Blender calls `update` when data changed and `draw` whenever the region is drawn; between them a timer hears what
-the engine says. Nothing here waits: an export goes on slice by slice, each with a redraw of its own.
+Blender calls `update` when data changed, and `draw` whenever the region is drawn. Between these calls a timer reads the
+engine's events. Nothing here blocks: a long export is done in slices, and each slice is followed by a redraw.
 
-What was begun is seen before anything newer is begun, so that a view whose scene changes without a pause shows one
-picture after the other, however slow they are: export, ask, show the first picture, then export what has changed.
-Only a picture that has been seen is given up for a newer one.
+Each step is finished and shown before a newer one begins: export, ask, show the first picture, then export what has
+changed meanwhile. So a view whose scene changes without a pause shows one picture after the other, however slow they
+are. A picture is cancelled for a newer one only after it has been shown once.
 """
 
 from __future__ import annotations
@@ -22,63 +22,66 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import console, screen, session, view
+from . import console, engine_python, screen, session, view
 from .export import ExportError, camera
 from .export.scenes import Scenes
 from .export.snapshot import handing_over
 from .export.walk import settings
 from .job import temporary_folder, threads
 
-SLICE_SECONDS = 0.04  # of an export, between two redraws
-TICK_SECONDS = 0.01  # how often the engine is listened to
-ENDING_SECONDS = 0.3  # an engine that was asked to end by others removes its files first
-RESTARTS = 2  # of engines that die before they finish a picture, until the artist is asked to change something
-STEPS = [[8, 1], [4, 1], [2, 1], [1, 1]]  # divisor of the resolution, samples; then as many as a render takes
+SLICE_SECONDS = 0.04  # duration of a slice of the export, between two redraws
+TICK_SECONDS = 0.01  # how often the engine's output is read
+ENDING_SECONDS = 0.3  # another part has asked this engine to end, and it removes its files first
+RESTARTS = 2  # after this many engines in a row that end before they finish a picture, the view waits for a change
+# [divisor of the resolution, samples]; after these steps, all samples of a render
+STEPS = [[8, 1], [4, 1], [2, 1], [1, 1]]
 
-viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()  # all that are open
+viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()  # all open views
 
 
 @dataclass
 class _Asked:
-    """A command to the engine."""
+    """A command that was sent to the engine."""
 
     number: int
     scene: Path
     view: view.View
-    seen: bool = False  # it has given a picture
+    seen: bool = False  # whether a part of its picture has arrived
     running: bool = True
 
 
 class Viewport:
-    """The state of one 3D view. It has an engine of its own, so that renders go on beside it."""
+    """The state of one 3D view. Each view has its own engine, so that renders can go on at the same time."""
 
     def __init__(self, engine) -> None:
         self._engine = weakref.ref(engine)
         self._session: session.Session | None = None
         self._scenes: Scenes | None = None
-        self._exporting = False  # something has changed, and not all of it is taken in
+        self._exporting = False  # something has changed, and not all of it is exported yet
         self._slice = SLICE_SECONDS
-        self._scene: Path | None = None  # the last that was taken in
+        self._scene: Path | None = None  # the last scene that was exported
         self._samples = 1
         self._threads: int | None = None
-        self._home: dict | None = None  # the camera that h is measured with where the scene has none
+        self._home: dict | None = None  # the camera for measuring h, if the scene has none
         self._view: view.View | None = None
         self._asked: _Asked | None = None
         self._picture = screen.Picture()
         self._text = ""
-        self._failed = False  # until something changes
-        self._lost = 0  # engines, since a picture was finished
-        self._timer = self._tick  # one object, as Blender's timers know functions by their identity
-        self.longest: dict[str, tuple[float, float]] = {}  # for which Blender was kept: seconds, and its own of them
+        self._failed = False  # set until something changes
+        self._lost = 0  # engines that ended since the last finished picture
+        self._timer = self._tick  # stored once, because Blender identifies timers by the function object
+        # the longest times for which Blender had to wait: seconds in all, and seconds of processor time
+        self.longest: dict[str, tuple[float, float]] = {}
         self.pictures = 0
-        self.statistics: dict = {}  # of the last picture that was finished
+        self.statistics: dict = {}  # of the last finished picture
         viewports.add(self)
-        weakref.finalize(engine, self.end).atexit = False  # the view is closed, or shaded in another way
+        weakref.finalize(engine, self.end).atexit = False  # called when the view is closed, or shaded in another way
 
     def update(self, context, depsgraph) -> None:
-        """Data changed, or this is the beginning."""
+        """Blender calls this at the start, and when data changed."""
         with self._boundary("update"):
-            if self._may_export:  # it begins anew, and comes to an end however often the scene changes
+            # the export starts again; longer slices make sure that it ends, however often the scene changes
+            if self._may_export:
                 self._slice *= 2
             self._failed = False
             self._exporting = True
@@ -88,7 +91,7 @@ class Viewport:
             self._go_on(context, depsgraph)
 
     def draw(self, context, depsgraph) -> None:
-        """Draw the last picture, and have the next one made if the view is another."""
+        """Draw the last picture, and ask for a new one if the view has changed."""
         with self._boundary("draw"):
             seen = view.current(context, depsgraph.scene, depsgraph)
             if seen != self._view:
@@ -110,11 +113,11 @@ class Viewport:
 
     def _go_on(self, context, depsgraph) -> None:
         if not self._session:
-            session.set_temporary(temporary_folder())
-            self._session = session.Session(session.engine_python(), polite=True)
+            engine_python.set_temporary(temporary_folder())
+            self._session = session.Session(engine_python.chosen(), polite=True)
             self._say("Starting the engine")
         if (self._exporting or self._differs) and not self._session.alive:
-            raise self._session.gone()  # while nothing was asked of it; a new one is asked
+            raise self._session.gone()  # it ended while idle; a new one gets the request
         if self._session.folder and not self._scenes:
             with handing_over():
                 self._scenes = Scenes(self._session.new_folder())
@@ -133,7 +136,8 @@ class Viewport:
             self._home = self._view.camera
 
         def eye(report):
-            # What h is measured with: the camera of renders, so that the view has their shadows from all sides.
+            # The camera for measuring h is the one of renders, so that the view has the same shadows as a render from
+            # all sides.
             found = camera.frame(view.Final(scene), scene, depsgraph, report) if scene.camera else self._home
             assert found  # the view's own, which was taken above
             return found | {"crop": None}
@@ -144,20 +148,20 @@ class Viewport:
             self._scene, self._exporting, self._slice = path, False, SLICE_SECONDS
             self._samples = settings(scene, depsgraph.view_layer_eval)["samples"]
             self._threads = threads(scene)
-            if not self._waits and self.statistics:  # what has changed is not seen
+            if not self._waits and self.statistics:  # nothing that is visible has changed
                 self._say(summary(self.statistics))
         else:
             self._say("Exporting the scene")
             self._redraw()
 
     def _ask(self) -> None:
-        """Ask for the picture that is wanted, unless it has been asked for, or the time has not come."""
+        """Ask for the picture that is wanted, unless it was asked for already or cannot be asked for yet."""
         last = self._asked
         if not (self._session and self._scene and self._scenes and self._view and self._differs
                 and self._scenes.written()) or self._unseen:
             return
         if self._exporting and not self._exported:
-            return  # the view has turned, and the scene has changed: a picture of both
+            return  # both the view and the scene have changed: make one picture of both
         if last and last.running:
             self._session.ask_to_cancel(last.number)
         steps = STEPS + ([[1, self._samples]] if self._samples > 1 else [])
@@ -169,28 +173,28 @@ class Viewport:
 
     @property
     def _differs(self) -> bool:
-        """Whether what is wanted has not been asked for."""
+        """Return whether the picture that is wanted has not been asked for."""
         last = self._asked
         return bool(self._view) and (not last or last.scene != self._scene or last.view != self._view)
 
     @property
     def _unseen(self) -> bool:
-        """Whether a picture has been asked for of which nothing has come yet."""
+        """Return whether a picture was asked for, and nothing of it has arrived yet."""
         return self._asked is not None and self._asked.running and not self._asked.seen
 
     @property
     def _exported(self) -> bool:
-        """Whether a scene has been taken in that has not been asked for."""
+        """Return whether an exported scene has not been asked for yet."""
         return bool(self._scene) and not (self._asked and self._asked.scene == self._scene)
 
     @property
     def _may_export(self) -> bool:
-        """Whether there is something to take in, and it is its turn."""
+        """Return whether there are changes to export, and this is the moment for it."""
         return bool(self._scenes) and self._exporting and not self._unseen and not self._exported
 
     @property
     def _waits(self) -> bool:
-        """Whether the engine or the writer is to be heard of."""
+        """Return whether a message from the engine or from the writer is expected."""
         if self._failed or not self._session:
             return False
         return not self._scenes or self._exporting or self._differs or (self._asked is not None and self._asked.running)
@@ -202,11 +206,11 @@ class Viewport:
             if self._scenes:
                 self._ask()
             if self._session and self._session.folder and (not self._scenes or self._may_export):
-                self._redraw()  # `draw` has what an export needs
+                self._redraw()  # `draw` has the context that an export needs
         return TICK_SECONDS if self._waits else None
 
     def _hear(self) -> None:
-        """Take in what the engine said."""
+        """Handle the engine's events."""
         picture = None
         assert self._session
         while event := self._session.poll(0):
@@ -232,12 +236,12 @@ class Viewport:
             self._show(picture)
 
     def _refused(self, message: str) -> None:
-        """The engine cannot make what was asked for, and lives on."""
+        """The engine cannot make the picture that was asked for, but it goes on running."""
         self._picture.clear()
         if not (self._exporting or self._differs):
             self._failed = True
         assert self._session
-        self._tell(session.lacks_package(self._session.python, message) or f"Light Meshes: {message}")
+        self._tell(engine_python.lacks_package(self._session.python, message) or f"Light Meshes: {message}")
 
     def _show(self, event: dict) -> None:
         last = self._asked
@@ -245,14 +249,14 @@ class Viewport:
         if not last.seen:
             last.seen = True
             self._scenes.only(last.scene)
-        # Read as a whole: the engine will write there again.
+        # Copy it as a whole, because the engine will write there again.
         pixels = np.load(last.scene.with_name("view") / str(event["step"]) / "Combined.npy")
         self._picture.put(pixels, last.view.corners)
         self.pictures += 1
         self._redraw()
 
     def _say(self, text: str) -> None:
-        """Show `text` in the view; the line at its top is for the short ones."""
+        """Show `text` in the view, in the line at its top, which has room only for short texts."""
         engine = self._engine()
         if text != self._text and engine:
             self._text = text
@@ -266,7 +270,7 @@ class Viewport:
 
     @contextmanager
     def _boundary(self, what: str):
-        """Measures the time, and makes one sentence for the artist of whatever goes wrong."""
+        """Measure the time of a block, and turn every exception into one sentence for the artist."""
         start, busy = time.perf_counter(), time.thread_time()
         try:
             yield
@@ -274,7 +278,7 @@ class Viewport:
             self.end()
         except Exception as e:
             self._weigh(e)
-            e.__traceback__ = None  # its frames would keep the engine, and with it the process
+            e.__traceback__ = None  # its frames would keep the engine object, and with it the process, alive
         finally:
             took = time.perf_counter() - start, time.thread_time() - busy
             before = self.longest.get(what, took)
@@ -284,29 +288,29 @@ class Viewport:
         if isinstance(error, session.EngineGone):
             self._begin_anew(error)
         elif self._session and self._session.ends_within(ENDING_SECONDS):
-            self._begin_anew(self._session.gone())  # and has taken files along
+            self._begin_anew(self._session.gone())  # its files are gone too
         elif isinstance(error, ExportError | session.EngineError):
             self._fail(str(error), getattr(error, "log", ""))
         else:
             self._fail(f"The Light Meshes add-on failed: {type(error).__name__}: {error}", traceback.format_exc())
 
     def _begin_anew(self, why: session.EngineError) -> None:
-        """With another engine, as this one is gone; unless that happens again and again."""
+        """Start another engine because this one has ended, unless this has happened several times in a row."""
         if self._lost == RESTARTS or not isinstance(why, session.EngineGone):
             self._fail(str(why), why.log)
             return
         self._lost += 1
         self._leave(session.Session.kill)
         self._tell(f"{why}. Another one is started", why.log)
-        self._redraw()  # `draw` starts it
+        self._redraw()  # `draw` starts the new engine
 
     def _tell(self, message: str, log: str = "") -> None:
-        """Say what went wrong, in the view and, with more of it, in the console."""
+        """Show what went wrong in the view, and with more details in the console."""
         console.say(f"Light Meshes: {console.shown(message)}" + (f"\nThe end of the log:\n{log}" if log else ""))
         self._say(console.shown(message))
 
     def _fail(self, message: str, log: str) -> None:
-        """Say it, and do nothing more until something changes."""
+        """Show the error, and do nothing more until something changes."""
         self._failed = True
         self._tell(message, log)
         self._leave(session.Session.kill)
@@ -316,17 +320,17 @@ class Viewport:
 
         def leave(engine: session.Session) -> None:
             if scenes:
-                scenes.close()  # first, or it would write where the engine has removed everything
+                scenes.close()  # close it first; otherwise it would write into a folder that the engine has removed
             how(engine)
         if engine:
             session.in_background(partial(leave, engine))
         self._session = self._scenes = self._scene = self._asked = None
         self._exporting, self._slice = True, SLICE_SECONDS
-        self._picture.clear()  # it would lie under the overlays of whatever comes
+        self._picture.clear()  # otherwise it would stay below the overlays of the next shading
 
 
 def summary(statistics: dict) -> str:
-    """What an artist wants to know of a picture, as short as a view among four needs it."""
+    """Describe a picture for the artist, short enough for a small view (one of four)."""
     line = f"{statistics['seconds']:.2f} s"
     if "h" not in statistics:
         return line
@@ -338,6 +342,6 @@ def summary(statistics: dict) -> str:
 
 
 def end_all() -> None:
-    """The add-on is switched off."""
+    """End all views, when the add-on is switched off."""
     for viewport in list(viewports):
         viewport.end()

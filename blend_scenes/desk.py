@@ -1,7 +1,7 @@
-"""What an artist would make (S8): a desk in the evening.
+"""A desk in the evening (S8), a scene as an artist would make it.
 
-Principled materials, a packed image texture, smooth shading, a subdivision modifier, instances of a collection, a
-mirror, a sun, a spot, an area light and a world colour. Scales and names as somebody would leave them.
+It has Principled materials, a packed image texture, smooth shading, a subdivision modifier, instances of a collection,
+a mirror, a sun, a spot, an area light and a world colour. Scales and names are like those in an ordinary file.
 """
 
 from math import cos, pi, radians, sin
@@ -12,7 +12,9 @@ from parts import add, box, camera, clean_scene, lathe, light, mesh, principled,
 
 
 def wood_image(size=256):
-    """Planks with a grain, made from sines so that the file needs no picture from elsewhere."""
+    """Return an image of planks with a grain. It is made from sines, so that the file needs no picture from
+    elsewhere.
+    """
     x, y = np.meshgrid(np.linspace(0, 1, size, endpoint=False), np.linspace(0, 1, size, endpoint=False))
     plank = np.floor(4 * y)
     wave = 0.5 + 0.5 * np.sin(2 * pi * (18 * y + 0.35 * np.sin(2 * pi * (x + 0.37 * plank)) + 0.6 * plank))
@@ -50,7 +52,9 @@ def table():
 
 
 def mug(location):
-    """Thick-walled, smooth by a subdivision modifier; the handle is a bent tube in the same mesh's material."""
+    """Make a mug with thick walls, smoothed by a subdivision modifier. The handle is a bent tube with the same
+    material.
+    """
     clay = principled("Glaze", (0.10, 0.26, 0.34), Roughness=0.15)
     profile = [(0, 0), (0.036, 0), (0.04, 0.006), (0.04, 0.092), (0.037, 0.095), (0.034, 0.092), (0.034, 0.010),
                (0.03, 0.006), (0, 0.006)]
@@ -84,7 +88,7 @@ def books():
 
 
 def pencils():
-    """One pencil as a collection, five instances of it in a pot."""
+    """Make a collection with one pencil, and five instances of it in a pot."""
     yellow = principled("Lacquer", (0.8, 0.45, 0.05), Roughness=0.3)
     collection = bpy.data.collections.new("Pencil")
     pencil = bpy.data.objects.new("Pencil", lathe("Pencil", [(0, 0), (0.0035, 0), (0.0035, 0.16), (0, 0.178)], 6,
@@ -101,7 +105,7 @@ def pencils():
 
 
 def lamp():
-    """A shade over the spot that is its light."""
+    """Make a lampshade over the spot light."""
     metal = principled("Lamp Metal", (0.55, 0.10, 0.06), Roughness=0.35)
     add("Lamp Foot", lathe("Lamp Foot", [(0, 0), (0.07, 0), (0.07, 0.012), (0.008, 0.02), (0.008, 0.36), (0, 0.36)],
                            32, metal), (0.66, 0.28, 0.74))

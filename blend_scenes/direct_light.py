@@ -1,11 +1,13 @@
-"""Direct light by Cycles, for `light-meshes bench`, which runs this in a Blender of its own and talks to it in lines.
+"""Render direct light with Cycles. `light-meshes bench` runs this in a separate Blender and talks to it in lines of
+text.
 
-Each line on stdin is a JSON object: file (a .blend), lights {name: radius, a sun's angle, or null for the file's own},
-power (a factor on all lights), width, height, samples, seed and picture (an .exr to write, or null). The answer is a
-line "@light-meshes " + JSON: `sampling`, the seconds from before the first sample to after the last, without export
-and acceleration structure, and `whole`, those of Blender's render operator.
+Each line on stdin is a JSON object: file (a .blend), lights {name: radius, a sun's angle, or null for the size in the
+file}, power (a factor for all lights), width, height, samples, seed and picture (an .exr to write, or null). The answer
+is a line "@light-meshes " + JSON with two times: `sampling`, the seconds from before the first sample to after the
+last, without export and acceleration structure; and `whole`, the seconds of Blender's render operator.
 
-Direct light only, no denoiser, no adaptive sampling, CPU, a black world, rays through the middle of the pixel.
+Only direct light is computed, on the CPU, without denoiser and adaptive sampling, with a black world and rays through
+the centre of each pixel.
 """
 
 import json
@@ -16,7 +18,7 @@ import time
 import bpy
 
 MARK = "@light-meshes "
-says = []  # (time, what Cycles says it does)
+says = []  # (time, Cycles' message about what it does)
 
 
 @bpy.app.handlers.persistent
@@ -29,7 +31,7 @@ def prepare(scene, request):
     cycles = scene.cycles
     cycles.device, cycles.use_adaptive_sampling, cycles.use_denoising = 'CPU', False, False
     cycles.samples, cycles.seed = request["samples"], request["seed"]
-    cycles.pixel_filter_type, cycles.filter_width = 'BLACKMAN_HARRIS', 0.01  # BOX is a pixel wide, always
+    cycles.pixel_filter_type, cycles.filter_width = 'BLACKMAN_HARRIS', 0.01  # not BOX, which is always one pixel wide
     cycles.max_bounces = 0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
     render = scene.render

@@ -1,4 +1,6 @@
-"""The paper's semitransparent scenes: the tabletop with a cylinder of glass (Fig. 4), a sphere as a lens (Fig. 5)."""
+"""The paper's scenes with semitransparent surfaces: the tabletop with a cylinder of glass (Fig. 4), and a sphere as a
+lens (Fig. 5).
+"""
 
 from math import cos, pi, radians, sin
 
@@ -34,14 +36,14 @@ def build_lens():
 
 
 def ball(name, radius, material, rings=48):
-    """A sphere, smooth."""
+    """Make a smooth sphere."""
     profile = [(radius * sin(pi * k / rings), -radius * cos(pi * k / rings)) for k in range(rings + 1)]
     profile[0], profile[-1] = (0, -radius), (0, radius)
     return lathe(name, profile, 2 * rings, material)
 
 
 def whitted(material, **parameters):
-    """Give Whitted's parameters of a material in place of the translated ones."""
+    """Override the translated parameters of a material with these Whitted parameters."""
     for name, value in parameters.items():
         setattr(material.light_meshes, f"override_{name}", True)
         setattr(material.light_meshes, name, value)

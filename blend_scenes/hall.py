@@ -1,6 +1,6 @@
 """Many lights over many triangles (S7): a hall of instanced columns and balls under 256 point lights.
 
-`light-meshes bench` takes the first 1, 4, 16, 64 or all of the lights, with the same power altogether.
+`light-meshes bench` uses the first 1, 4, 16, 64 or all of the lights, always with the same total power.
 """
 
 from math import cos, pi, radians, sin

@@ -1,6 +1,6 @@
-"""One light of each type, coloured and as good as a point, over diffuse surfaces in a black world.
+"""One light of each type, coloured and almost a point, over diffuse surfaces in a black world.
 
-tests/peers/test_cycles.py renders each light by itself with this engine and with Cycles.
+tests/peers/test_cycles.py renders each light alone with this engine and with Cycles.
 """
 
 from math import radians

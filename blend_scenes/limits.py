@@ -1,7 +1,7 @@
-"""Posts from thick to thin that stand on a floor, and a board that hangs over it, under one lamp that has a size.
+"""Posts from thick to thin on a floor, and a board that hangs above it, under one lamp with a size.
 
-Where a lamp's penumbra is no wider than 2r everywhere, the documentation's pictures show it beside Cycles'. The fill
-light casts no shadow, so that the shadows of both can be seen in a black world.
+The documentation's pictures compare it with Cycles, to show shadow edges that are 2r wide everywhere. The fill light
+casts no shadow; it makes the shadows visible in a black world.
 """
 
 from math import radians

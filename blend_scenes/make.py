@@ -1,6 +1,6 @@
 """Make every .blend of this folder: `python blend_scenes/make.py`.
 
-Needs bpy and the add-on of this project. Made with bpy 4.2, so that every supported Blender can open them.
+It needs bpy and the add-on of this project. Use bpy 4.2, so that every supported Blender can open the files.
 """
 
 import sys

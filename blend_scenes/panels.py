@@ -1,4 +1,6 @@
-"""Run in a Blender with a window (see pictures.py): screenshots of panels, of the render properties and of a lamp."""
+"""Take screenshots of panels, of the render properties and of a lamp. Run it in a Blender with a window (see
+pictures.py).
+"""
 
 import importlib.util
 import subprocess
@@ -25,7 +27,7 @@ def properties():
 
 
 def properties_only():
-    """A lamp with a size is active, and nothing but the properties editor is seen."""
+    """Make a lamp with a size active, and show only the properties editor."""
     bpy.ops.wm.open_mainfile(filepath=str(Path(__file__).with_name("limits.blend")), load_ui=False)
     bpy.context.view_layer.objects.active = bpy.data.objects["Lamp"]
     window = bpy.context.window_manager.windows[0]

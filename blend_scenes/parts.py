@@ -1,4 +1,4 @@
-"""What the scene scripts share: a clean file, meshes, materials, lights, a camera, and saving."""
+"""Functions that the scene scripts share: a clean file, meshes, materials, lights, a camera, and saving."""
 
 import shutil
 import tempfile
@@ -14,7 +14,7 @@ HERE = Path(__file__).parent
 
 
 def clean_scene(width, height, **light_meshes):
-    """An empty scene that renders with Light Meshes; `light_meshes` are its settings."""
+    """Make an empty scene that renders with Light Meshes; `light_meshes` are its settings."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     if not hasattr(bpy.types.Scene, "light_meshes"):
         light_meshes_addon.register()
@@ -62,9 +62,9 @@ def box(name, low, high, material=None):
 
 
 def lathe(name, profile, sides, material=None, smooth=True):
-    """The (radius, z) points of `profile` turned around z; ends on the axis are closed.
+    """Turn the (radius, z) points of `profile` around z. Ends on the axis are closed.
 
-    With smooth="sides", level rings such as a cylinder's ends stay flat, with a sharp edge.
+    With smooth="sides", level rings such as the ends of a cylinder stay flat, with a sharp edge.
     """
     vertices, rings = [], []
     for radius, z in profile:
@@ -83,7 +83,7 @@ def lathe(name, profile, sides, material=None, smooth=True):
     if smooth == "sides":
         level = [abs(face.normal.z) > 0.999 for face in made.polygons]
         made.polygons.foreach_set("use_smooth", [not flat for flat in level])
-        # Marked sharp as well: Cycles would blend the normals over the rim otherwise.
+        # The edges are also marked sharp, because Cycles would otherwise blend the normals across the rim.
         rims = {key for face, flat in zip(made.polygons, level, strict=True) if flat for key in face.edge_keys}
         made.edges.foreach_set("use_edge_sharp", [edge.key in rims for edge in made.edges])
         made.update()
@@ -91,7 +91,7 @@ def lathe(name, profile, sides, material=None, smooth=True):
 
 
 def principled(name, color=(0.8, 0.8, 0.8), **inputs):
-    """A Principled material; keywords are its inputs, with _ for a space."""
+    """Make a Principled material. Keywords are its inputs, with _ in place of a space."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
     shader = made.node_tree.nodes["Principled BSDF"]
@@ -113,7 +113,7 @@ def diffuse(name, color):
 
 
 def light(name, kind, energy, location=(0, 0, 0), target=None, color=(1, 1, 1), **values):
-    """A light; spots, areas and suns look at `target`."""
+    """Make a light. Spots, areas and suns look at `target`."""
     data = bpy.data.lights.new(name, kind)
     data.energy, data.color = energy, color
     for key, value in values.items():
@@ -131,12 +131,12 @@ def camera(location, target, angle):
 
 
 def towards(location, target):
-    """Euler angles of an object that looks along its −z, y up."""
+    """Return the Euler angles of an object that looks along its −z, with y up."""
     return (Vector(target) - Vector(location)).to_track_quat('-Z', 'Y').to_euler()
 
 
 def save(name):
-    """Write blend_scenes/NAME.blend, without the maker's folders, which a .blend keeps in several places."""
+    """Write blend_scenes/NAME.blend without the paths of this machine, which a .blend stores in several places."""
     bpy.context.scene.render.filepath = "//"
     for screen in bpy.data.screens:
         for space in (space for area in screen.areas for space in area.spaces if space.type == 'FILE_BROWSER'):

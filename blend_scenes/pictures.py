@@ -1,8 +1,8 @@
 """Make the documentation's pictures from the .blend files: `python blend_scenes/pictures.py [name …]`.
 
-What a setting changes goes through the command line, so through Blender, the add-on and the engine. What belongs to a
-light, an object or a material is changed in the snapshot that the add-on exports. Cycles renders the same .blend.
-`panels` needs a Blender with a window (LIGHT_MESHES_BLENDER, or on the PATH), Xvfb and ImageMagick.
+Pictures that differ only in settings go through the command line, so through Blender, the add-on and the engine.
+Changes to a light, an object or a material are made in the snapshot that the add-on exports. Cycles renders the same
+.blend. `panels` needs a Blender with a window (LIGHT_MESHES_BLENDER, or on the PATH), Xvfb and ImageMagick.
 """
 
 import json
@@ -28,7 +28,7 @@ CYCLES_SAMPLES = 128
 
 
 def rendered(folder, scene, **settings):
-    """The picture of blend_scenes/SCENE.blend with some settings changed."""
+    """Return the picture of blend_scenes/SCENE.blend with some settings changed."""
     path = folder / f"{scene} {' '.join(f'{k}={v}' for k, v in settings.items())}.png"
     command = [sys.executable, "-m", "light_meshes.cli", "render", str(HERE / f"{scene}.blend"), "-o", str(path)]
     subprocess.run(command + [word for k, v in settings.items() for word in ("--set", f"{k}={v}")], check=True)
@@ -37,30 +37,34 @@ def rendered(folder, scene, **settings):
 
 
 def exported(folder, scene, **settings):
-    """What the add-on hands to the engine of blend_scenes/SCENE.blend."""
+    """Return blend_scenes/SCENE.blend as the add-on exports it for the engine."""
     blend.export(HERE / f"{scene}.blend", folder / scene, [(k, str(v)) for k, v in settings.items()], False)
     return snapshot.read(folder / scene)
 
 
 def drawn(scene):
-    """The picture of what was exported, as Blender's view transform "Standard" shows it."""
+    """Render an exported scene, and return the picture as Blender's view transform "Standard" shows it."""
     return picture_of(render_image(scene).passes["Combined"])
 
 
 def picture_of(pixels):
-    """Scene-linear pixels (h,w,3 or 4), rows bottom-up, as a picture."""
+    """Convert scene-linear pixels (h,w,3 or 4), bottom row first, to a picture."""
     pixels = np.dstack([pixels[::-1, :, :3], np.ones(pixels.shape[:2])]).astype(np.float32)
     return oiio.ImageBuf(np.ascontiguousarray(to_srgb(pixels)[..., :3]))
 
 
 def altered(things, **by_name):
-    """Lights, objects or materials, some of them with other properties: NAME={property: value}, _ for a space."""
+    """Return lights, objects or materials with some properties changed: NAME={property: value}, with _ in place of a
+    space.
+    """
     names = {name.replace("_", " "): values for name, values in by_name.items()}
     return tuple(replace(thing, **names.get(thing.name, {})) for thing in things)
 
 
 def by_cycles(folder, scene, size, **radii):
-    """Cycles' direct light on blend_scenes/SCENE.blend with lamps of these radii (None: the file's own)."""
+    """Return Cycles' direct light on blend_scenes/SCENE.blend with lamps of these radii (None: the radius in the
+    file).
+    """
     path = folder / "cycles.exr"
     request = {"file": str(HERE / f"{scene}.blend"), "lights": radii, "power": 1.0, "width": size[0],
                "height": size[1], "samples": CYCLES_SAMPLES, "seed": 0, "picture": str(path)}
@@ -70,7 +74,7 @@ def by_cycles(folder, scene, size, **radii):
 
 
 def side_by_side(rows):
-    """Pictures of one size as a table, with a thin white line between them."""
+    """Arrange pictures of one size as a table, with thin white lines between them."""
     width, height = rows[0][0].spec().width, rows[0][0].spec().height
     table = oiio.ImageBuf(oiio.ImageSpec(len(rows[0]) * (width + GAP) - GAP, len(rows) * (height + GAP) - GAP, 3,
                                          oiio.UINT8))
@@ -82,13 +86,13 @@ def side_by_side(rows):
 
 
 def tabletop(folder):
-    """Fig. 3: RRTA left, light meshes right."""
+    """Fig. 3: RRTA on the left, light meshes on the right."""
     size = {"resolution": "700x700"}
     return side_by_side([[rendered(folder, "tabletop", shadows="SHARP", **size), rendered(folder, "tabletop", **size)]])
 
 
 def parameters(folder):
-    """Fig. 6, bottom up: h falls at r = .15 in the left column, r grows at h = .05 in the right one."""
+    """Fig. 6, from the bottom up: in the left column h falls at r = .15, in the right column r grows at h = .05."""
     left = [(h, 0.15) for h in (0.1, 0.075, 0.05, 0.0375)]
     right = [(0.05, r) for r in (0.075, 0.1, 0.15, 0.2)]
     rows = zip(reversed(left), reversed(right), strict=True)
@@ -96,25 +100,27 @@ def parameters(folder):
 
 
 def weights(folder):
-    """kI = 1.5, 2, 3, 4 from left to right at the same r; all nodes alike above, smooth below."""
+    """kI = 1.5, 2, 3, 4 from left to right at the same r; above with uniform weights, below with smooth ones."""
     return side_by_side([[rendered(folder, "parameters", h=0.15 / kI, kI=kI, weights=weights, resolution="1000x1000")
                           for kI in (1.5, 2.0, 3.0, 4.0)] for weights in ("UNIFORM", "SMOOTH")])
 
 
 def cylinder(folder):
-    """Fig. 4: RRTA above, light meshes below; no refraction, refraction of view rays, of shadow rays too."""
+    """Fig. 4: RRTA above, light meshes below; no refraction, refraction of view rays, and of shadow rays too."""
     return side_by_side([[rendered(folder, "cylinder", shadows=shadows, refraction=refraction, resolution="480x480")
                           for refraction in ("NONE", "VIEW", "FULL")] for shadows in ("SHARP", "LIGHT_MESHES")])
 
 
 def lens(folder):
-    """Fig. 5: RRTA left, light meshes right."""
+    """Fig. 5: RRTA on the left, light meshes on the right."""
     return side_by_side([[rendered(folder, "lens", shadows=shadows, resolution="700x700")
                           for shadows in ("SHARP", "LIGHT_MESHES")]])
 
 
 def control(folder):
-    """All is soft, one of the two lights is sharp; the bar casts sharp shadows, the cylinder receives sharp ones."""
+    """Four pictures: all shadows soft; one of the two lights sharp; the bar casts sharp shadows; the cylinder receives
+    sharp ones.
+    """
     scene = exported(folder, "tabletop", resolution="480x480", h=0.04, kI=4)
     second = Light("Second", "POINT", (9.0, 10.0, 12.0), position=(-2.6, -2.2, 3.2))
     scene = replace(scene, lights=(replace(scene.lights[0], intensity=(10.0, 9.5, 9.0)), second))
@@ -126,7 +132,9 @@ def control(folder):
 
 
 def light_size(folder):
-    """Lamps of radius .1, .3, .6: light meshes with Light Size above, with as many nodes in each edge, Cycles below."""
+    """Lamps of radius .1, .3, .6. Above: light meshes with Light Size and the same number of nodes in each edge. Below:
+    Cycles.
+    """
     scene = exported(folder, "limits")
     radii, size = (0.1, 0.3, 0.6), (scene.camera.width, scene.camera.height)
     return side_by_side([
@@ -137,7 +145,7 @@ def light_size(folder):
 
 
 def limits(folder):
-    """Posts: Cycles, light meshes, light meshes with sharp shadows of the three thin posts."""
+    """The posts with Cycles, with light meshes, and with light meshes and sharp shadows of the three thin posts."""
     scene = exported(folder, "limits")
     sharp = {f"Post_{n}": {"cast_soft_shadows": False} for n in (3, 4, 5)}
     return side_by_side([[by_cycles(folder, "limits", (scene.camera.width, scene.camera.height), Lamp=None, Fill=None),
@@ -145,7 +153,7 @@ def limits(folder):
 
 
 def panels(folder):
-    """The panels of the render properties, and of a lamp, in a Blender on a virtual screen."""
+    """Screenshots of the panels of the render properties and of a lamp, from a Blender on a virtual screen."""
     width, height = 640, 900
     reading, writing = os.pipe()
     screen = subprocess.Popen(["Xvfb", "-displayfd", str(writing), "-screen", "0", f"{width}x{height}x24", "-nolisten",

@@ -1,6 +1,6 @@
-"""Put what `light-meshes bench --out FOLDER` measured into speed.md and README.md: `python docs/benchmark.py FOLDER`.
+"""Copy the results of `light-meshes bench --out FOLDER` into speed.md and README.md: `python docs/benchmark.py FOLDER`.
 
-Between the marks <!-- bench: NAME --> and <!-- end --> stands what the function NAME here makes of the results.
+The text between the marks <!-- bench: NAME --> and <!-- end --> is replaced by what MAKE[NAME] returns for the results.
 """
 
 import json
@@ -19,7 +19,7 @@ BLOCK = re.compile(r"(<!-- bench: (\w+) -->\n).*?(\n<!-- end -->)", re.S)
 
 
 def table(heads, rows):
-    """Markdown."""
+    """Return a Markdown table of strings; `heads` is its first row."""
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "‖") for cell in line) + " |" for line in lines)
 
@@ -67,11 +67,14 @@ def decisions(results, figure):
 def main(results, figure):
     ratios = speed_ratios(results)
     even = break_even(ratios)
-    faster = f"faster from about {even:.0f} lamps on" if even else "not faster with as many lamps as were measured"
+    faster, on = ("faster", f" from about {even:.0f} lamps on (**break-even**)") if even else (
+        "not faster", " with any number of lamps that was measured")
+    parts = [f"{ratios[n]:.2g} times " + (f"with {n}" if k else f"the sharp-shadow time with {n} lamp{'s' * (n > 1)}")
+             for k, n in enumerate(sorted(ratios))]
+    said = " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
     return ratios and (
         f"In a hall of {max(r['triangles'] for r in own_rows(results, 'S7', 4)):,} triangles light meshes are {faster} "
-        "than\nsharp shadows by ray tracing (**break-even**). Of their time they take " + ", ".join(
-            f"{ratios[n]:.2g} with {n}" for n in sorted(ratios)) + "." + figure(
+        f"than ray-traced sharp shadows{on}.\nA frame takes {said}." + figure(
             "error-sphere", "Error against a lamp with a size, by seconds a frame, for light meshes, area sampling and "
             "Cycles"))
 
@@ -85,7 +88,7 @@ MAKE = {"machine": machine, "lights": lights, "errors": errors, "growth": growth
 
 
 def insert(folder, pages=PAGES, pictures=DOCS / "pictures"):
-    """Fill the blocks of `pages` by the results in `folder`, and copy their figures into `pictures`."""
+    """Fill the marked blocks of `pages` with the results in `folder`, and copy the figures into `pictures`."""
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     results["text"] = (folder / "table.txt").read_text(encoding="utf-8")
     pictures.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Hypothesis draws the same examples every time; HYPOTHESIS_PROFILE=explore looks for new ones."""
+"""Make Hypothesis draw the same examples every time; HYPOTHESIS_PROFILE=explore searches for new ones."""
 
 import os
 import shutil

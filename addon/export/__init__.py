@@ -1,4 +1,4 @@
-"""A scene as Blender sees it at one frame → a snapshot folder that the engine reads."""
+"""Export a scene, as Blender sees it at one frame, into a snapshot folder that the engine reads."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,10 +17,11 @@ __all__ = ["ExportError", "Report", "border", "export"]
 
 def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides: dict[str, dict] | None = None,
            ) -> Report:
-    """Write what `depsgraph` holds into `folder`; `check` is called often, and ends the export by raising.
+    """Write the contents of `depsgraph` into `folder`. `check` is called often; it cancels the export by raising.
 
-    `engine` is the RenderEngine, which knows the size of the picture. `overrides` replace what was found: "settings"
-    and "lights", of all lights, by name; "sized lights", of those of softness LIGHT_SIZE, by light and then by name.
+    `engine` is the RenderEngine, which knows the size of the picture. `overrides` replace exported values: "settings"
+    by name; "lights", values for all lights by name; and "sized lights", values for lights with softness LIGHT_SIZE, by
+    light and then by name.
     """
     overrides = {"settings": {}, "lights": {}, "sized lights": {}} | (overrides or {})
     report = Report()

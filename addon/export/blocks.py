@@ -1,7 +1,8 @@
-"""Meshes in files that successive snapshots share: what has not changed is neither read again nor written again.
+"""Meshes in files that successive snapshots share, so that unchanged meshes are neither read nor written again.
 
-A block is a subfolder with the arrays of some meshes, and is never written to again. A mesh that changed goes into
-a new block; the old one is given up when no mesh in it is wanted, or written anew without what is not.
+A block is a subfolder with the arrays of some meshes. After it is written it is never changed. A mesh that changed goes
+into a new block. The old block is dropped when no mesh in it is wanted any more; if only little of it is wanted, that
+part is written into a new block.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from .geometry import joined
 from .mesh import Mesh
 from .snapshot import write_arrays
 
-FULL = 50_000  # triangles of a block; only a larger mesh has more
-MOST = 64  # blocks of a snapshot
+FULL = 50_000  # triangles in a block; only a block with one larger mesh has more
+MOST = 64  # the largest number of blocks in a snapshot
 
 
 @dataclass(eq=False)
@@ -27,7 +28,7 @@ class Stored:
     triangles: int
     textured: bool
     block: str = ""
-    place: int = 0  # among the block's meshes
+    place: int = 0  # index among the meshes of the block
 
 
 @dataclass(eq=False)
@@ -40,9 +41,9 @@ class _Block:
 
 
 class Blocks:
-    """The `Meshes` of one snapshot after the other.
+    """The `Meshes` of successive snapshots.
 
-    `make` has a path made by a function in another thread, one after the other.
+    `make` calls a function that writes a path; it does so in another thread, one call after the other.
     """
 
     def __init__(self, folder: Path, make: Callable[[Path, Callable[[], None]], None]) -> None:
@@ -57,19 +58,19 @@ class Blocks:
 
     @property
     def names(self) -> set[str]:
-        """The blocks of the last snapshot and those begun since."""
+        """Return the blocks of the last snapshot and those that were begun since."""
         return set(self._blocks)
 
     def begin(self) -> None:
-        """Another snapshot."""
+        """Begin another snapshot."""
         self._asked = set()
 
     def forget(self, changed: set[int] | None) -> None:
-        """Read the meshes of these owners again, or (None) all."""
+        """Read the meshes of these owners again; None means all meshes."""
         self._known = {} if changed is None else {k: v for k, v in self._known.items() if not v[1] & changed}
 
     def get(self, key: tuple, owners: set[int], read: Callable[[], Mesh | None]) -> Stored | None:
-        """The mesh of that key, read if it is not known or its owners changed."""
+        """Return the mesh with that key. It is read if it is not known, or if one of its owners changed."""
         if key not in self._known:
             mesh = read()
             stored = None if mesh is None else Stored(len(mesh.corners), mesh.uvs is not None)
@@ -83,7 +84,9 @@ class Blocks:
         return self._known[key][0]
 
     def end(self) -> tuple[list[str], dict[int, int]]:
-        """The snapshot's blocks in order, and each mesh's number by its id. What was not asked for is given up."""
+        """Return the blocks of the snapshot in order, and the number of each mesh by its id. Meshes that were not asked
+        for are dropped.
+        """
         self._known = {k: v for k, v in self._known.items() if k in self._asked}
         wanted = {stored for stored, _ in self._known.values() if stored}
         self.textured = any(m.textured for m in wanted)
@@ -118,7 +121,9 @@ class Blocks:
         self._make(path, write)
 
     def _tidy(self, wanted: set[Stored]) -> None:
-        """Give up blocks that nobody wants; write the rest anew where little of it is wanted, or blocks are many."""
+        """Drop blocks that nobody wants. If little of a block is wanted, or there are many blocks, write the rest into
+        new blocks.
+        """
         live = {name: sum(m.triangles for m in b.meshes if m in wanted) for name, b in self._blocks.items()}
         self._blocks = {name: b for name, b in self._blocks.items() if any(m in wanted for m in b.meshes)}
         sizes = {name: b.triangles for name, b in self._blocks.items()}

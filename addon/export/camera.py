@@ -1,4 +1,4 @@
-"""The camera, its lens, and which part of its frame is rendered."""
+"""Export the camera, its lens, and the part of its frame that is rendered."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from .report import ExportError, Report
 
 
 def frame(engine, scene, depsgraph, report: Report) -> dict:
-    """The engine's description of the camera."""
+    """Return the camera in the engine's description."""
     camera = engine.camera_override or scene.camera
     if camera is None:
         raise ExportError("There is no active camera: add a camera, or make one active (Ctrl Numpad 0)")
@@ -15,9 +15,9 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
     matrix = np.array(camera.matrix_world, np.float64)
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.isfinite(matrix).all() or not scale.all():
-        raise ExportError(f"Camera '{camera.name}' is scaled to 0, or its place is no number: clear its scale (Alt S), "
-                          "and look at its constraints and drivers")
-    matrix[:3, :3] /= scale  # a camera's scale does not matter to its picture
+        raise ExportError(f"Camera '{camera.name}' is scaled to 0, or its location is not a number: clear its scale "
+                          "(Alt S), and look at its constraints and drivers")
+    matrix[:3, :3] /= scale  # the scale of a camera does not change its picture
     result = {
         "matrix": matrix.tolist(),
         "width": width,
@@ -25,7 +25,7 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
         "crop": border(scene.render, width, height),
     }
     if camera.type != 'CAMERA':
-        # Blender lets any object be the camera and then sees through a default one.
+        # Blender lets any object be the camera; if it is no camera, Blender uses a default one.
         result |= {"window": _window(scene.render, width, height, _DefaultLens, 0.0, 0.0)}
         return result
     lens = camera.data
@@ -41,7 +41,7 @@ def frame(engine, scene, depsgraph, report: Report) -> dict:
 
 
 def depth_of_field(camera, lens, depsgraph) -> dict:
-    """The lens that blurs what is out of focus, with Cycles' numbers."""
+    """Return the lens settings that blur things out of focus, with the same numbers as Cycles."""
     dof = lens.dof
     if not dof.use_dof:
         return {}
@@ -54,7 +54,7 @@ def depth_of_field(camera, lens, depsgraph) -> dict:
             matrix = matrix @ bone.matrix
         view = camera.matrix_world
         focus = abs(view.col[2].xyz.normalized().dot(matrix.translation - view.translation))
-    # The focal length is in millimetres, whatever the scene's units; an orthographic camera has none.
+    # The focal length is in millimetres, whatever the scene's units are. An orthographic camera has no focal length.
     length = 1.0 if lens.type == 'ORTHO' else lens.lens / 1000
     return {
         "lens_radius": length / (2 * max(dof.aperture_fstop, 1e-5)),
@@ -74,15 +74,15 @@ class _DefaultLens:
 
 
 def _window(render, width: int, height: int, lens, shift_x: float, shift_y: float) -> list[float]:
-    """Left, right, bottom, top of the frame at distance 1, or in scene units where orthographic."""
-    # Pixels may be oblong: all in units of a pixel's width.
+    """Return left, right, bottom and top of the frame at distance 1; for an orthographic camera in scene units."""
+    # Pixels may be oblong, so all lengths here are in units of a pixel's width.
     tall = height * render.pixel_aspect_y / render.pixel_aspect_x
     horizontal = lens.sensor_fit == 'HORIZONTAL' or (lens.sensor_fit == 'AUTO' and width >= tall)
-    across = width if horizontal else tall  # the side that the lens was made for
+    across = width if horizontal else tall  # the side to which the lens refers
     if lens.type == 'ORTHO':
         size = lens.ortho_scale
     else:
-        # With AUTO the width counts on both sides, as in Blender.
+        # With AUTO the sensor's width is used for both sides, as in Blender.
         size = (lens.sensor_height if lens.sensor_fit == 'VERTICAL' else lens.sensor_width) / lens.lens
     pixel = size / across
     x, y = shift_x * size, shift_y * size
@@ -90,10 +90,10 @@ def _window(render, width: int, height: int, lens, shift_x: float, shift_y: floa
 
 
 def border(render, width: int, height: int) -> list[int] | None:
-    """x0, y0, x1, y1 of the render border in pixels, or None for the whole frame."""
+    """Return x0, y0, x1, y1 of the render border in pixels, or None if the whole frame is rendered."""
     if not render.use_border:
         return None
-    # In float32 and cut off, as Blender does, or the picture would not fit.
+    # Use float32 and truncate, as Blender does; otherwise the size of the picture would differ.
     corners = np.array([render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y],
                        np.float32) * np.array([width, height] * 2, np.float32)
     x0, y0, x1, y1 = (int(c) for c in corners)

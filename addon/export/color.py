@@ -1,4 +1,4 @@
-"""Colours: the scene's linear light (its working space), and how to get there from other spaces."""
+"""Colours: the scene's linear light (its working space), and conversions to it from other spaces."""
 
 import os
 from functools import cache
@@ -9,10 +9,10 @@ import numpy as np
 from mathutils import Color
 
 IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-# Linear spaces of Blender's own configuration, which Blender itself converts. Those of colour pickers are Rec.709.
+# Linear spaces in Blender's own configuration that Blender itself can convert. Colour pickers use Rec.709.
 _LINEAR = {
     "Linear Rec.709": "from_rec709_linear_to_scene_linear",
-    "Linear": "from_rec709_linear_to_scene_linear",  # before 4.0
+    "Linear": "from_rec709_linear_to_scene_linear",  # its name before 4.0
     "Linear Rec.2020": "from_rec2020_linear_to_scene_linear",
     "ACEScg": "from_acescg_to_scene_linear",
     "ACES2065-1": "from_aces_to_scene_linear",
@@ -21,7 +21,7 @@ _LINEAR = {
 
 
 def space(settings) -> dict:
-    """What the engine's Image says of a colour space, given an image's `colorspace_settings`."""
+    """Return what the engine's Image stores about a colour space, for an image's `colorspace_settings`."""
     name = settings.name
     if settings.is_data or name in {"scene_linear", working_space()}:
         return {"colorspace": 'LINEAR'}
@@ -34,31 +34,31 @@ def space(settings) -> dict:
 
 
 def to_rec709() -> list[list[float]]:
-    """The matrix, rows, from the scene's linear light to that of Rec.709."""
+    """Return the matrix (list of rows) from the scene's linear light to linear Rec.709."""
     return _matrix("from_scene_linear_to_rec709_linear")
 
 
 def working_space() -> str:
-    """What the configuration calls the scene's linear light."""
+    """Return the configuration's name for the scene's linear light."""
     found = getattr(bpy.data, "colorspace", None)  # 5.0+
     return found.working_space if found and not os.environ.get("OCIO") else "scene_linear"
 
 
 def luminance(color) -> float:
-    """The Y of a colour in the scene's linear light."""
+    """Return the luminance Y of a colour in the scene's linear light."""
     weights = [Color(one).from_scene_linear_to_xyz_d65()[1] for one in IDENTITY]
     return float(np.dot(weights, list(color)[:3]))
 
 
 def _matrix(method: str) -> list[list[float]]:
-    """The matrix, rows, of a method of Color that converts."""
+    """Return the matrix (list of rows) of a conversion method of Blender's Color."""
     rows = np.array([getattr(Color(one), method)() for one in IDENTITY], np.float64).T
-    # Blender before 5.0 computes the identity from rounded numbers.
+    # Before 5.0, Blender's matrices come from rounded numbers, so the identity must be given exactly.
     return IDENTITY if np.abs(rows - IDENTITY).max() < 1e-4 else rows.tolist()
 
 
 def _configuration() -> str:
-    """The file of the OpenColorIO configuration that Blender uses."""
+    """Return the file of the OpenColorIO configuration that Blender uses."""
     return os.environ.get("OCIO") or _blenders_own()
 
 

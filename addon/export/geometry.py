@@ -1,4 +1,4 @@
-"""Evaluated meshes and their instances → arrays."""
+"""Convert evaluated meshes and their instances to arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .materials import Materials
 from .mesh import Mesh, Reader
 from .report import Report
 
-# What a picture should show and the engine cannot.
+# Object types that a picture should show and the engine cannot.
 _NOT_TRANSLATED = {
     'CURVES': "hair curves", 'POINTCLOUD': "point clouds", 'VOLUME': "volumes",
 }
@@ -28,16 +28,16 @@ class MeshStore(Protocol):
 
 
 class Geometry:
-    """Collects instances; every mesh once, however many instances it has."""
+    """Collects instances. Each mesh is stored once, however many instances it has."""
 
     def __init__(self, materials: Materials, report: Report, check: Callable[[], None], view_layer,
                  meshes: MeshStore | None = None) -> None:
         self.objects: list[dict] = []
-        self.owners: list[tuple[int, int]] = []  # of each object, as `linking` wants them
+        self.owners: list[tuple[int, int]] = []  # of each object, in the form that `linking` needs
         self.meshes: MeshStore = meshes or Meshes()
         self._materials, self._report, self._view_layer = materials, report, view_layer
         self._reader = Reader(check)
-        self._mesh_of: dict[tuple, Any] = {}  # what `meshes` made of it; None: nothing to see
+        self._mesh_of: dict[tuple, Any] = {}  # the result of `meshes` for each key; None if there is nothing to see
         self._mesh_of_object: dict[tuple, Any] = {}
         self._object_of: dict[tuple, int] = {}
         self._instance_mesh: list = []
@@ -47,13 +47,13 @@ class Geometry:
     def add(self, instance, ob) -> None:
         """Add an entry of depsgraph.object_instances; `ob` is its object."""
         data = ob.data
-        # The triangles of a curve, a surface, a text or metaballs come as an entry of their own, of type MESH.
+        # The triangles of a curve, a surface, a text or metaballs come as a separate entry of type MESH.
         if ob.type != 'MESH':
             if ob.type in _NOT_TRANSLATED:
                 self._report.warn(f"{_NOT_TRANSLATED[ob.type]} are not translated; it is not seen", "Object", ob.name)
             return
-        # Blender lends the same temporary object for all instances: what tells them apart
-        # is the object that they were made of, and the data.
+        # Blender reuses one temporary object for all instances. Instances are told apart by the object that they were
+        # made from, and by the data.
         source = (instance.instance_object or ob) if instance.is_instance else ob
         key = (source.as_pointer(), data.as_pointer())
         if key not in self._mesh_of_object:
@@ -72,14 +72,14 @@ class Geometry:
         self._instance_matrix.extend((*m[0], *m[1], *m[2], *m[3]))
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The arrays of the engine's Geometry."""
+        """Return the arrays of the engine's Geometry."""
         assert isinstance(self.meshes, Meshes)
         found, textured = self.meshes.found, bool(self._materials.images) or self._materials.every_uv
         return joined([mesh.arrays() for mesh in found], textured) | self.instances({
             id(mesh): i for i, mesh in enumerate(found)})
 
     def instances(self, numbers: dict[int, int]) -> dict[str, np.ndarray]:
-        """The arrays that place meshes; `numbers` has a mesh's number by its id."""
+        """Return the arrays that place the meshes; `numbers` holds each mesh's number by its id."""
         return {
             "instance_mesh": np.array([numbers[id(mesh)] for mesh in self._instance_mesh], np.int32),
             "instance_object": np.array(self._instance_object, np.int32),
@@ -87,9 +87,12 @@ class Geometry:
         }
 
     def _object(self, ob, parent) -> int:
-        """Number of a new entry of `objects`: what is seen of `ob`, and of its instancer if it has one."""
+        """Add an entry to `objects` for what is visible of `ob` (and of its instancer, if it has one); return its
+        number.
+        """
         seen = [ob] if parent is None or parent == ob else [ob, parent]
-        # Collections are holdouts, or for indirect light only, in a view layer; as in Cycles a hole shows either way.
+        # In a view layer a collection may be a holdout, or for indirect light only. As in Cycles, a hole is visible in
+        # both cases.
         left_out.rays(ob, self._report)
         holdout = any(o.is_holdout or o.holdout_get(view_layer=self._view_layer) for o in seen)
         hidden = not holdout and any(o.indirect_only_get(view_layer=self._view_layer) for o in seen)
@@ -107,7 +110,7 @@ class Geometry:
         return len(self.objects) - 1
 
     def _mesh(self, ob, data, source, parent) -> Any:
-        """The mesh of `ob`, new or shared; None if it has no triangle."""
+        """Return the mesh of `ob`, which may be shared; None if it has no triangles."""
         if any(p.settings.type == 'HAIR' and p.settings.render_type == 'PATH' for p in ob.particle_systems):
             self._report.warn("hair is not translated; it is not seen", "Object", ob.name)
         materials = tuple(self._materials.index(slot.material) for slot in ob.material_slots)
@@ -116,7 +119,7 @@ class Geometry:
             return None
         key = (data.as_pointer(), materials, self._materials.uv_map(materials))
         if key not in self._mesh_of:
-            # What geometry nodes made lives as long as what the instancer has evaluated.
+            # Data that geometry nodes made exists as long as the evaluated data of the instancer.
             owners = {source, data} if parent is None or source.data == data else {source, data, parent}
             self._mesh_of[key] = self.meshes.get(
                 (source.original.session_uid, *key), {o.original.session_uid for o in owners},
@@ -136,7 +139,8 @@ class Geometry:
             ob.to_mesh_clear()
 
     def _uvs(self, ob, mesh, materials: tuple[int, ...]) -> tuple:
-        """Whether UVs are wanted, by an image of `materials` or for the UV pass; and the layer that has them, or None.
+        """Return whether UVs are wanted (by an image of `materials` or for the UV pass), and the layer that holds them,
+        or None.
         """
         name = self._materials.uv_map(materials)
         if name is None and not self._materials.every_uv:
@@ -153,23 +157,27 @@ class Geometry:
 
 
 def _terminator(ob) -> dict[str, float]:
-    """Blender's offsets at the shadow terminator: of the object; before 4.3 they were Cycles', and one less."""
+    """Return Blender's offsets at the shadow terminator, which belong to the object. Before 4.3 they belonged to
+    Cycles, and there was one less.
+    """
     names = [f"shadow_terminator_{what}_offset" for what in ("geometry", "normal", "shading")]
     if hasattr(ob, names[0]):
         return {name: getattr(ob, name) for name in names}
-    cycles = getattr(ob, "cycles", None)  # an add-on of its own, which may be off
+    cycles = getattr(ob, "cycles", None)  # it belongs to another add-on, which may be switched off
     return {"shadow_terminator_geometry_offset": getattr(cycles, "shadow_terminator_geometry_offset", 0.1),
             "shadow_terminator_shading_offset": getattr(cycles, "shadow_terminator_offset", 0.0)}
 
 
 class Meshes:
-    """The meshes of a snapshot, each once, in the order in which they were met."""
+    """The meshes of a snapshot, each once, in the order in which they were found."""
 
     def __init__(self) -> None:
         self.found: list[Mesh] = []
 
     def get(self, key: tuple, owners: set[int], read: Callable[[], Mesh | None]) -> Any:
-        """What `read` gives. `key` and the session's numbers of the `owners` are for those who keep meshes."""
+        """Return the result of `read`. `key` and `owners` (session numbers of data blocks) are used by subclasses that
+        keep meshes.
+        """
         mesh = read()
         if mesh is not None:
             self.found.append(mesh)
@@ -177,7 +185,7 @@ class Meshes:
 
 
 def joined(meshes: list[dict[str, np.ndarray]], textured: bool) -> dict[str, np.ndarray]:
-    """The triangles' arrays of several meshes as one set, with UVs where they are `textured`."""
+    """Join the triangle arrays of several meshes into one set, with UVs if they are `textured`."""
     counts = np.array([(len(m["vertices"]), len(m["triangles"])) for m in meshes], np.int64).reshape(-1, 2)
     starts = np.cumsum(counts, axis=0) - counts
     uvs = []

@@ -1,4 +1,4 @@
-"""Which file an image has, and whether it may be opened. Nothing here has Blender open it."""
+"""Find the file of an image, and check whether it may be opened. Nothing here makes Blender open it."""
 
 import os
 import re
@@ -7,16 +7,16 @@ from pathlib import Path
 
 import bpy
 
-# Formats that Blender reads and the engine does not, by the first bytes of a file.
+# Formats that Blender reads and the engine does not, by the first bytes of the file.
 _FOREIGN = (b"\x00\x00\x00\x0cjP", b"\xff\x4f\xff\x51")  # JPEG 2000
 
-# What is not opened.
+# Kinds of files that are not opened.
 _KINDS = {stat.S_IFDIR: "folder", stat.S_IFIFO: "named pipe", stat.S_IFSOCK: "socket", stat.S_IFCHR: "device",
           stat.S_IFBLK: "device"}
 
 
 def path_of(image, user, frame: int) -> Path:
-    """The file of `image` as the image user of a texture node shows it at `frame` of the scene."""
+    """Return the file of `image` that the image user of a texture node shows at `frame` of the scene."""
     path = bpy.path.abspath(image.filepath, library=image.library)
     if image.source == 'SEQUENCE':
         path = numbered(path, frame_of(user, frame))
@@ -27,7 +27,7 @@ def path_of(image, user, frame: int) -> Path:
 
 
 def frame_of(user, frame: int) -> int:
-    """The number of the picture that a sequence shows at `frame` of the scene."""
+    """Return the number of the picture in a sequence that is shown at `frame` of the scene."""
     length = user.frame_duration
     if not length:
         return 0
@@ -38,7 +38,7 @@ def frame_of(user, frame: int) -> int:
 
 
 def numbered(path: str, number: int) -> str:
-    """`path` with another number: the last digits of the name before its suffix."""
+    """Return `path` with another number in place of the last digits of the name before its suffix."""
     file = Path(path)
     found = re.fullmatch(r"(.*?)(\d+)(\D*)", file.stem, re.DOTALL)
     if not found:
@@ -48,11 +48,11 @@ def numbered(path: str, number: int) -> str:
 
 
 def refusal(path: Path) -> str:
-    """Why the file must not be opened, or an empty string: opening a pipe would wait for ever, a device as well."""
+    """Return why the file must not be opened, or an empty string. Opening a pipe or a device could block for ever."""
     try:
         real = path.resolve()
         mode = real.stat().st_mode
-    except (OSError, RuntimeError, ValueError) as e:  # RuntimeError: links in a circle; ValueError: a NUL
+    except (OSError, RuntimeError, ValueError) as e:  # RuntimeError: a circle of links; ValueError: a NUL in the name
         reason = getattr(e, "strerror", "") or "its path is not valid"
         return f"cannot be read ({reason[0].lower()}{reason[1:]})"
     kind = _KINDS.get(stat.S_IFMT(mode))
@@ -64,6 +64,6 @@ def refusal(path: Path) -> str:
 
 
 def engine_reads(path: Path) -> bool:
-    """Whether the file, which may be opened, is of a format that the engine reads."""
+    """Return whether the engine can read the format of the file, which must be safe to open."""
     with path.open("rb") as f:
         return not f.read(8).startswith(_FOREIGN)

@@ -1,4 +1,4 @@
-"""Image textures → files that the engine can read."""
+"""Convert image textures to files that the engine can read."""
 
 import struct
 from pathlib import Path
@@ -17,30 +17,30 @@ class Images:
     def __init__(self, folder: Path) -> None:
         self.descriptions: list[dict] = []
         self.frame = 0  # of the scene
-        self.moves = False  # whether one shows another picture at another frame
+        self.moves = False  # whether an image shows another picture at another frame
         self._folder = folder
         self._indices: dict[tuple, int] = {}
-        self._written: dict[int, dict] = {}  # files of images that Blender alone has
+        self._written: dict[int, dict] = {}  # files of images that exist only in Blender's memory
         self._files = 0
 
     def clear(self, repainted: bool) -> None:
-        """Begin anew. Files that were written are still right unless images were `repainted`."""
+        """Start again. Files that were written stay valid, unless images were `repainted`."""
         self.descriptions, self._indices, self.moves = [], {}, False
         if repainted:
             self._written = {}
 
     def forget_files(self, names: set[str]) -> None:
-        """These files are gone."""
+        """Forget these files, which were removed."""
         self._written = {uid: file for uid, file in self._written.items() if file["path"] not in names}
 
     def index(self, node, report: Report) -> int:
-        """Number of the image of an image texture node, as the node shows it; −1 where it cannot be had."""
+        """Return the number of the image that an image texture node shows; −1 if there is none."""
         self._report = report
         image = node.image
         self.moves |= image.source == 'SEQUENCE'
         try:
             path = path_of(image, node.image_user, self.frame)
-        except ValueError:  # a NUL
+        except ValueError:  # the name contains a NUL
             path = Path(image.filepath.replace("\0", "?"))
         linked = node.outputs["Alpha"].is_linked
         key = (image.original.session_uid, node.interpolation, node.extension, linked, path)
@@ -59,7 +59,7 @@ class Images:
         return self._indices[key]
 
     def _file(self, image, path: Path) -> dict | None:
-        """A file with the image's pixels, and what else is special about it."""
+        """Return a file with the pixels of the image, and special properties of the image."""
         if image.source == 'TILED':
             self._warn(image, "UDIM tiles are not translated; the first tile is used everywhere")
         elif image.source == 'MOVIE':
@@ -70,7 +70,8 @@ class Images:
         packed = _packed(original)
         if image.source in {'FILE', 'SEQUENCE', 'TILED', 'MOVIE'} and not original.is_dirty and not packed:
             refused = refusal(path)
-            if refused and not (image.source == 'FILE' and original.has_data):  # what Blender has read it still has
+            # an image that Blender has read already stays available
+            if refused and not (image.source == 'FILE' and original.has_data):
                 self._warn(image, f"its file {str(path)!r} {refused}; the surface has a plain colour")
                 return None
             if not refused and image.source != 'MOVIE' and engine_reads(path):
@@ -87,7 +88,7 @@ class Images:
         return written
 
     def _unpacked(self, data: bytes, name: str) -> dict | None:
-        """The file that was packed into the .blend, as it was; None where the engine could not read it."""
+        """Write a file that was packed into the .blend, unchanged. Returns None if the engine could not read it."""
         self._folder.mkdir(parents=True, exist_ok=True)
         path = self._folder / name
         path.write_bytes(data)
@@ -97,7 +98,7 @@ class Images:
         return None
 
     def _pixels(self, image, name: str) -> dict | None:
-        """A file with the pixels that Blender has."""
+        """Write a file with the pixels that Blender has in memory."""
         original = image.original
         had = original.has_data
         size = tuple(original.size)
@@ -110,10 +111,10 @@ class Images:
             pixels *= 255
             pixels = np.rint(pixels, out=pixels).astype(np.uint8)
         if not had and not original.is_dirty and image.source != 'GENERATED':
-            original.buffers_free()  # nobody looked at it before
+            original.buffers_free()  # free the pixels, as nobody used them before
         self._folder.mkdir(parents=True, exist_ok=True)
         write_tiff(self._folder / name, pixels.reshape(size[1], size[0], -1)[::-1])
-        # Blender keeps floats in the scene's linear light, multiplied by alpha, and bytes as they are in files.
+        # Blender stores float pixels in the scene's linear light, premultiplied; byte pixels are as in the file.
         return {"path": name} | ({"colorspace": 'LINEAR', "matrix": color.IDENTITY} if original.is_float else {})
 
     def _warn(self, image, sentence: str) -> None:
@@ -121,7 +122,7 @@ class Images:
 
 
 def _packed(image) -> bytes:
-    """The file of an image that is packed into the .blend, of several the first; empty where none is."""
+    """Return the packed file of an image, the first if there are several; empty if there is none."""
     if image.source not in {'FILE', 'TILED'}:
         return b""
     packed = image.packed_file or (image.packed_files[0].packed_file if image.packed_files else None)
@@ -129,30 +130,31 @@ def _packed(image) -> bytes:
 
 
 def _alpha(image, linked: bool) -> dict:
-    """What alpha does to the colours, as in Cycles. linked: whether the node's Alpha goes anywhere."""
+    """Return how alpha changes the colours, as in Cycles. `linked`: whether the Alpha output of the node is used."""
     if image.alpha_mode == 'NONE':
         return {"alpha": 'IGNORED'}
     if image.colorspace_settings.is_data or image.alpha_mode == 'CHANNEL_PACKED':
         return {"alpha": 'KEEP'}
-    # Cycles goes by the file up to 5.1, and by the mode from then on.
+    # Up to 5.1 Cycles decides by the file; later versions decide by the alpha mode.
     stored = {'STRAIGHT': 'STRAIGHT', 'PREMUL': 'MULTIPLIED'}[image.alpha_mode]
     return {"alpha": 'STRAIGHT' if linked else 'MULTIPLIED', "stored": stored if bpy.app.version >= (5, 2) else 'FILE'}
 
 
 def write_tiff(path: Path, pixels: np.ndarray) -> None:
-    """Write RGB(A) pixels, float32 or uint8, top row first, as the plainest TIFF: it needs no library.
+    """Write RGB(A) pixels, float32 or uint8, top row first, as a minimal TIFF file without the help of a library.
 
-    Floats are multiplied by alpha, bytes are not.
+    Floats must be premultiplied by alpha, bytes must not.
     """
     if pixels.shape[2] < 3:
         pixels = pixels[:, :, :1].repeat(3, axis=2)
     height, width, channels = pixels.shape
     is_float = pixels.dtype != np.uint8
     data = np.ascontiguousarray(pixels, "<f4" if is_float else np.uint8).data
-    # tag, type (3: 16 bit, 4: 32 bit), count, value; those of three values follow the directory.
+    # tag, type (3: 16 bit, 4: 32 bit), count, value; entries of three values are stored after the directory
     entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, channels, None), (259, 3, 1, 1), (262, 3, 1, 2),
                (273, 4, 1, None), (277, 3, 1, channels), (278, 4, 1, height), (279, 4, 1, data.nbytes),
-               *([(338, 3, 1, 1 if is_float else 2)] if channels == 4 else []),  # the fourth is alpha, multiplied in
+               # the fourth channel is alpha, premultiplied
+               *([(338, 3, 1, 1 if is_float else 2)] if channels == 4 else []),
                (339, 3, channels, None)]
     after = 8 + 2 + 12 * len(entries) + 4
     values = {258: after, 339: after + 2 * channels, 273: after + 4 * channels}

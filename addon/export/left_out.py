@@ -1,6 +1,8 @@
-"""What Cycles would show of nodes, objects and settings, and the engine does not: each is named where it is used.
+"""Features of nodes, objects and settings that Cycles shows and the engine does not. Each one in use is named in a
+warning.
 
-A node's inputs are either read, or stand here, or are new in some Blender: those are named as soon as they are not 0.
+Each input of a translated node is either read, or listed here, or new in some version of Blender. A new input is named
+as soon as its value is not 0.
 """
 
 from __future__ import annotations
@@ -14,14 +16,14 @@ from .report import Report, shown
 class LeftOut(NamedTuple):
     """An input that is not translated."""
 
-    off: float = 0.0  # the value that says nothing, of all channels
+    off: float = 0.0  # the value, for all channels, at which the input has no effect
     instead: str = "it is rendered as 0"
-    details: tuple[str, ...] = ()  # inputs that mean nothing where this one is off
+    details: tuple[str, ...] = ()  # inputs that have no effect if this one is off
 
 
 _FILM = LeftOut(instead="it is rendered without a film", details=("Thin Film IOR",))
 _ROUND = "it is rendered with round highlights"
-# Of each shader that is translated: the inputs that are read, and those that are left out.
+# For each translated shader: the inputs that are read, and those that are left out.
 _READ = {
     'ShaderNodeBsdfPrincipled': {
         "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Transmission Weight",
@@ -35,7 +37,7 @@ _READ = {
     'ShaderNodeMixShader': {"Fac", "Factor"},  # its name before 5.0
     'ShaderNodeBackground': {"Color", "Strength"},
 }
-_READ['ShaderNodeBsdfAnisotropic'] = _READ['ShaderNodeBsdfGlossy']  # what Glossy is called inside
+_READ['ShaderNodeBsdfAnisotropic'] = _READ['ShaderNodeBsdfGlossy']  # the internal name of the Glossy BSDF
 _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
     'ShaderNodeBsdfPrincipled': {
         "Diffuse Roughness": LeftOut(),
@@ -58,7 +60,7 @@ _LEFT_OUT['ShaderNodeBsdfAnisotropic'] = _LEFT_OUT['ShaderNodeBsdfGlossy']
 
 
 def inputs(nodes: Nodes, node) -> None:
-    """Name the inputs of a translated shader that are in use and not read."""
+    """Warn about the inputs of a translated shader that are in use but not read."""
     known = _LEFT_OUT.get(node.bl_idname, {})
     passed = _READ.get(node.bl_idname, set()).union(*(left.details for left in known.values()))
     for socket in node.inputs:
@@ -80,7 +82,7 @@ def _differs(value, off: float) -> bool:
 
 
 def settings(scene, view_layer, report: Report) -> None:
-    """Name the settings of scene, view layer and world that Cycles follows and the engine does not."""
+    """Warn about settings of the scene, view layer and world that Cycles uses and the engine does not."""
     cycles, simplified = getattr(scene, "cycles", None), scene.render.use_simplify
     for used, sentence in (
         (scene.render.use_motion_blur and view_layer.use_motion_blur,
@@ -107,7 +109,7 @@ def settings(scene, view_layer, report: Report) -> None:
 
 
 def rays(ob, report: Report) -> None:
-    """Name what the engine does not follow of an object's ray visibility."""
+    """Warn about ray visibility settings of an object that the engine does not support."""
     if ob.visible_transmission != ob.visible_glossy:
         report.warn("Ray Visibility: Transmission is not translated; it is seen through glass as in mirrors",
                     "Object", ob.name)

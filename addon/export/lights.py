@@ -1,7 +1,7 @@
-"""Lights, with Cycles' energy.
+"""Export lights, with the same energy as in Cycles.
 
-`intensity` is the radiance that a white diffuse surface returns at distance 1, the light straight above it.
-The constants are those of Cycles, checked against its pictures by tests/peers/test_cycles.py.
+`intensity` is the radiance that a white diffuse surface reflects at distance 1, with the light straight above it. The
+constants are those of Cycles; tests/peers/test_cycles.py compares them with its pictures.
 """
 
 import math
@@ -15,7 +15,8 @@ from .report import Report
 
 
 def light(ob, parent, matrix_world, report: Report) -> dict:
-    """The engine's description of light object `ob`, which stands at `matrix_world`; `parent` is its instancer or None.
+    """Return the engine's description of the light object `ob` with the transform `matrix_world`. `parent` is its
+    instancer or None.
     """
     lamp = ob.data
     seen = [ob] if parent is None else [ob, parent]
@@ -48,7 +49,9 @@ def light(ob, parent, matrix_world, report: Report) -> dict:
 
 
 def _off(lamp, lengths, axes) -> bool:
-    """Whether the lamp gives no light in Cycles: one whose scale or size is 0, or a portal of the world's light."""
+    """Return whether the lamp gives no light in Cycles: because its scale or size is 0, or because it is a portal for
+    the world's light.
+    """
     if lamp.type == 'SUN':
         return not lengths[2] > 0
     if lamp.type == 'SPOT':
@@ -64,7 +67,8 @@ def _exposure(lamp) -> float:
 
 
 def _normalized(lamp) -> bool:
-    return getattr(lamp, "normalize", True)  # 4.5+: whether a larger light is as bright in all
+    # 4.5+: whether the total power stays the same when the size of the light changes
+    return getattr(lamp, "normalize", True)
 
 
 def _color(lamp, report: Report) -> np.ndarray:
@@ -85,20 +89,20 @@ def _color(lamp, report: Report) -> np.ndarray:
 
 
 def _point(lamp, lengths, axes, report):
-    # Radiant flux Φ in all directions: I = Φ/4π; a diffuse surface returns I/π.
+    # A radiant flux Φ in all directions has I = Φ/4π; a diffuse surface reflects I/π.
     radius = lamp.shadow_soft_size
     factor = 1 / (4 * math.pi**2)
     if not _normalized(lamp) and radius > 0:
-        # The energy is then the radiosity of the sphere.
+        # Then the energy is the radiosity of the sphere.
         factor *= 4 * math.pi * radius**2
     return factor, {"radius": radius}
 
 
 def _sun(lamp, lengths, axes, report):
-    # The energy is irradiance.
+    # The energy is an irradiance.
     factor = 1 / math.pi
     if not _normalized(lamp) and lamp.angle > 0:
-        factor *= math.pi * math.sin(lamp.angle / 2) ** 2  # the energy is then radiance
+        factor *= math.pi * math.sin(lamp.angle / 2) ** 2  # then the energy is a radiance
     return factor, {"angle": lamp.angle}
 
 
@@ -106,28 +110,28 @@ def _spot(lamp, lengths, axes, report):
     factor, own = _point(lamp, lengths, axes, report)
     own |= {"spot_angle": lamp.spot_size, "spot_blend": lamp.spot_blend}
     if not _even(lengths, axes) and _solid(lengths, axes):
-        # The cone is a plain one in the lamp's own space.
+        # In the lamp's own space the cone is circular.
         own["axes"] = (np.linalg.inv((axes * lengths[:, None]).T) * lengths[2] * [[1], [1], [-1]]).tolist()
     return factor, own
 
 
 def _even(lengths, axes) -> bool:
-    """Whether a lamp is neither sheared nor longer along one of its axes than along another."""
+    """Return whether a lamp is neither sheared nor longer along one axis than along another."""
     return np.ptp(lengths) <= 1e-6 * lengths.max() and _upright(axes)
 
 
 def _upright(axes) -> bool:
-    """Whether a lamp's axes (3,3) are perpendicular."""
+    """Return whether the axes of a lamp, shape (3,3), are perpendicular."""
     return np.abs(np.triu(axes @ axes.T, 1)).max() <= 1e-5
 
 
 def _solid(lengths, axes) -> bool:
-    """Whether a lamp's space is not flat."""
+    """Return whether a lamp's axes span a space: none has length 0, and they are not in one plane."""
     return bool(lengths.all()) and abs(np.linalg.det(axes)) > 1e-6
 
 
 def _area(lamp, lengths, axes, report):
-    # A Lambertian emitter of flux Φ: I = Φ/π on its axis.
+    # A Lambertian emitter of flux Φ has I = Φ/π on its axis.
     factor = 1 / math.pi**2
     size_x = lamp.size * lengths[0]
     size_y = (lamp.size_y if lamp.shape in {'RECTANGLE', 'ELLIPSE'} else lamp.size) * lengths[1]
@@ -144,7 +148,7 @@ def _area(lamp, lengths, axes, report):
         if not ellipse:
             own["axes"] = [*axes[:2].tolist(), np.cross(axes[0], axes[1]).tolist()]
         if lamp.spread < math.pi - 1e-4:
-            report.warn("it is sheared: its spread is that of a lamp that is not", "Light", lamp.name)
+            report.warn("it is sheared: its spread is rendered as if it were not", "Light", lamp.name)
     return factor, own
 
 

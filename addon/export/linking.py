@@ -1,24 +1,25 @@
-"""Blender's light and shadow linking: which objects a light lights, and which block it.
+"""Blender's light and shadow linking: which objects a light lights, and which objects block it.
 
-The rules are Cycles': a collection that includes anything leaves all else out, one that only excludes takes all
-else, an empty one says nothing. What stands in a nested collection has the state of the outermost one. An instance
-has its instancer's state if any light links the instancer, else that of the object that it was made of.
+The rules are those of Cycles. A collection that includes anything excludes everything else. A collection that only
+excludes includes everything else. An empty collection has no effect. The contents of a nested collection have the state
+of the outermost one. An instance has the state of its instancer if any light links the instancer; otherwise that of the
+object from which it was made.
 """
 
 _COLLECTIONS = {"receivers": "receiver_collection", "blockers": "blocker_collection"}
 
 
 def identity(block) -> int:
-    """What is the same for an object or collection, its evaluated copies and its instances."""
+    """Return a number that is the same for an object or collection, its evaluated copies and its instances."""
     return block.original.as_pointer()
 
 
 class Links:
-    """Collects what lights are linked with. Holds nothing of Blender's."""
+    """Collects the links of lights. It holds no Blender data."""
 
     def __init__(self) -> None:
-        self._states: dict[int, dict[int, str]] = {}  # of each collection
-        self._lamps: list[dict[str, int]] = []  # collections of each light, by what they are for
+        self._states: dict[int, dict[int, str]] = {}  # for each collection
+        self._lamps: list[dict[str, int]] = []  # the collections of each light, by their purpose
 
     def add(self, ob) -> None:
         """Add light object `ob`."""
@@ -32,10 +33,11 @@ class Links:
         self._lamps.append(mine)
 
     def link(self, lamps: list[dict], owners: list[tuple[int, int]]) -> None:
-        """Give the engine's `lamps` their receivers and blockers: numbers of objects, left out where they are all.
+        """Add receivers and blockers to the engine's `lamps`, as lists of object numbers. A list is left out if it
+        holds all objects.
 
-        `lamps` are in the order in which they were added; `owners` are the identities of each of the snapshot's
-        objects and of its instancer, or 0.
+        `lamps` are in the order in which they were added; `owners` are the identities of each object of the snapshot
+        and of its instancer, or 0.
         """
         for what in _COLLECTIONS:
             states = {mine[what]: self._states[mine[what]] for mine in self._lamps if what in mine}
@@ -52,7 +54,9 @@ class Links:
 
 
 def _states(collection) -> dict[int, str]:
-    """Identity of each object in `collection` → INCLUDE or EXCLUDE. Of several the last counts, as in Blender."""
+    """Return identity of each object in `collection` → INCLUDE or EXCLUDE. If an object occurs several times the last
+    state counts, as in Blender.
+    """
     states: dict[int, str] = {}
     for child, how in zip(collection.children, collection.collection_children, strict=True):
         states |= dict.fromkeys(map(identity, child.all_objects), how.light_linking.link_state)

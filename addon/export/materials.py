@@ -1,4 +1,4 @@
-"""Materials: node trees → Whitted's parameters, with the artist's overrides."""
+"""Translate the node trees of materials to Whitted's parameters, with the artist's overrides."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -20,16 +20,16 @@ class Materials:
     def __init__(self, report: Report, folder: Path, depsgraph) -> None:
         self.descriptions: list[dict] = []
         self._images = Images(folder)
-        self.every_uv = False  # the UV pass wants them, with images or without
+        self.every_uv = False  # whether UVs are needed also without images, for the UV pass
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
-        self._reports: list[Report] = []  # of each material's translation
+        self._reports: list[Report] = []  # the warnings of each material's translation
         self._translated: set[int] = set()
         self.begin(report, depsgraph)
 
     def begin(self, report: Report, depsgraph, changed: bool = False, repainted: bool = False) -> None:
-        """Another snapshot with the same numbers for the same materials, which may have `changed`, and their images
-        may have been `repainted`.
+        """Begin another snapshot. The same materials keep their numbers. They may have `changed`, and their images may
+        have been `repainted`.
         """
         self._report, self._depsgraph = report, depsgraph
         self._override = depsgraph.view_layer_eval.material_override
@@ -40,11 +40,11 @@ class Materials:
         if changed or repainted:
             self._translated.clear()
             self._images.clear(repainted)
-            # Should one not be asked for any more.
+            # In case it is not asked for any more.
             self.descriptions = [d | {"image": -1, "alpha_image": -1} for d in self.descriptions]
 
     def forget_files(self, names: set[str]) -> None:
-        """These files in the snapshot's folder are gone."""
+        """Forget these files in the snapshot's folder, which were removed."""
         self._images.forget_files(names)
 
     @property
@@ -52,7 +52,7 @@ class Materials:
         return self._images.descriptions
 
     def index(self, material) -> int:
-        """Number of `material` (None: Blender's default), translated when first asked for.
+        """Return the number of `material` (None: Blender's default). It is translated when it is first asked for.
 
         The view layer may have one material instead of all.
         """
@@ -70,12 +70,16 @@ class Materials:
         return index
 
     def is_nothing(self, index: int) -> bool:
-        """Whether that material is no surface at all, as one with a volume only: soft shadows must not notice it."""
+        """Return whether the material is no surface at all, like one with only a volume. Such a surface must not affect
+        soft shadows.
+        """
         description = self.descriptions[index]
         return description["alpha"] == 0 and description["alpha_image"] < 0
 
     def uv_map(self, indices: Iterable[int]) -> str | None:
-        """The UV map that the images of these materials want: a name, "" for the mesh's own, None for no images."""
+        """Return the UV map that the images of these materials need: a name, "" for the mesh's default, None if there
+        are no images.
+        """
         maps = [m for m in (self._uv_maps[i] for i in indices) if m is not None]
         return maps[0] if maps else None
 
@@ -98,15 +102,15 @@ class Materials:
 
 
 def translate(material, report: Report) -> Surface:
-    """The surface that the nodes of `material` describe, or its viewport colour where it has none."""
+    """Return the surface that the nodes of `material` describe, or its viewport colour if it has no nodes."""
     if uses_nodes(material):
         nodes = Nodes(material.node_tree, "Material", material.name, report)
         return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
-    return Surface.diffuse(tuple(material.diffuse_color)[:3])  # as Cycles
+    return Surface.diffuse(tuple(material.diffuse_color)[:3])  # as in Cycles
 
 
 def translated_value(material, name: str):
-    """Whitted's parameter `name` as translated from the nodes, without overrides: what the panel shows."""
+    """Return Whitted's parameter `name`, translated from the nodes, without overrides. The panel shows it."""
     return translate(material, Report()).whitted()[name]
 
 

@@ -1,4 +1,4 @@
-"""One evaluated mesh → arrays."""
+"""Convert one evaluated mesh to arrays."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ import numpy as np
 
 @dataclass
 class Mesh:
-    """A mesh as Blender stores it. Free of Blender: `arrays` may be asked for in any thread."""
+    """A copy of a mesh in Blender's layout. It holds no Blender data, so `arrays` may be called in any thread."""
 
     vertices: np.ndarray  # (V,3)
     corner_vertices: np.ndarray  # (C,)
     corners: np.ndarray  # (T,3) of the triangles
     normals: np.ndarray  # (V,3), (P,3) or (C,3)
-    domain: str  # of the normals: POINT where all is smooth, FACE where all is flat, or CORNER
-    polygons: np.ndarray | None  # (T,) of the triangles, where `normals` or `slots` want them
+    domain: str  # of the normals: POINT if all is smooth, FACE if all is flat, otherwise CORNER
+    polygons: np.ndarray | None  # (T,) polygon of each triangle, if `normals` or `slots` need it
     materials: np.ndarray  # (S,) numbers of the slots' materials
-    slots: np.ndarray | None  # (P,); None: all faces have the first
-    uvs: np.ndarray | None  # (C,2), where a material has an image
+    slots: np.ndarray | None  # (P,) slot of each polygon; None if all faces use the first
+    uvs: np.ndarray | None  # (C,2), if a material has an image
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The arrays of the engine's Geometry that describe triangles; "uvs" only where there are some."""
+        """Return the arrays of the engine's Geometry that describe triangles; "uvs" only if there are any."""
         triangles = self.corner_vertices[self.corners]
         if self.domain == 'POINT':
             normals = self.normals[triangles]
@@ -44,16 +44,18 @@ class Mesh:
 
 
 class Reader:
-    """Reads a mesh array by array. When `check` raises, the next `read` of the same mesh goes on from there."""
+    """Reads a mesh array by array. If `check` raises, the next `read` of the same mesh continues from there."""
 
     def __init__(self, check: Callable[[], None]) -> None:
         self._check = check
         self._parts: dict[str, np.ndarray] = {}
 
     def read(self, mesh, materials: tuple[int, ...], textured: bool, uv_layer) -> Mesh:
-        """`mesh`, which has triangles, with its slots' `materials`; where `textured` with UVs: of a layer, or all 0."""
+        """Read `mesh`, which must have triangles; `materials` are the numbers for its slots. If `textured`, it has UVs:
+        from `uv_layer`, or all 0 without one.
+        """
         attributes = mesh.attributes
-        # Custom normals are those of corners, whatever else they are stored for.
+        # Custom normals apply to corners, whatever domain they are stored on.
         domain = 'CORNER' if "custom_normal" in attributes else mesh.normals_domain
         slots = attributes.get("material_index") if len(materials) > 1 else None
         normals, n = {
@@ -61,7 +63,8 @@ class Reader:
             'CORNER': (mesh.corner_normals, len(mesh.loops)),
         }[domain]
         np_, nt = len(mesh.polygons), len(mesh.loop_triangles)
-        # Of the ways to the same numbers the attributes are by far the fastest: they are copied as a whole.
+        # There are several ways to get these numbers. Attributes are by far the fastest, because they are copied as a
+        # whole.
         result = Mesh(
             vertices=self._got("vertices", attributes["position"].data, "vector", (len(mesh.vertices), 3)),
             corner_vertices=self._got("corner_vertices", attributes[".corner_vert"].data, "value",
@@ -94,13 +97,13 @@ class Reader:
 
 
 def _corners(mesh) -> np.ndarray:
-    """(T,3) corners of the triangles."""
+    """Return the corners of the triangles, shape (T,3)."""
     triangles = mesh.loop_triangles
     n = len(triangles)
     first = triangles[0].as_pointer()
     if triangles[n - 1].as_pointer() - first == 12 * (n - 1) and n > 1:
-        # Three int32 a triangle, one after the other: foreach_get would go through them one by one and keep the
-        # artist waiting, 0.2 s for a million.
+        # Three int32 for each triangle, in sequence. foreach_get would read them one by one, which takes 0.2 s for a
+        # million and keeps the artist waiting.
         stored = np.ctypeslib.as_array((ctypes.c_int32 * (3 * n)).from_address(first)).reshape(n, 3).copy()
         if all(tuple(triangles[i].loops) == tuple(stored[i]) for i in (0, n // 2, n - 1)):
             return stored

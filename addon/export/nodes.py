@@ -1,4 +1,4 @@
-"""Reading node trees: what feeds a socket, and its constant where something untranslated does."""
+"""Read node trees: find the node that feeds a socket, or the socket's constant if that node is not translated."""
 
 import re
 
@@ -9,7 +9,7 @@ from .report import Report, shown
 
 
 def uses_nodes(owner) -> bool:
-    """Whether `owner` (material, world, light) is described by its node tree."""
+    """Return whether `owner` (material, world, light) is described by its node tree."""
     if owner.node_tree is None:
         return False
     # From 5.0 on materials and worlds always use their nodes, and asking is deprecated.
@@ -17,23 +17,25 @@ def uses_nodes(owner) -> bool:
 
 
 class Nodes:
-    """A node tree, what kind of thing it describes and its name, for warnings, and where warnings go."""
+    """A node tree, with the kind and the name of its owner for warnings, and the Report that collects the warnings."""
 
     def __init__(self, tree, kind: str, owner: str, report: Report) -> None:
         self.tree, self.kind, self.owner, self._report = tree, kind, owner, report
 
     def output(self, idname: str):
-        """The output node that Cycles takes, or None."""
+        """Return the output node that Cycles would use, or None."""
         node = self.tree.get_output_node('CYCLES')
         return node if node and node.bl_idname == idname else None
 
     def source(self, node, socket):
-        """The node that feeds input `socket` of `node`, through reroutes; None where nothing does."""
+        """Return the node that feeds input `socket` of `node`, through reroutes; None if there is none."""
         link = self.link(node, socket)
         return link.from_node if link else None
 
     def link(self, node, socket):
-        """The link that feeds input `socket` (name or position) of `node`, with reroutes and muted nodes passed."""
+        """Return the link that feeds input `socket` (name or position) of `node`; reroutes and muted nodes are
+        skipped.
+        """
         if node is None:
             return None
         socket = self.input(node, socket)
@@ -52,33 +54,33 @@ class Nodes:
         return None
 
     def color(self, node, socket) -> list[float]:
-        """The constant colour of an input."""
+        """Return the constant colour of an input."""
         return list(self._constant(node, socket))[:3]
 
     def value(self, node, socket) -> float:
-        """The constant number of an input."""
+        """Return the constant number of an input."""
         value = self._constant(node, socket)
-        # A colour that feeds a number gives its luminance.
+        # If a colour feeds a number, its luminance is used.
         return value if isinstance(value, float) else luminance(value)
 
     @staticmethod
     def input(node, socket):
-        """The input of `node` with that name or position."""
+        """Return the input of `node` with that name or position."""
         return node.inputs[socket] if isinstance(socket, str | int) else socket
 
     def warn(self, sentence: str, used: str = "") -> None:
-        """Warn; `used`: the value that was used instead."""
+        """Add a warning; `used` is the value that was used instead."""
         self._report.warn(sentence, self.kind, self.owner, used)
 
     def not_translated(self, node, instead: str, used: str = "") -> None:
-        """Warn that `node` means nothing to the engine, what is done instead, and the value that is used."""
+        """Warn that the engine cannot translate `node`, with what is done instead and the value that is used."""
         name = self.plain_name(node)
         label = f"'{name}'" if name == node.bl_label else f"'{name}' ({node.bl_label})"
         self.warn(f"node {label} is not translated; {instead}", used)
 
     @staticmethod
     def plain_name(node) -> str:
-        """The node's name, without the number that Blender gives to a second one of its type."""
+        """Return the node's name without the number that Blender gives to further nodes of the same type."""
         return re.sub(r"\.\d{3,}$", "", node.name)
 
     def _constant(self, node, socket):

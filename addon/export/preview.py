@@ -1,13 +1,15 @@
-"""Material, light and world previews: scenes of Blender's own, about one unit large, in a small picture."""
+"""Material, light and world previews: Blender's own scenes, about one unit large, in a small picture."""
 
-# Soft edges that suit the area lights of these scenes, and few nodes: an artist waits for every preview.
+# Soft edges that suit the area lights of these scenes, with few nodes, because the artist waits for every preview.
 SETTINGS = {"auto_h": False, "h": 0.03, "kI": 2.0, "samples": 4}
 _FLOORS = {"Floor", "FloorHidden"}
 _FLOOR_COLOR = [0.083] * 3
 
 
 def adapt(objects: list[dict], materials: list[dict]) -> None:
-    """Say what the floor's nodes say: its colour is a checker's, here the mean of it; icons hide it from the camera."""
+    """Set the colour of the floor. Its nodes make a checker pattern, for which the mean colour is used here; icons hide
+    the floor from the camera.
+    """
     for material in materials:
         if material["name"] in _FLOORS:
             material["Od"] = _FLOOR_COLOR

@@ -1,34 +1,37 @@
-"""What could not be translated: one sentence a kind, with the names of all that it happened to."""
+"""Collect what could not be translated: one sentence for each kind, with the names of everything concerned."""
 
-NAMED = 3  # of many, so many are named
+NAMED = 3  # how many names a sentence has at most
 
 
 class ExportError(Exception):
-    """The scene cannot be rendered as it is; the message says what to change."""
+    """The scene cannot be rendered; the message says what to change."""
 
 
 class Report:
-    """Collects warnings in order. What is said of several materials (or objects, …) becomes one sentence."""
+    """Collects warnings in order. The same sentence about several materials (or objects, …) becomes one warning."""
 
     def __init__(self) -> None:
-        self.lights: list[tuple | None] = []  # which they are, in the snapshot's order; None: their size has no effect
-        # (kind, sentence) → name of what it is said of → what was used instead there.
+        # the identity of each light, in the order of the snapshot; None if its size has no effect
+        self.lights: list[tuple | None] = []
+        # (kind, sentence) → name of the thing → the value that was used instead
         self._found: dict[tuple[str, str], dict[str, str]] = {}
-        self.mattes: dict[str, set[str]] = {}  # the names that each kind of Cryptomatte has
+        self.mattes: dict[str, set[str]] = {}  # the names for each kind of Cryptomatte
 
     def warn(self, sentence: str, kind: str = "", name: str = "", used: str = "") -> None:
-        """`kind` and `name` say of what, such as "Material" and its name; `used`: the value used instead."""
+        """Add a warning. `kind` and `name` say what it is about, such as "Material" and its name; `used` is the value
+        that was used instead.
+        """
         self._found.setdefault((kind, sentence), {}).setdefault(name, used)
 
     def add(self, other: "Report") -> None:
-        """Say what `other` says, too."""
+        """Add the warnings of `other`."""
         for (kind, sentence), names in other._found.items():
             for name, used in names.items():
                 self.warn(sentence, kind, name, used)
 
     @property
     def sentences(self) -> list[str]:
-        """All that is to be said, each kind once."""
+        """Return all warnings, each kind once."""
         return [_said(kind, sentence, names) for (kind, sentence), names in self._found.items()]
 
 
@@ -43,12 +46,12 @@ def _said(kind: str, sentence: str, names: dict[str, str]) -> str:
 
 
 def listed(items: list[str]) -> str:
-    """The items as a sentence lists them."""
+    """Join the items to a list in a sentence."""
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
 
 
 def shown(value: object) -> str:
-    """A socket's value as a sentence shows it."""
+    """Format the value of a socket for a sentence."""
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, int | float):

@@ -1,10 +1,10 @@
-"""One snapshot after the other of what a viewport shows, in one folder; only what changed is exported again.
+"""Successive snapshots for a viewport, in one folder; only changes are exported again.
 
-    scene-3.json        the description, which names the
-    instances-2/        arrays that place the meshes of the
-    mesh-1/, mesh-4/    blocks
+    scene-3.json        the description, which refers to the next two
+    instances-2/        the arrays that place the meshes
+    mesh-1/, mesh-4/    the blocks with the meshes
 
-Reading Blender's data goes in slices, so that Blender stays responsive; another thread writes the files.
+Blender's data is read in slices, so that Blender stays responsive; another thread writes the files.
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ class Scenes:
         self._materials: Materials | None = None
         self._depsgraph = 0
         self._walk: Walk | None = None
-        self._changed: set[int] | None = None  # owners of meshes to be read again, by their session_uid; None: all
+        self._changed: set[int] | None = None  # session_uids of the owners of meshes that must be read again; None: all
         self._materials_changed = self._images_changed = True
         self._deadline = 0.0
         self._numbers = {"scene": 0, "instances": 0}
         self._description: dict = {}
         self._arrays: dict[str, np.ndarray] = {}
-        self._made: set[str] = set()  # names of the files and folders that are there
-        self._needs: dict[int, set[str]] = {}  # a scene's number → those that it needs
+        self._made: set[str] = set()  # names of the files and folders that exist
+        self._needs: dict[int, set[str]] = {}  # number of a scene → names of the files that it needs
 
     def note(self, depsgraph) -> None:
-        """Take down what an update of `depsgraph` changed. The next `advance` begins anew."""
+        """Record what an update of `depsgraph` changed. The next `advance` starts again."""
         self._walk = None
         for update in depsgraph.updates:
             if update.is_updated_geometry and self._changed is not None:
@@ -67,9 +67,10 @@ class Scenes:
 
     def advance(self, depsgraph, seconds: float, camera: Callable[[Report], dict],
                 seen: Callable[[Any], bool]) -> Path | None:
-        """Go on for about `seconds`. None: not all is taken in yet. Else the scene file, which `written` waits for.
+        """Continue the export for about `seconds`. Returns None if it is not finished yet, otherwise the scene file;
+        wait for it with `written`.
 
-        It is the same file as before if nothing has changed. `camera` and `seen` as `Walk` wants them.
+        It is the same file as before if nothing has changed. `camera` and `seen` are as in `Walk`.
         """
         self._deadline = time.monotonic() + seconds
         walk = self._walk or self._begin(depsgraph)
@@ -81,19 +82,19 @@ class Scenes:
         blocks, numbers = self._blocks.end()
         arrays = self._geometry.instances(numbers)
         description = walk.description(depsgraph, camera(self._report)) | {"blocks": blocks}
-        if not self._blocks.textured:  # an image that no triangle has would ask for UVs
+        if not self._blocks.textured:  # images without triangles would need UVs
             description["materials"] = [m | {"image": -1, "alpha_image": -1} for m in description["materials"]]
         return self._save(arrays, description)
 
     def written(self) -> bool:
-        """Whether all files are there. Raises ExportError when one could not be written."""
+        """Return whether all files are written. Raises ExportError if one could not be written."""
         while self._jobs and self._jobs[0].done():
             with handing_over():
                 self._jobs.pop(0).result()
         return not self._jobs
 
     def only(self, scene: Path) -> None:
-        """The engine has read `scene`: what only older ones need is removed."""
+        """Remove files that only older scenes need. Call this when the engine has read `scene`."""
         number = int(scene.stem[6:])
         self._needs = {n: needs for n, needs in self._needs.items() if n >= number}
         needed = self._blocks.names.union(*self._needs.values())
@@ -107,7 +108,7 @@ class Scenes:
             self._jobs.append(self._writer.submit(lambda: list(map(_remove, gone))))
 
     def close(self) -> None:
-        """Write nothing more; waits for what is being written."""
+        """Write nothing more, and wait for files that are being written."""
         self._writer.shutdown(cancel_futures=True)
 
     def _begin(self, depsgraph) -> Walk:
@@ -153,7 +154,7 @@ class Scenes:
 
 
 def _images(images: list[dict]) -> set[str]:
-    """Those that are files in the snapshot's folder."""
+    """Return the images that are files in the snapshot's folder."""
     return {i["path"] for i in images if not Path(i["path"]).is_absolute()}
 
 

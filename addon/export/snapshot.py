@@ -1,4 +1,6 @@
-"""The snapshot folder: scene.json and one .npy an array, as the engine's `snapshot` module reads it."""
+"""Write the snapshot folder: scene.json and one .npy file for each array, as the engine's `snapshot` module reads
+it.
+"""
 
 import json
 from contextlib import contextmanager
@@ -14,7 +16,7 @@ VERSION = 1
 
 @contextmanager
 def handing_over():
-    """Makes an ExportError of a file that cannot be written."""
+    """Turn the error of a file that cannot be written into an ExportError."""
     try:
         yield
     except OSError as e:
@@ -24,19 +26,19 @@ def handing_over():
 
 
 def write(folder: Path, arrays: dict[str, np.ndarray], description: dict) -> None:
-    """Write into `folder`. scene.json comes last: with it, all is there."""
+    """Write a snapshot into `folder`. scene.json is written last: if it exists, the snapshot is complete."""
     write_arrays(folder, arrays)
     write_description(folder / "scene.json", description)
 
 
 def write_arrays(folder: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write one file an array."""
+    """Write one file for each array."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, array in arrays.items():
         np.save(folder / f"{name}.npy", array)
 
 
 def write_description(path: Path, description: dict) -> None:
-    """Write what is no array."""
+    """Write the part that is not arrays, as JSON."""
     data = {"format": FORMAT, "version": VERSION} | description
     path.write_text(json.dumps(data), encoding="utf-8")

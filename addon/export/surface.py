@@ -8,38 +8,39 @@ from typing import Any
 RGB = tuple[float, ...]  # three of them
 BLACK: RGB = (0.0, 0.0, 0.0)
 
-# A surface smoother than the first mirrors its surroundings, one rougher than the second does not, between
-# them the mirror image fades: the engine's reflections are not blurred, so a rough surface must have none.
+# A surface smoother than the first value mirrors its surroundings, one rougher than the second does not; between them
+# the mirror image fades. The engine cannot blur reflections, so a rough surface must have none.
 MIRROR_ROUGHNESS = (0.1, 0.15)
-# Highlights do not become smaller than this (roughness 0.2): a point light in a mirror would be a dot that
-# no number of samples finds in every frame.
+# Highlights are not made smaller than this (roughness 0.2). The mirror image of a point light would be a dot that no
+# number of samples finds in every frame.
 LARGEST_EXPONENT = 312.0
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The diffuse and the specular part of a surface, and what else a shader adds."""
+    """The diffuse and the specular part of a surface, and its emission, transparency and images."""
 
     color: RGB = (0.8, 0.8, 0.8)  # of the diffuse part
     kd: float = 1.0
-    ka: float = 1.0  # share of the world's light that comes back unmirrored, in `color`
+    ka: float = 1.0  # share of the world's light that is reflected diffusely, in `color`
     specular: RGB = BLACK  # reflectance at normal incidence
     roughness: float = 1.0  # of the specular part
     emission: RGB = BLACK  # radiance
     image: Any = None  # an image texture node that replaces `color`
-    uv_map: str = ""  # that the image wants; empty: the mesh's own
-    kt: RGB = BLACK  # what passes at each crossing
+    uv_map: str = ""  # the UV map of the image; empty means the mesh's default
+    kt: RGB = BLACK  # the factor for light at each crossing
     ior: float = 1.0
-    fresnel: bool = False  # reflects and passes by Fresnel's equations
-    alpha: float = 1.0  # share of the surface that is there
-    alpha_image: Any = None  # an image texture node whose alpha multiplies it
+    fresnel: bool = False  # whether it reflects and transmits by Fresnel's equations
+    alpha: float = 1.0  # the share of the surface that is there
+    alpha_image: Any = None  # an image texture node whose alpha is multiplied with `alpha`
 
     @classmethod
     def principled(cls, color: RGB, metallic: float, roughness: float, specular: float, ior: float = 1.5) -> Surface:
-        """Principled BSDF: diffuse with a faint white reflection, or a metal's coloured reflection."""
+        """Principled BSDF: diffuse with a faint white reflection, or the coloured reflection of a metal."""
         ior = max(ior, 1e-5)
-        f0 = 0.08 * specular * ((ior - 1) / (ior + 1) / 0.2) ** 2  # Fresnel's, at normal incidence; 4 % at 1.5
-        # A metal has no diffuse part; what it does not mirror sharply of the world, ambient light stands for.
+        # Fresnel reflectance at normal incidence; 4 % for an IOR of 1.5
+        f0 = 0.08 * specular * ((ior - 1) / (ior + 1) / 0.2) ** 2
+        # A metal has no diffuse part. Ambient light replaces the part of the world that it does not mirror sharply.
         return cls(color=color, kd=1 - metallic, ka=1 - metallic * mirrored(roughness), roughness=roughness,
                    specular=tuple(f0 * (1 - metallic) + c * metallic for c in color))
 
@@ -50,34 +51,37 @@ class Surface:
 
     @classmethod
     def glossy(cls, color: RGB, roughness: float) -> Surface:
-        """Glossy BSDF: a metal."""
+        """Glossy BSDF, which is treated as a metal."""
         return cls.principled(color, 1.0, roughness, 0.0)
 
     @classmethod
     def glass(cls, color: RGB, ior: float, fresnel: bool) -> Surface:
-        """Glass and Refraction BSDF: nothing diffuse, `color` passes at each crossing."""
+        """Glass and Refraction BSDF: no diffuse part; each crossing multiplies the light by `color`."""
         f0 = ((ior - 1) / (ior + 1)) ** 2 if fresnel else 0.0
         return cls(color=BLACK, kd=0.0, ka=0.0, specular=(f0,) * 3, roughness=0.0, kt=color, ior=ior, fresnel=fresnel)
 
     @classmethod
     def transparent(cls, color: RGB) -> Surface:
-        """Transparent BSDF: what is behind, in `color`; white is no surface at all."""
+        """Transparent BSDF: shows what is behind, multiplied by `color`. White means no surface at all."""
         clear = min(color) >= 1
         return cls(color=BLACK, kd=0.0, ka=0.0, kt=BLACK if clear else color, alpha=0.0 if clear else 1.0)
 
     @classmethod
     def emitting(cls, radiance: RGB) -> Surface:
-        """Emission: light, and nothing else."""
+        """Emission only."""
         return cls(color=BLACK, kd=0.0, ka=0.0, emission=radiance)
 
     def plus(self, other: Surface, mine: float = 1.0, others: float = 1.0) -> Surface:
-        """The weighted sum of two surfaces: Add Shader, and Mix Shader with weights that add up to 1."""
+        """Return the weighted sum of two surfaces. It is used for Add Shader, and for Mix Shader with weights that add
+        up to 1.
+        """
         a, b = self, other
-        # All but alpha is said of the part that is there.
+        # All parameters but alpha describe the part of the surface that is there.
         alpha = min(mine * a.alpha + others * b.alpha, 1.0)
         mine, others = (w * s.alpha / alpha if alpha > 0 else w for w, s in ((mine, a), (others, b)))
         shine_a, shine_b = mine * max(a.specular), others * max(b.specular)
-        # Of two colours, each counts as much as it is seen: in diffuse, else in ambient light.
+        # Weight each of the two colours by its share of the diffuse light, or of the ambient light if there is no
+        # diffuse part.
         seen_a, seen_b = mine * a.kd, others * b.kd
         if seen_a + seen_b == 0:
             seen_a, seen_b = mine * a.ka, others * b.ka
@@ -97,11 +101,11 @@ class Surface:
         )
 
     def whitted(self) -> dict:
-        """Whitted's parameters of the engine's Material.
+        """Return Whitted's parameters for the engine's Material.
 
-        Highlights: GGX of width α = roughness² has the Blinn exponent 2/α² − 2, and a Phong exponent is a quarter
-        of Blinn's, as R turns twice as fast as the half vector. The lobe (R·V)ⁿ·(n+2)/2π reflects all light at
-        normal incidence; 1/π is in the light's intensity already, so ks = (n+2)/2 times the reflectance.
+        Highlights: GGX of width α = roughness² corresponds to the Blinn exponent 2/α² − 2. A Phong exponent is a
+        quarter of Blinn's, because R turns twice as fast as the half vector. The lobe (R·V)ⁿ·(n+2)/2π reflects all
+        light at normal incidence. The light's intensity already contains 1/π, so ks = (n+2)/2 times the reflectance.
         """
         n = min(max((2 / max(self.roughness, 1e-3) ** 4 - 2) / 4, 1.0), LARGEST_EXPONENT)
         shine = max(self.specular)
@@ -116,7 +120,7 @@ class Surface:
 
 
 def mirrored(roughness: float) -> float:
-    """Which share of the specular reflection is a sharp mirror image."""
+    """Return the share of the specular reflection that is a sharp mirror image."""
     low, high = MIRROR_ROUGHNESS
     return min(max((high - roughness) / (high - low), 0.0), 1.0)
 

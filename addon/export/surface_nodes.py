@@ -1,4 +1,4 @@
-"""Shader nodes → a Surface. What is not known here falls back to its nearest and is named in a warning."""
+"""Translate shader nodes to a Surface. An unknown node is replaced by the nearest known one, and a warning names it."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ IMAGE = 'ShaderNodeTexImage'
 
 
 def surface(nodes: Nodes, output) -> Surface:
-    """The surface at a material's output node."""
+    """Return the surface at a material's output node."""
     if output is None:
         nodes.warn("there is no output node; it is rendered black")
         return Surface.emitting(BLACK)
@@ -25,15 +25,15 @@ def surface(nodes: Nodes, output) -> Surface:
 
 
 def _shader(nodes: Nodes, node, socket) -> Surface:
-    """The surface that input `socket` of `node` gets."""
+    """Return the surface that arrives at input `socket` of `node`."""
     shader = nodes.source(node, socket)
     if shader is None:
-        return Surface.emitting(BLACK)  # as Blender draws it
+        return Surface.emitting(BLACK)  # as Blender shows it
     translate = _SHADERS.get(shader.bl_idname)
     if translate:
         left_out.inputs(nodes, shader)
         return translate(nodes, shader)
-    # Most shaders have a colour, and the colour of a surface is what one sees first.
+    # Most shaders have a colour, and the colour is the most visible property of a surface.
     if "Color" in shader.inputs:
         nodes.not_translated(shader, "it is rendered as a diffuse surface of its colour")
         return _colored(nodes, shader, "Color", Surface.diffuse)
@@ -51,7 +51,7 @@ def _principled(nodes: Nodes, node) -> Surface:
         nodes.not_translated(base.image, f"'{node.name}' is metallic, and its image colours only the diffuse part")
     transmission = min(max(nodes.value(node, "Transmission Weight"), 0.0), 1.0) * (1 - metallic)
     if transmission > 0:
-        # As Cycles: the base colour is that of two crossings.
+        # As in Cycles: the base colour is the colour after two crossings.
         color = tuple(max(c, 0.0) ** 0.5 for c in base.color)
         base = base.plus(_glassy(nodes, node, color, True), 1 - transmission, transmission)
     strength = nodes.value(node, "Emission Strength")
@@ -88,7 +88,7 @@ def _transparent(nodes: Nodes, node) -> Surface:
 
 
 def _cut_out(nodes: Nodes, node, base: Surface) -> Surface:
-    """`base` with the Alpha of a Principled BSDF: a constant, or the alpha of an image."""
+    """Apply the Alpha of a Principled BSDF to `base`: a constant, or the alpha of an image."""
     link = nodes.link(node, "Alpha")
     if link and link.from_node.bl_idname == IMAGE and link.from_socket.name == "Alpha" and link.from_node.image:
         image = link.from_node
@@ -103,12 +103,12 @@ def _emission(nodes: Nodes, node) -> Surface:
 def _mix(nodes: Nodes, node) -> Surface:
     link = nodes.link(node, 0)
     if link and link.from_node.bl_idname == IMAGE and link.from_socket.name == "Alpha" and link.from_node.image:
-        # The usual leaf: transparent where the image is, the surface elsewhere.
+        # The usual way to make leaves: transparent outside the image's alpha, the surface inside.
         below, above = _shader(nodes, node, 1), _shader(nodes, node, 2)
         if below.alpha == 0 and above.alpha > 0:
             return replace(above, alpha_image=link.from_node, uv_map=above.uv_map or _uv_map(nodes, link.from_node))
     factor = min(max(nodes.value(node, 0), 0.0), 1.0)
-    # A side that is not seen must not warn.
+    # A shader with weight 0 must not cause warnings.
     if factor in (0.0, 1.0):
         return _shader(nodes, node, 1 + int(factor))
     return _sum(nodes, node, _shader(nodes, node, 1), _shader(nodes, node, 2), 1 - factor, factor)
@@ -128,7 +128,7 @@ _SHADERS = {
     'ShaderNodeBsdfPrincipled': _principled,
     'ShaderNodeBsdfDiffuse': _diffuse,
     'ShaderNodeBsdfGlossy': _glossy,
-    'ShaderNodeBsdfAnisotropic': _glossy,  # what Glossy is called inside
+    'ShaderNodeBsdfAnisotropic': _glossy,  # the internal name of the Glossy BSDF
     'ShaderNodeBsdfGlass': _glass,
     'ShaderNodeBsdfRefraction': _glass,
     'ShaderNodeBsdfTransparent': _transparent,
@@ -145,20 +145,20 @@ def _without_bumps(nodes: Nodes, node) -> None:
 
 
 def _colored(nodes: Nodes, node, socket: str, make) -> Surface:
-    """The surface that `make` makes of the colour, or the image, at input `socket`."""
+    """Call `make` with the colour at input `socket`, and add the image if there is one; return the surface."""
     link = nodes.link(node, socket)
     image = _image_above(nodes, link) if link else None
     if image is None:
         return make(tuple(nodes.color(node, socket)))
     if link.from_node != image:
         nodes.not_translated(link.from_node, f"the image of '{image.name}' is used as it is")
-    # Where the highlights of a metal need a colour, the socket's own is the nearest constant.
+    # If the highlights of a metal need a colour, the socket's own value is the nearest constant.
     color: RGB = tuple(nodes.input(node, socket).default_value)[:3]
     return replace(make(color), image=image, uv_map=_uv_map(nodes, image))
 
 
 def _image_above(nodes: Nodes, link):
-    """The image texture that `link` comes from, directly or through nodes that would change its colours."""
+    """Return the image texture from which `link` comes, directly or through nodes that would change its colours."""
     seen, todo = set(), [link]
     while todo:
         link = todo.pop(0)

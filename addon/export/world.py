@@ -1,4 +1,4 @@
-"""The world's colour: background and ambient light."""
+"""Export the colour of the world, for background and ambient light."""
 
 from . import left_out
 from .nodes import Nodes, uses_nodes
@@ -6,7 +6,7 @@ from .report import Report
 
 
 def color(world, report: Report) -> list[float]:
-    """Radiance of the background; black without a world."""
+    """Return the radiance of the background; black without a world."""
     if world is None:
         return [0.0, 0.0, 0.0]
     if not uses_nodes(world):

@@ -1,4 +1,4 @@
-"""Panels, where an artist looks for them; and Blender's own panels that make sense for this engine."""
+"""Panels for the artist, and the panels of Blender that make sense with this engine."""
 
 import bpy
 
@@ -7,11 +7,11 @@ from .panel import ENGINE, LightMeshesPanel
 
 _CLASSES = (*render.CLASSES, *last_render.CLASSES, *view_layer.CLASSES, *light.CLASSES, *object.CLASSES,
             *material.CLASSES)
-# Blender's panels for engines in general that say nothing to this one, or that ours replace.
+# Blender's general panels that have no meaning for this engine, or that ours replace.
 _EXCLUDED = {
     "DATA_PT_light", "DATA_PT_spot", "DATA_PT_area", "DATA_PT_falloff_curve", "NODE_DATA_PT_light",
 }
-# Panels of EEVEE that show what this engine reads: shader nodes, depth of field.
+# EEVEE's panels for settings that this engine reads: shader nodes, depth of field.
 _EEVEES = {
     "MATERIAL_PT_preview", "EEVEE_MATERIAL_PT_context_material", "EEVEE_MATERIAL_PT_surface",
     "EEVEE_WORLD_PT_surface", "EEVEE_WORLD_PT_mist", "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture",

@@ -1,4 +1,4 @@
-"""The panel of the last render: what it cost, and what the engine decided."""
+"""The panel of the last render: its cost, and the decisions of the engine."""
 
 from typing import ClassVar
 
@@ -40,7 +40,7 @@ _followed: dict = {}  # statistics of the render that the panels show
 
 
 def follow() -> float:
-    """Have the panels drawn with the figures of a render that has ended. A timer, as a render has another thread."""
+    """Redraw the panels when a render has ended. This uses a timer, because a render runs in another thread."""
     global _followed
     if session.statistics is not _followed:
         _followed = session.statistics
@@ -52,7 +52,7 @@ def follow() -> float:
 
 
 def rows(s: dict, scene) -> list[tuple[str, str]]:
-    """The statistics `s`, for reading. Those that the engine does not give are left out."""
+    """Return the statistics `s` as rows of text for the panel. Figures that the engine did not give are left out."""
     result = [
         ("Picture", f"{s['scene']}, frame {s['frame']}, {s['width']}×{s['height']}, {count(s['samples'], 'sample')}"),
         ("Time", f"{s['seconds']:.2f} s on {count(s['threads'], 'thread')}"),

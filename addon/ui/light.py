@@ -76,7 +76,7 @@ class LIGHT_MESHES_PT_light_shadow(_LightPanel, bpy.types.Panel):
 
 
 def _meaning(scene, light, name: str) -> list[tuple[str, str]]:
-    """What the softness comes to."""
+    """Return the resulting radius and edge width as text."""
     r = penumbra.light_radius(scene, light, name)
     if r is None:
         return [("Shadow Edges", "measured when rendering")]

@@ -25,7 +25,7 @@ class LIGHT_MESHES_PT_object(LightMeshesPanel, bpy.types.Panel):
 
 
 class LIGHT_MESHES_PT_shadow_terminator(LightMeshesPanel, bpy.types.Panel):
-    """Blender's own panel leaves out the normal offset, and is there from 4.3 on."""
+    """The shadow terminator settings. Blender's own panel exists only from 4.3 on and lacks the normal offset."""
 
     bl_label = "Shadow Terminator"
     bl_context = "object"
@@ -37,7 +37,7 @@ class LIGHT_MESHES_PT_shadow_terminator(LightMeshesPanel, bpy.types.Panel):
         if hasattr(ob, "shadow_terminator_geometry_offset"):
             for name in ("geometry", "normal", "shading"):
                 column.prop(ob, f"shadow_terminator_{name}_offset", text=f"{name.title()} Offset")
-        elif hasattr(ob, "cycles"):  # 4.2: of Cycles' add-on
+        elif hasattr(ob, "cycles"):  # in 4.2 the setting belongs to the Cycles add-on
             column.prop(ob.cycles, "shadow_terminator_geometry_offset", text="Geometry Offset")
             column.prop(ob.cycles, "shadow_terminator_offset", text="Shading Offset")
 
@@ -60,7 +60,7 @@ class LIGHT_MESHES_PT_ray_visibility(LightMeshesPanel, bpy.types.Panel):
 
 
 class _Linking(LightMeshesPanel):
-    """Light linking where Blender has no panel of its own that other engines could join: before 4.3."""
+    """Light linking panels for Blender before 4.3, whose own panels cannot be used by other engines."""
 
     bl_context = "object"
     bl_options: ClassVar = {'DEFAULT_CLOSED'}

@@ -1,4 +1,4 @@
-"""What all panels have in common."""
+"""Functions and base classes that all panels use."""
 
 import textwrap
 from typing import Any, ClassVar
@@ -9,7 +9,7 @@ ENGINE = 'LIGHT_MESHES'
 
 
 class LightMeshesPanel:
-    """A panel in the properties editor that is there while this engine is chosen."""
+    """A panel in the properties editor that is shown only while this engine is chosen."""
 
     bl_space_type = 'PROPERTIES'
     bl_region_type = 'WINDOW'
@@ -32,14 +32,16 @@ class LightMeshesPanel:
 
 
 def in_shader_editor(panel):
-    """The same panel among the options in the sidebar of the shader editor, as Blender has its own there."""
+    """Return a copy of the panel for the sidebar of the shader editor (tab Options), where Blender also repeats its own
+    panels.
+    """
     own = {name: value for name, value in vars(panel).items() if name not in {"__dict__", "__weakref__", "bl_rna"}}
     place = {"bl_space_type": 'NODE_EDITOR', "bl_region_type": 'UI', "bl_category": "Options", "bl_context": ""}
     return type(f"NODE_{panel.__name__}", panel.__bases__, own | place)
 
 
 def table(layout, context, rows: list[tuple[str, str]]) -> None:
-    """Names and what is said of them, as Blender aligns properties; long texts go on in the next line."""
+    """Draw rows of a name and a text, aligned like Blender's properties. Long texts are wrapped."""
     column = layout.column(align=True)
     for name, text in rows:
         for n, line in enumerate(_lines(context, shown(text), 0.58)):
@@ -51,14 +53,14 @@ def table(layout, context, rows: list[tuple[str, str]]) -> None:
 
 
 def paragraph(layout, context, text: str, icon: str = 'NONE') -> None:
-    """A text of several lines."""
+    """Draw a text on several lines."""
     column = layout.column(align=True)
     for n, line in enumerate(_lines(context, text, 0.9)):
         column.label(text=line, icon=icon if n == 0 else ('BLANK1' if icon != 'NONE' else 'NONE'))
 
 
 def _lines(context, text: str, share: float) -> list[str]:
-    """`text` in lines that fit into `share` of the region's width."""
-    letter = 6.5 * context.preferences.system.ui_scale  # on the average, pixels
+    """Split `text` into lines that fit into `share` of the region's width."""
+    letter = 6.5 * context.preferences.system.ui_scale  # average width of a letter in pixels
     width = context.region.width if context.region else 400
     return textwrap.wrap(text, max(int(share * width / letter), 12)) or [""]

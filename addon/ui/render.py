@@ -1,4 +1,4 @@
-"""Panels of the render properties: what is computed, and how."""
+"""Panels of the render properties: what is computed and how."""
 
 from typing import ClassVar
 
@@ -50,7 +50,7 @@ class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
 
 
 def _meaning(scene) -> list[tuple[str, str]]:
-    """What the step and the quality come to."""
+    """Return what the step and the quality mean for the picture."""
     kI, h = scene.light_meshes.kI, penumbra.step(scene)
     r = penumbra.radius(scene)
     rows = []

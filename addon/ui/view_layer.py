@@ -19,13 +19,14 @@ class LIGHT_MESHES_PT_passes(LightMeshesPanel, bpy.types.Panel):
 class _Passes(LightMeshesPanel):
     bl_context = "view_layer"
     bl_parent_id = "LIGHT_MESHES_PT_passes"
-    names: tuple[str, ...] = ()  # of passes, as the engine calls them
+    names: tuple[str, ...] = ()  # names of passes in the engine
 
     def fill(self, layout, context):
         column = layout.column(heading="Include", align=True)
         for name in self.names:
             p = passes.ALL[name]
-            # The engine's names: its Diffuse pass is all of it, direct or not, with the surface's colour.
+            # The engine's names. Its pass Diffuse contains all diffuse light, direct or not, multiplied by the
+            # surface's colour.
             label = {"text": name} if name in passes.LIGHT else {}
             column.prop(p.owner(context.view_layer), p.switch, **label)
 

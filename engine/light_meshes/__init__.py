@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:
-    del sys.path[0]  # run as a program: nothing of the current folder is run
+    del sys.path[0]  # remove the current folder from the path when run as a program: nothing in it may be run
 
 __version__ = "0.1.0"
 

@@ -1,6 +1,6 @@
 """The command `light-meshes`: render and inspect .blend files and snapshots.
 
-Exit codes: 0 done, 1 failed, 2 bad usage; one sentence on stderr, a traceback only with --debug.
+Exit codes: 0 done, 1 failed, 2 wrong usage. An error is one sentence on stderr; --debug adds a traceback.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from .support import console, interrupts, processors, scratch
 from .support.sources import KernelError
 from .support.text import shown
 
-FRAMES = 1048574  # Blender has none beyond
+FRAMES = 1048574  # Blender's largest frame number
 
 
 class Progress:
-    """A bar on stderr where that is a terminal; silent elsewhere."""
+    """A progress bar on stderr if that is a terminal; otherwise silent."""
 
     def __init__(self) -> None:
         self._terminal, self._last = sys.stderr.isatty(), 0.0
@@ -40,13 +40,13 @@ class Progress:
             console.write(f"\r{bar:░<30} {fraction:4.0%} {shown(stage)[:40]:<40}", sys.stderr)
 
     def clear(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._terminal:
             console.write("\r" + " " * 78 + "\r", sys.stderr)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
+    """Run the command and return its exit code."""
     console.prepare()
     arguments = _parser().parse_args(_attached(sys.argv[1:] if argv is None else argv))
     interrupts.listen()
@@ -73,7 +73,9 @@ def _sentence(e: BaseException) -> str:
 
 
 def _attached(argv: list[str]) -> list[str]:
-    """`argv` with negative frames as a part of their option: argparse would take -2..-1 for another one."""
+    """Return `argv` with negative frames attached to their option, because argparse would take -2..-1 for another
+    option.
+    """
     joined: list[str] = []
     for word in argv:
         if joined and joined[-1] in ("-f", "--frames") and re.match(r"-[0-9]", word):
@@ -219,7 +221,9 @@ def _changed(scene: Scene, changes: list[tuple[str, str]]) -> Scene:
 
 
 def frame_numbers(text: str) -> list[range]:
-    """Frames of a list: "1,3..8" is 1 and 3 to 8, as Blender takes it, and so is 1,3-8. Raises UsageError."""
+    """Return the frames of a list. "1,3..8" means 1 and 3 to 8, as in Blender, and so does "1,3-8". Raises
+    UsageError.
+    """
     frames = []
     for part in text.split(","):
         match = re.fullmatch(r"(-?[0-9]{1,999})(?:(?:\.\.|-)(-?[0-9]{1,999}))?", part.strip())
@@ -248,7 +252,7 @@ def _inspect(arguments: argparse.Namespace) -> None:
 
 
 def _answer(text: str) -> None:
-    """Say what was asked for, all of it unless the reader has enough."""
+    """Print the answer. It stops early if the reader closes the pipe."""
     console.say(text)
     if console.lost and console.lost.errno != errno.EPIPE:
         raise console.lost

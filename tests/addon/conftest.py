@@ -1,3 +1,3 @@
-"""The fixtures of tests that run in bpy or in Blender."""
+"""The fixtures for tests that run in bpy or in Blender."""
 
 from blender_fixtures import *  # noqa: F403 (fixtures are found by their names)

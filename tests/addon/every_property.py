@@ -1,6 +1,6 @@
-"""A row for every property of the add-on: what it does to a picture, in a scene that shows it.
+"""A row for every property of the add-on: what it changes in a picture, and a scene that shows the change.
 
-pytest runs the rows (test_addon_every_property.py), and as a script any Blender does, without pytest.
+pytest runs the rows (test_addon_every_property.py). Without pytest, any Blender can run this file as a script.
 """
 
 import os

@@ -1,7 +1,7 @@
-"""Run in a Blender or bpy that has the zip's add-on installed, and not enabled: what stays when it goes again.
+"""Enable, use and remove the add-on of a zip; run it in a Blender or bpy where the zip is installed but not enabled.
 
     … installed_story.py SCENE.blend NEW.zip PICTURE.png
-Prints lines of a word and JSON.
+It prints lines of a word and JSON.
 """
 
 import gc

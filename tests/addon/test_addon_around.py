@@ -1,4 +1,6 @@
-"""What else a file asks of Blender around a render: a snapshot is written, no other file, and Blender lives on."""
+"""A file may ask Blender for more work around a render: a snapshot is still written, no other file is, and Blender goes
+on.
+"""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""The command is cancelled in each of its phases, by each signal: no file and no process of it is left."""
+"""The command can be cancelled in each of its phases by each signal, and leaves no file and no process behind."""
 
 import os
 import signal

@@ -1,4 +1,6 @@
-"""Blender with standard streams that are closed, full or of few letters still renders, on the command line."""
+"""Blender still renders if its standard streams are closed, full or cannot encode some characters; on the command
+line.
+"""
 
 import subprocess
 import sys

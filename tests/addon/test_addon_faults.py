@@ -1,6 +1,6 @@
-"""Whatever happens to the engine, the artist gets one readable sentence, no false picture, and the next render works.
+"""Whatever happens to the engine, the artist gets one readable sentence, no wrong picture, and the next render works.
 
-Each fault is brought about for real, in a process of its own.
+Each fault is caused for real, in a separate process.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Every kind of object becomes triangles where Blender shows it."""
+"""Every kind of object becomes triangles in the place where Blender shows it."""
 
 import bpy
 import numpy as np

@@ -1,4 +1,4 @@
-"""The driver behind the command line, as a process: pictures, lines for programs, exit codes."""
+"""The driver behind the command line, run as a process: its pictures, its messages for programs, its exit codes."""
 
 import json
 import os

@@ -1,4 +1,6 @@
-"""Images: the colours that Cycles gives them, whatever their colour space and alpha; sequences; what is no file."""
+"""Images have the same colours as in Cycles, in any colour space and with any alpha; sequences; files that are no
+images.
+"""
 
 import json
 import os

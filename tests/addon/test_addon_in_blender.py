@@ -1,4 +1,4 @@
-"""A real `blender -b`, with the extension enabled as a user has it."""
+"""The extension works in a real `blender -b`, enabled as by a user."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""The zip as an artist has it: nothing but Blender, no other Python, no network, a user's folder that is new."""
+"""The zip works as an artist installs it: only Blender, no other Python, no network, a new user folder."""
 
 import importlib.util
 import json

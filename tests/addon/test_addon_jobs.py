@@ -1,4 +1,4 @@
-"""One frame of an animation in a real Blender, however its job is cut: the same step, radii and bits."""
+"""A frame of an animation has the same step, radii and bits in a real Blender, however the job is divided."""
 
 import re
 import subprocess

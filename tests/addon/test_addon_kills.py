@@ -1,4 +1,4 @@
-"""Ends at random moments: engines killed, renders cancelled, two Blenders at once, of which one is killed."""
+"""Processes end at random moments: engines are killed, renders are cancelled, and of two Blenders one is killed."""
 
 import os
 import re

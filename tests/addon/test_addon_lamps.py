@@ -1,4 +1,4 @@
-"""Lamps that are scaled, sheared, mirrored, instanced or switched off shine as in Cycles, to 1 %."""
+"""Lamps that are scaled, sheared, mirrored, instanced or switched off give the same light as in Cycles, within 1 %."""
 
 import math
 

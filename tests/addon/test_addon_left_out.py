@@ -1,4 +1,6 @@
-"""Nothing that Cycles would show is left out without a word, and nothing is said of what is off."""
+"""Everything that Cycles shows and the engine does not is named in a warning; features that are off cause no
+warning.
+"""
 
 import bpy
 import numpy as np

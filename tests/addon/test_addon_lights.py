@@ -1,4 +1,4 @@
-"""What lights are beside their energy, which test_addon_cycles.py checks."""
+"""The exported properties of lights, except their energy, which test_addon_cycles.py checks."""
 
 import math
 

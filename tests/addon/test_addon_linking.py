@@ -1,4 +1,4 @@
-"""Light and shadow linking: the engine's lights light, and are blocked by, what Cycles' are."""
+"""Light and shadow linking: lights light the same objects, and are blocked by the same objects, as in Cycles."""
 
 import bpy
 import numpy as np

@@ -1,4 +1,4 @@
-"""Shader nodes become Whitted's parameters; what does not is named."""
+"""Shader nodes become Whitted's parameters; nodes that cannot be translated are named in a warning."""
 
 import os
 import subprocess

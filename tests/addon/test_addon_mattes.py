@@ -1,4 +1,4 @@
-"""Mist and Cryptomatte: what Cycles writes, and Blender's compositor reads."""
+"""Mist and Cryptomatte are the same as Cycles writes them, and Blender's compositor can read them."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Names in a file, and what scripts in it print, steer neither the command that renders it nor the terminal."""
+"""Names in a file, and output of its scripts, can control neither the command that renders it nor the terminal."""
 
 import json
 import os

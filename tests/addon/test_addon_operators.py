@@ -1,4 +1,4 @@
-"""What the buttons do: presets, a suggested step, a kept snapshot; and what the panels say of h, kI and r."""
+"""The buttons (presets, a suggested step, a kept snapshot), and what the panels say about h, kI and r."""
 
 import math
 

@@ -1,4 +1,6 @@
-"""Passes in Blender: their names, what registers them, and what arrives in the file that Blender writes."""
+"""Passes in Blender: their names, the properties that switch them on, and the contents of the file that Blender
+writes.
+"""
 
 import bpy
 import light_meshes.film.passes

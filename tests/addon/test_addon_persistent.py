@@ -1,4 +1,4 @@
-"""Persistent Data: what an animation keeps between its frames changes no bit of them."""
+"""Persistent Data: data that an animation keeps from frame to frame does not change a bit of the pictures."""
 
 import math
 

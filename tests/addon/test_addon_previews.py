@@ -1,4 +1,4 @@
-"""Previews of materials, lights and worlds: Blender's own scenes in small, as the interface asks for them."""
+"""Previews of materials, lights and worlds: Blender's own small scenes, rendered as the user interface does it."""
 
 import time
 

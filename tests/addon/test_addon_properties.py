@@ -1,4 +1,4 @@
-"""What the artist sets reaches the render, and says what it does."""
+"""Properties reach the render, and their tooltips describe them."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Too little disk or memory, and textures that cannot be read: a sentence that says so, and the next render works."""
+"""Too little disk space or memory, and unreadable textures, give a clear sentence, and the next render works."""
 
 import re
 

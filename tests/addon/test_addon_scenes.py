@@ -1,4 +1,4 @@
-"""Successive snapshots of an edited scene are what an export from scratch gives, and only changes are read again."""
+"""Successive snapshots of an edited scene equal an export from scratch, and only changes are read again."""
 
 import json
 import random

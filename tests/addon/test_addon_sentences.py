@@ -1,4 +1,4 @@
-"""What makes no sense is answered by one sentence, and by the right exit code."""
+"""Wrong input gives one sentence and the right exit code."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""What is measured for an animation is measured at one frame, for all frames alike, however a job is cut."""
+"""The measurements for an animation are made at one frame and used for all frames, however the job is divided."""
 
 import math
 

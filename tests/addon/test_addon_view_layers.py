@@ -1,4 +1,4 @@
-"""View layers and scenes: each is rendered as it says, and what belongs together goes together."""
+"""View layers and scenes: each is rendered with its own settings, and layers of one picture are rendered alike."""
 
 import bpy
 import numpy as np

@@ -1,4 +1,4 @@
-"""Nothing of the current folder is run, and nothing there steers what is: a scene's folder may come from anywhere."""
+"""Nothing in the current folder is run or changes what is run, because a scene's folder may come from other people."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""An animation by the farm's own files: two workers at once, frames bit for bit those of one machine."""
+"""An animation rendered with the files for farms, by two workers at once, has the same bits as on one machine."""
 
 import os
 import resource

@@ -1,6 +1,7 @@
-"""What an artist does in a rendered 3D view, as a script of a Blender with a window; test_addon_viewport.py runs it.
+"""The actions of an artist in a rendered 3D view, as a script for a Blender with a window; test_addon_viewport.py runs
+it.
 
-It prints lines "@story " + JSON, one for each thing that was tried, and what came of it.
+It prints lines "@story " + JSON, one for each action and its result.
 """
 
 import os

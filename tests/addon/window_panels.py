@@ -1,6 +1,7 @@
-"""Run in Blender's window: opens every tab of the properties editor with all panels unfolded, and uses the buttons.
+"""Open every tab of the properties editor in Blender's window with all panels unfolded, and use the buttons.
 
-Says "DREW panel" of each of our panels, "SAW …" of what the buttons did; errors in a panel are Blender's tracebacks.
+It prints "DREW panel" for each of our panels and "SAW …" for the results of the buttons. An error in a panel appears as
+Blender's traceback.
 """
 
 import contextlib

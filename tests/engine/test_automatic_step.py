@@ -1,4 +1,4 @@
-"""The automatic step follows the smallest radius: no ragged edge without a word, and none that takes for ever."""
+"""The automatic step follows the smallest radius: ragged edges always cause a warning, and no step takes for ever."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The benchmark measures what it says: references, errors, targets, rays; and a tiny run gives all its output."""
+"""The benchmark measures what it claims (references, errors, targets, rays), and a tiny run gives all of its output."""
 
 import importlib.util
 import json

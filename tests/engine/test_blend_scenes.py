@@ -1,4 +1,4 @@
-"""The .blend files that the project ships: they open, they are translated whole, and S3 is the paper's S3."""
+"""The project's .blend files can be opened and are translated completely, and S3 is the scene of the paper."""
 
 import importlib.util
 import shutil

@@ -1,4 +1,4 @@
-"""Where the certificate spares short rays: the same bits as with them, wherever something stands near, or nearly."""
+"""The certificate skips short rays without changing a bit, whatever stands near or almost near."""
 
 from dataclasses import replace
 

@@ -1,4 +1,6 @@
-"""What the command says: names steer no terminal, and no console, closed or of whatever letters, fails a render."""
+"""The command's output: names cannot control a terminal, and no console, closed or with few characters, stops a
+render.
+"""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Any combination of what the artist controls, on random scenes, against the plain oracle."""
+"""Every combination of the artist's controls, on random scenes, agrees with the simple oracle."""
 
 from dataclasses import replace
 

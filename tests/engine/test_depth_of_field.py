@@ -1,4 +1,4 @@
-"""The lens: what is in focus is a pinhole's, what is not is blurred by the whole lens."""
+"""Depth of field: what is in focus looks as with a pinhole; everything else is blurred by the whole lens."""
 
 from dataclasses import replace
 

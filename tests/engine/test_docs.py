@@ -1,4 +1,4 @@
-"""The documentation keeps up with the sources: links, names of files and functions, sentences, properties."""
+"""The documentation agrees with the sources: links, names of files and functions, sentences, properties."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""A bounded run of each fuzzer; `fuzz.py` says how to run them for longer. What they found has tests of its own."""
+"""A short run of each fuzzer; `fuzz.py` says how to run them for longer. Bugs that they found have their own tests."""
 
 import platform
 import re

@@ -1,4 +1,4 @@
-"""Which body of glass is where: bubbles, holes, overlapping bodies, and cameras inside of them."""
+"""Which body of glass counts at a point: bubbles, holes, overlapping bodies, and cameras inside them."""
 
 from dataclasses import replace
 

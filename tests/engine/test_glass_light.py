@@ -1,4 +1,4 @@
-"""How much light comes through glass: no pane too many, none lost at flat faces, none at total reflection."""
+"""The amount of light that comes through glass: through many panes, at flat faces, and at total reflection."""
 
 import numpy as np
 import pytest

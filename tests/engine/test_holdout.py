@@ -1,4 +1,5 @@
-"""Holdouts are holes for the camera, shadow catchers are nothing but the shadows on them; to all others both are there.
+"""For the camera, holdouts are holes and shadow catchers show only shadows; for all other rays both are ordinary
+objects.
 """
 
 from dataclasses import replace

@@ -1,4 +1,6 @@
-"""No light where none can come: S2 (Fig. 2), a thin wall (H1), a plate just above a floor and coplanar faces (H5)."""
+"""There is no light where none can come: S2 (Fig. 2), a thin wall (H1), a plate just above a floor and coplanar faces
+(H5).
+"""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A light's r from its size (method §2): the rule in numbers, what is measured, and the most that the lattice takes."""
+"""A light's r from its size (method §2): the formula, the measurement, and the largest r that the lattice supports."""
 
 from dataclasses import replace
 

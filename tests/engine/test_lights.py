@@ -1,4 +1,4 @@
-"""Many lights, lights in odd places, and each type's formula."""
+"""Many lights, lights in unusual places, and the formula of each type."""
 
 from dataclasses import replace
 

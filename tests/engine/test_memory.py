@@ -1,4 +1,4 @@
-"""A scene too large says so before it starts; what is expected is what it comes to."""
+"""A scene that is too large is refused before the render starts, and the expected memory agrees with the real one."""
 
 import struct
 import subprocess

@@ -1,7 +1,8 @@
-"""Changes that must leave a picture as it is, on random scenes: to the bit, or to 1e-5 but for ties.
+"""Changes that must not change a picture, on random scenes: exactly, or within 1e-5 except for ties.
 
-A pixel may differ by more where a yes or no (is the node within r, does the ray pass the edge) hangs on a rounding. The
-plain oracle tells: it calls such a pixel unsure. Any other difference fails. `pytest -s` prints how many there were.
+A pixel may differ by more if a decision (is the node within r, does the ray pass the edge) depends on rounding. The
+simple oracle says which pixels these are: it calls them unsure. Any other difference fails. `pytest -s` prints how many
+there were.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Small things beside huge or far ones: what is near keeps its shadows, down to a millimetre (see `frame`)."""
+"""Small things beside huge or far ones: near things keep their shadows, down to a millimetre (see `frame`)."""
 
 from dataclasses import replace
 

@@ -1,4 +1,6 @@
-"""The border to the compiled kernels: a wrong call is a Python error, and what is said of a kernel is what it takes."""
+"""Calls of the compiled kernels: a wrong call is a Python error, and the declaration of a kernel agrees with its C
+code.
+"""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The store of node values: right whatever is asked of it in which order, and small."""
+"""The store of node values gives the right values whatever is asked in whatever order, and it is small."""
 
 import threading
 

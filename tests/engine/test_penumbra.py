@@ -1,4 +1,4 @@
-"""Shadow edges whose blur is a formula: method.md §2 (half-ball), §7 (quantisation)."""
+"""Shadow edges whose blur has a formula: docs/method.md §2 (half-ball), §7 (quantisation)."""
 
 from dataclasses import replace
 

@@ -1,7 +1,7 @@
-"""Banding: what weighing the nodes by 1 − t² (t = |x−P|/r) gains over the paper's uniform weight, at equal cost.
+"""Banding: the weights 1 − t² (t = |x−P|/r) for the nodes are better than the paper's uniform weights at equal cost.
 
-`pytest -s tests/engine/test_penumbra_weights.py` prints the figures: along a penumbra of 60 pixels the number of
-distinct levels, the largest step between neighbours and the largest second difference (both in the limit, too), and
+`pytest -s tests/engine/test_penumbra_weights.py` prints figures along a penumbra of 60 pixels: the number of
+distinct levels, the largest step between neighbours and the largest second difference (both also in the limit), and
 the errors against the half-ball integral of the weight.
 """
 

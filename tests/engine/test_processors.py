@@ -1,4 +1,6 @@
-"""How many threads are used: what was said, else the processors that this process may use, by number and by time."""
+"""The number of threads: the number that was set, or otherwise the processors that this process may use, by number and
+by time.
+"""
 
 import os
 import subprocess

@@ -1,4 +1,6 @@
-"""Algorithm Ψ against the plain oracle: the same sets, the same light. Unsure receivers are left out, see there."""
+"""Algorithm Ψ agrees with the simple oracle: the same sets, the same light. Receivers of which the oracle is unsure are
+skipped.
+"""
 
 import numpy as np
 import pytest

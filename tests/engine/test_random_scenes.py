@@ -1,7 +1,7 @@
-"""Two thousand random scenes of what meshes should not have: no NaN, no infinity, nothing negative, no added light.
+"""Two thousand random scenes of bad meshes: no NaN, no infinity, nothing negative, no additional light.
 
-Triangles without an area, of one place, on a line, as needles; faces that share an edge many times, or lie in one
-place; lights on vertices, on faces, in planes, inside solids, on lattice nodes; under every kind of shadow.
+They have triangles without area, coincident ones, triangles on a line, and needles; faces that share an edge many
+times, or coincide; lights on vertices, on faces, in planes, inside solids, on lattice nodes; and every kind of shadow.
 """
 
 from __future__ import annotations

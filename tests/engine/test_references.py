@@ -1,4 +1,4 @@
-"""What sources, tests and pages refer to is in the repository: sections of the method, scenes, tests."""
+"""Everything that sources, tests and pages refer to exists in the repository: sections of the method, scenes, tests."""
 
 import re
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""Refracted shadow paths, eq. (6): how many are right, how exactly, at what cost; the sphere in one dimension.
+"""Refracted shadow paths, eq. (6): how many are found, how exact they are, and their cost; the sphere in one dimension.
 
-`recall` sends light forward through the same mesh with a tracer that shares no code with the solver, and asks for the
-path at a point of that light; `Lab.error` traces what the solver found back to the light.
+`recall` sends light forward through the same mesh with a tracer that shares no code with the solver, and asks the
+solver for the path at a point that this light reaches; `Lab.error` traces a path of the solver back to the light.
 """
 
 from __future__ import annotations

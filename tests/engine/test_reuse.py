@@ -1,6 +1,6 @@
-"""What stays from one picture to the next: never a bit of difference to a picture made from scratch, and no ray twice.
+"""Data kept from one picture to the next: the bits are the same as from scratch, and no ray is traced twice.
 
-The chain of each test is two pictures: `first` is drawn, then `second` with what is still right of the first.
+Each test draws two pictures: `first`, and then `second` with everything of the first that is still valid.
 """
 
 import itertools

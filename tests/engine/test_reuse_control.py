@@ -1,4 +1,4 @@
-"""What stays from one picture to the next where shadows are controlled: casters, receivers, links and radii."""
+"""Data kept from one picture to the next if shadows are controlled: casters, receivers, links and radii."""
 
 from dataclasses import replace
 

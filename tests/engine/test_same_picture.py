@@ -1,4 +1,4 @@
-"""What must not change a picture: tiles, threads, runs, shortcuts, the order of lights."""
+"""Things that must not change a picture: tiles, threads, runs, shortcuts, the order of lights."""
 
 from dataclasses import replace
 

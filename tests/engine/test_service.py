@@ -1,4 +1,4 @@
-"""The engine as a real child process over pipes: every command's end, and that nothing of it outlives its parent."""
+"""The engine as a real child process with pipes: how every command ends, and that nothing of it outlives its parent."""
 
 import json
 import os

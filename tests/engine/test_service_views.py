@@ -1,4 +1,4 @@
-"""Pictures one after the other, in a child that keeps what it prepared."""
+"""Successive pictures in a child process that keeps what it prepared."""
 
 import json
 import time

@@ -1,4 +1,4 @@
-"""Soft light at sparse points of the picture: how little it changes, and where nothing is interpolated."""
+"""Soft light computed at sparse points of the picture: how little this changes, and where nothing is interpolated."""
 
 from dataclasses import replace
 

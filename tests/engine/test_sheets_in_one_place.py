@@ -1,4 +1,4 @@
-"""Cut-outs and films in one plane, or nearer than a ray's offset: each is crossed once, none is skipped."""
+"""Cut-outs and films in one plane, or nearer than a ray's offset: each is crossed once and none is skipped."""
 
 from dataclasses import replace
 from itertools import permutations

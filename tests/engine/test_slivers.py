@@ -1,4 +1,4 @@
-"""Triangles that make tracing slow are found beforehand and named, and the picture comes all the same."""
+"""Triangles that make tracing slow are found before the render and named, and the picture is still made."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A scene as a folder: what is written is read again, and whatever is wrong with a folder is said in one sentence."""
+"""A scene as a folder: it is read back as it was written, and any error in a folder gives one sentence."""
 
 import dataclasses
 import json

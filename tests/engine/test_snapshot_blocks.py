@@ -1,4 +1,4 @@
-"""Snapshots whose meshes lie in blocks and whose folder holds several scenes, as the viewport writes them."""
+"""Snapshots whose meshes are in blocks, and folders with several scenes, as the viewport writes them."""
 
 import json
 import shutil

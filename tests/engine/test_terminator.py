@@ -1,4 +1,4 @@
-"""The shadow terminator: smooth surfaces made of facets, where light grazes them (terminator.py)."""
+"""The shadow terminator: smooth surfaces made of facets, at grazing light (terminator.py)."""
 
 from dataclasses import replace
 

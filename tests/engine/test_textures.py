@@ -1,4 +1,4 @@
-"""An image on a surface: where its texels lie, how they are blended, and what colour they stand for."""
+"""An image on a surface: where its texels are, how they are blended, and which colours they mean."""
 
 import os
 from dataclasses import replace

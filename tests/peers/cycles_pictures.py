@@ -1,4 +1,4 @@
-"""Run by test_cycles.py in a process of its own: each light of a .blend by itself, by this engine and by Cycles.
+"""Render each light of a .blend alone, with this engine and with Cycles; test_cycles.py runs it in a separate process.
 
 python cycles_pictures.py FILE.blend FOLDER: writes FOLDER/NAME.ours.exr, NAME.cycles.exr and cases.json.
 """

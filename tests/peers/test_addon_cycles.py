@@ -1,4 +1,4 @@
-"""The same .blend in sharp mode has Cycles' energy: direct light on diffuse surfaces, pixel by pixel."""
+"""The same .blend in sharp mode has the same energy as in Cycles: direct light on diffuse surfaces, pixel by pixel."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The shadow terminator is Cycles': smooth meshes of few faces, where light grazes them, pixel by pixel."""
+"""The shadow terminator is the same as in Cycles: smooth meshes with few faces at grazing light, pixel by pixel."""
 
 import random
 

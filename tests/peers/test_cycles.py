@@ -1,4 +1,4 @@
-"""Light's energy is Cycles': the same .blend, sharp shadows, direct light only, in this engine and in Cycles."""
+"""The energy of lights is that of Cycles: the same .blend, sharp shadows, direct light only, in both engines."""
 
 import importlib.util
 import json

@@ -1,4 +1,4 @@
-"""Fixtures: the add-on in bpy, an empty scene, and ways to look at what it renders and exports."""
+"""Fixtures: the add-on in bpy, an empty scene, and functions that render or export it and return the result."""
 
 import json
 import os
@@ -21,7 +21,7 @@ ENGINE = 'LIGHT_MESHES'
 
 @pytest.fixture(scope="session")
 def addon():
-    """The add-on, registered as long as the tests run; once, also where tests of two folders ask for it."""
+    """The add-on, registered once while the tests run, also if tests of two folders use it."""
     import light_meshes_addon
 
     first = not hasattr(bpy.types.Scene, "light_meshes")
@@ -34,7 +34,7 @@ def addon():
 
 @pytest.fixture
 def scene(addon):
-    """An empty scene of 64×48 pixels with a camera at z = 10 that looks down; black world, exact colours."""
+    """An empty scene of 64×48 pixels, with a camera at z = 10 that looks down, a black world, and exact colours."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = ENGINE
@@ -45,7 +45,7 @@ def scene(addon):
 
 
 def add(data, name=None, **properties):
-    """A new object of `data` in the scene."""
+    """Add a new object with this data to the scene."""
     ob = bpy.data.objects.new(name or (data.name if data else "Empty"), data)
     bpy.context.scene.collection.objects.link(ob)
     for key, value in properties.items():
@@ -70,7 +70,7 @@ def add_mesh():
 
 @pytest.fixture
 def add_plane(add_mesh):
-    """A square of side 2·half around the origin, facing up."""
+    """Add a square of side 2·half around the origin, facing up."""
     def make(half=1.0, name="Plane", **properties):
         corners = [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)]
         return add_mesh(name, corners, [(0, 1, 2, 3)], **properties)
@@ -97,7 +97,7 @@ def diffuse():
 
 
 def node_material(name, idname, **inputs):
-    """A material of a single shader node, with these inputs."""
+    """Return a material with a single shader node that has these inputs."""
     material = bpy.data.materials.new(name)
     if bpy.app.version < (5, 0):
         material.use_nodes = True
@@ -132,7 +132,7 @@ def render(tmp_path):
 
 
 def read_layers(path: Path) -> dict[str, np.ndarray]:
-    """The passes of a multilayer EXR, by the last part of their names."""
+    """Return the passes of a multilayer EXR, by the last part of their names."""
     file = oiio.ImageInput.open(str(path))
     assert file, oiio.geterror()
     spec = file.spec()
@@ -150,7 +150,7 @@ def read_layers(path: Path) -> dict[str, np.ndarray]:
 
 @pytest.fixture
 def snapshot(tmp_path, addon):
-    """(scene) → the engine's Scene, as exported and read back."""
+    """(scene) → the engine's Scene, after an export and a read."""
     from light_meshes_addon.render_engine import LightMeshesEngine
 
     count = 0
@@ -182,7 +182,7 @@ def translated(scene, add_plane, snapshot):
 
 @pytest.fixture(scope="session")
 def blender_path():
-    """A real Blender, or a skip that says how to get one."""
+    """The path of a real Blender. Without one the test is skipped, with a message that says how to get one."""
     found = os.environ.get("LIGHT_MESHES_BLENDER") or shutil.which("blender")
     if not found:
         pytest.skip("no Blender: set LIGHT_MESHES_BLENDER or put `blender` on the PATH")
@@ -205,7 +205,7 @@ def look_at_fixture():
 
 @pytest.fixture(scope="session")
 def blender_environment(blender_path, tmp_path_factory):
-    """The environment in which a real Blender has the add-on enabled, from this checkout, and nothing of the user's."""
+    """An environment in which a real Blender has this checkout's add-on enabled, and uses nothing of the user's."""
     import light_meshes_addon
 
     folder = tmp_path_factory.mktemp("blender")
@@ -232,7 +232,7 @@ def blender_environment(blender_path, tmp_path_factory):
 
 @pytest.fixture
 def run_blender(blender_path, blender_environment):
-    """(arguments…) → the finished process of a real `blender -b`; extra environment as keywords."""
+    """(arguments…) → the finished process of a real `blender -b`; keywords are additional environment variables."""
     def run(*arguments, **environment):
         return subprocess.run([blender_path, "-b", *map(str, arguments)], env=blender_environment | environment,
                               capture_output=True, text=True, timeout=180)
@@ -257,11 +257,12 @@ def display():
 
 @pytest.fixture
 def open_blender(blender_path, blender_environment, display, tmp_path):
-    """(arguments…) → what a real Blender with a window said, once it has quit."""
+    """(arguments…) → the output of a real Blender with a window, after it has quit."""
     def run(*arguments, timeout=600):
         environment = blender_environment | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(tmp_path)}
         environment.pop("WAYLAND_DISPLAY", None)
-        log = tmp_path / "log.txt"  # no pipe, which what Blender leaves behind could hold open
+        # a file and not a pipe, because processes that Blender leaves behind could keep a pipe open
+        log = tmp_path / "log.txt"
         with log.open("w") as f:
             subprocess.run([blender_path, "--window-geometry", "0", "0", "1280", "1000", *map(str, arguments)],
                            env=environment, stdout=f, stderr=f, timeout=timeout)
@@ -271,7 +272,9 @@ def open_blender(blender_path, blender_environment, display, tmp_path):
 
 @pytest.fixture(scope="module")
 def play_story(blender_path, blender_environment, display, tmp_path_factory):
-    """(script) → what it told in a real Blender with a window, by its titles; no engine outlives it."""
+    """(script) → the results that a script prints in a real Blender with a window, by title. It checks that no engine
+    outlives Blender.
+    """
     def play(script):
         folder = tmp_path_factory.mktemp("story")
         environment = blender_environment | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(folder)}

@@ -1,4 +1,6 @@
-"""A scene whose picture is known, as source for a Blender or bpy of any version, and a reader of pictures."""
+"""A scene with a known picture, as source code for a Blender or bpy of any version, and a function that reads
+pictures.
+"""
 
 import numpy as np
 import OpenImageIO as oiio
@@ -33,7 +35,7 @@ scene.camera = add(bpy.data.cameras.new("Camera"), location=(0, 0, 10))
 
 
 def read(path):
-    """(h, w, c) float32, top row first."""
+    """Return an array (h, w, c) of float32, top row first."""
     file = oiio.ImageInput.open(str(path))
     assert file, f"{path}: {oiio.geterror()}"
     spec = file.spec()

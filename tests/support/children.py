@@ -1,4 +1,4 @@
-"""The engine as a real child process over pipes, as a parent in tests sees it."""
+"""The engine as a real child process with pipes, as its parent sees it."""
 
 import json
 import os
@@ -12,11 +12,11 @@ from pathlib import Path
 from light_meshes.scene import snapshot
 
 ENDS = {"done", "measured", "cancelled", "error"}
-SECONDS = 120.0  # for what should take less than one; the machine may be busy
+SECONDS = 120.0  # for steps that should take less than one second, because the machine may be busy
 
 
 class Child:
-    """The service, its events in a queue."""
+    """The service, with its events in a queue."""
 
     def __init__(self):
         self.process = subprocess.Popen([sys.executable, "-m", "light_meshes.frontends.service"], stdin=subprocess.PIPE,
@@ -38,7 +38,7 @@ class Child:
         self.process.stdin.flush()
 
     def next(self, timeout=SECONDS):
-        """The next event that is more than a sign of life."""
+        """Return the next event that is not "alive"."""
         end = time.monotonic() + timeout
         while True:
             event = self.events.get(timeout=max(0.001, end - time.monotonic()))
@@ -52,7 +52,7 @@ class Child:
                 return event
 
     def of(self, number):
-        """All events of a command up to its end."""
+        """Return all events of a command up to its end."""
         events = []
         while not events or events[-1]["event"] not in ENDS:
             event = self.next()
@@ -64,7 +64,7 @@ class Child:
         snapshot.write(scene, self.folder / name)
 
     def gone(self):
-        """Exit code, and that the folder went with the process."""
+        """Return the exit code, after checking that the folder was removed with the process."""
         code = self.process.wait(SECONDS)
         assert not self.folder.exists()
         return code

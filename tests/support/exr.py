@@ -1,8 +1,8 @@
-"""What Blender is asked to write, in any of its versions: float EXR files."""
+"""Ask Blender, in any of its versions, to write float EXR files."""
 
 
 def write_floats(scene, path, color_mode='RGB'):
-    """The scene's pictures become one layer of 32-bit floats at `path`."""
+    """Let the scene write its picture as one layer of 32-bit floats to `path`."""
     image = scene.render.image_settings
     if hasattr(image, "media_type"):
         image.media_type = 'IMAGE'  # 5.0+
@@ -11,7 +11,7 @@ def write_floats(scene, path, color_mode='RGB'):
 
 
 def write_layers(scene, path):
-    """The scene's pictures become all passes in 32-bit floats, in one part, at `path`."""
+    """Let the scene write all passes as 32-bit floats, in one part, to `path`."""
     image = scene.render.image_settings
     if hasattr(image, "media_type"):
         image.media_type = 'MULTI_LAYER_IMAGE'  # 5.0+

@@ -1,4 +1,4 @@
-"""Faults brought about for real: Blender as a process of its own, and what it must leave behind, whatever happens."""
+"""Cause real faults: run Blender in a separate process, and list what it leaves behind."""
 
 import os
 import re
@@ -8,7 +8,7 @@ import textwrap
 import time
 from pathlib import Path
 
-# A scene that takes minutes, `first_progress(act)` to act when it has begun, and `render()`.
+# A scene that takes minutes; `first_progress(act)`, which calls `act` when the render has begun; and `render()`.
 PRELUDE = """
 import os, signal, sys, threading, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have had it ignored
@@ -58,13 +58,13 @@ def leave():
     sys.stdout.flush()
     os._exit(0)
 """
-MADE = {"scene.blend", "picture.png"}  # by PRELUDE
+MADE = {"scene.blend", "picture.png"}  # made by PRELUDE
 
 
 def go(folder: Path, script: str, prefix=(), timeout=120, **environment) -> tuple[list[str], str]:
-    """Run PRELUDE and `script`: the lines it printed that begin with a word in capitals, and all of its output.
+    """Run PRELUDE and `script`. Returns the printed lines that begin with a word in capitals, and the whole output.
 
-    `folder` is where temporary files go. prefix: a command that runs it, such as `env`.
+    `folder` is for temporary files. `prefix` is a command that runs it, such as `env`.
     """
     before = names(folder)
     done = subprocess.run(
@@ -81,24 +81,24 @@ def go(folder: Path, script: str, prefix=(), timeout=120, **environment) -> tupl
 
 
 def names(folder: Path) -> set[str]:
-    """What lies in `folder`, but for the temporary files of Blender itself."""
+    """Return the contents of `folder`, without Blender's own temporary files."""
     return {p.name for p in folder.iterdir() if not p.name.startswith("blender_")}
 
 
 def running(folder: Path) -> list[int]:
-    """Processes whose temporary files go to `folder`."""
+    """Return the processes whose temporary files go to `folder`."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if f"TMPDIR={folder}\0".encode() in (process / "environ").read_bytes():
                 found.append(int(process.name))
-        except OSError:  # it has ended, or is not ours
+        except OSError:  # the process has ended, or belongs to somebody else
             continue
     return found
 
 
 def python(folder: Path, script: str) -> str:
-    """A Python for the engine that runs the shell's `script` first, which may end with `exec {python} "$@"`."""
+    """Return a Python for the engine that first runs the shell `script`; this may end with `exec {python} "$@"`."""
     path = folder / "python"
     path.write_text(f"#!/bin/sh\n{script.replace('{python}', sys.executable)}\n")
     path.chmod(0o755)

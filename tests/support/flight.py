@@ -1,7 +1,9 @@
-"""What a camera flight over a static scene saves when the nodes stay: python tests/support/flight.py [frames] [width].
+"""Measure what a camera flight over a static scene saves if nodes are kept: python tests/support/flight.py [frames]
+[width].
 
-Prints for 1, 16 and 64 lights the time of the shadow stages (thread seconds) of the flight, of as many single frames,
-and their ratio; and says whether the pictures are the same. A run by hand: times are no test.
+For 1, 16 and 64 lights it prints the time of the shadow stages (thread seconds) of the flight, the time of the same
+frames rendered one by one, and their ratio, and whether the pictures are the same. It is run by hand, because times are
+no test.
 """
 
 import sys

@@ -1,11 +1,11 @@
-"""Fuzzing: whatever a snapshot's folder or a process's line holds, it is read or refused, in one short sentence.
+"""Fuzzing: any content of a snapshot's folder or of a process's line must be read, or refused with one short sentence.
 
     python tests/support/fuzz.py snapshot --seconds 600      the reader of snapshots
     python tests/support/fuzz.py commands --seconds 600      the engine's reader of commands
     python tests/support/fuzz.py events --seconds 600        the add-on's reader of what the engine says
 
-Atheris (the extra `test`, on Linux x86-64) follows which branches an input reaches. An input that breaks a promise is
-written to `crash-…` in the current folder and given again as `python tests/support/fuzz.py snapshot crash-…`.
+Atheris (the extra `test`, on Linux x86-64) records which branches an input reaches. An input that causes a failure is
+written to `crash-…` in the current folder. To run it again: `python tests/support/fuzz.py snapshot crash-…`.
 """
 
 import argparse
@@ -34,7 +34,7 @@ from scenes import tabletop, with_lights
 
 EVENTS = Path(__file__).parents[2] / "addon" / "events.py"
 
-# What stands in a place where something else should.
+# Values that are put in place of the right ones.
 ODD = [None, True, False, 0, -1, 1, 3, 0.5, -0.0, math.nan, math.inf, -math.inf, 1e300, 5e-324, 2**31, 2**63, -2**63,
        10**40, 10**400, "", "x", "\0", "\ud800", "a\nb", "../scene", "/", "..", "mesh-1", "é" * 300, "SUN",
        "AREA_SAMPLING", [], {}, [0], [[]], [0, 0, 0], [0, 0, 0, 0], [1e9] * 3, [None] * 3, ["x"] * 4,
@@ -42,7 +42,7 @@ ODD = [None, True, False, 0, -1, 1, 3, 0.5, -0.0, math.nan, math.inf, -math.inf,
 
 
 def follow(*places) -> None:
-    """Have the branches in all functions of modules and classes followed."""
+    """Record the branches in all functions of modules and classes."""
     for place in places:
         for function in vars(place).values():
             if inspect.isfunction(function) and function.__module__ == (getattr(place, "__module__", place.__name__)):
@@ -54,7 +54,7 @@ def odd(fdp):
 
 
 def sentence(text: str) -> None:
-    """Short, in one line, and no exception's name."""
+    """Check that a message is short, one line, and not the name of an exception."""
     assert 0 < len(text) < 700 and text.isprintable(), ascii(text)
     assert not text.startswith("the engine failed"), text
 
@@ -62,7 +62,7 @@ def sentence(text: str) -> None:
 # --- Snapshots --------------------------------------------------------------------------------------------------
 
 def whole_snapshot(folder: Path) -> dict[str, bytes]:
-    """A snapshot with something of everything: its files' names and what they hold."""
+    """Write a snapshot that uses every feature. Returns the names of its files and their contents."""
     scene = tabletop(8)
     scene = with_lights(scene, *(replace(scene.lights[0], type=t, receivers=(0, 1)) for t in ("SUN", "SPOT", "AREA")))
     scene = replace(scene, images=(Image("wood", "wood.png"),), warnings=("left out",),
@@ -75,14 +75,14 @@ def whole_snapshot(folder: Path) -> dict[str, bytes]:
 
 
 def places(data, path=()):
-    """All places in a JSON value."""
+    """Return all places in a JSON value."""
     yield path
     for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
         yield from places(value, (*path, key))
 
 
 def put(data, path, value):
-    """`data` with `value` at `path`."""
+    """Return `data` with `value` at `path`."""
     if not path:
         return value
     holder = data
@@ -93,7 +93,7 @@ def put(data, path, value):
 
 
 class Snapshots:
-    """A few changes to a good snapshot: to values in its JSON, to arrays' headers and contents, or to bytes."""
+    """Make a few changes to a good snapshot: to values in its JSON, to headers and contents of arrays, or to bytes."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -117,7 +117,7 @@ class Snapshots:
                     ("blocks", "instances", "camera", fdp.ConsumeUnicodeNoSurrogates(8))[fdp.ConsumeIntInRange(0, 3)],)
                 try:
                     description = put(description, path, value)
-                except (TypeError, KeyError, IndexError):  # an earlier change took the place away
+                except (TypeError, KeyError, IndexError):  # an earlier change removed the place
                     continue
             else:
                 name = sorted(self.files)[fdp.ConsumeIntInRange(0, len(self.files) - 1)]
@@ -145,7 +145,7 @@ class Snapshots:
         self.changed.add(name)
 
     def check(self, scene) -> None:
-        """What the renderer relies on."""
+        """Check everything on which the renderer relies."""
         g = scene.geometry
         for v0, nv, t0, nt in g.meshes.tolist():
             assert 0 <= v0 <= v0 + nv <= len(g.vertices) and 0 <= t0 <= t0 + nt <= len(g.triangles)
@@ -187,7 +187,7 @@ GOOD_EVENTS = [
 
 
 def message(fdp, good: list[dict]) -> bytes:
-    """A good message with up to three changes, or bytes."""
+    """Return a good message with up to three changes, or random bytes."""
     if fdp.ConsumeIntInRange(0, 3) == 0:
         return fdp.ConsumeBytes(fdp.ConsumeIntInRange(0, 60)).replace(b"\n", b"")
     data = json.loads(json.dumps(good[fdp.ConsumeIntInRange(0, len(good) - 1)]))
@@ -205,13 +205,15 @@ def message(fdp, good: list[dict]) -> bytes:
 
 
 class Commands:
-    """Some commands to the engine; each is answered as the protocol says, and good ones are carried out."""
+    """Send some commands to the engine. Each must be answered as the protocol says, and good ones must be carried
+    out.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         follow(service, service.Service, snapshot)
         snapshot.write(tabletop(8, samples=1, shadows="SHARP"), folder / "scene")
-        for command in GOOD_COMMANDS:  # so that nothing is left to load
+        for command in GOOD_COMMANDS:  # so that all modules are loaded
             service.Service(None, io.StringIO(), folder)._carry_out(command)
 
     def __call__(self, data: bytes) -> None:
@@ -224,7 +226,7 @@ class Commands:
         expected = []
         while not engine._queue.empty():
             command = engine._queue.get()
-            # The parent may name any path, and ask for as many steps as it likes.
+            # The parent may name any path and ask for any number of steps, so these are limited here.
             if "/" in str(command.get("framebuffer")) or ".." in str(command.get("framebuffer")) \
                     or len(str(command.get("steps"))) > 20:
                 continue
@@ -241,13 +243,13 @@ class Commands:
 
 
 class Events:
-    """A line that the engine may have said: an event that can be relied upon, or None."""
+    """Read a line that the engine may have written. The result must be a valid event, or None."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "light-meshes-x"
         self.folder.mkdir()
         self.good = [{"event": "ready", "folder": str(self.folder)}, *GOOD_EVENTS]
-        # By its path: the package itself imports bpy.
+        # Loaded by its path, because the package itself imports bpy.
         spec = importlib.util.spec_from_file_location("events", EVENTS)
         self.module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(self.module)
@@ -291,7 +293,7 @@ def main() -> int:
     options = parser.parse_args()
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # files there are fast
     with tempfile.TemporaryDirectory(prefix="fuzz-", dir=memory) as folder:
-        if child := os.fork():  # libFuzzer ends its process, and would leave the folder
+        if child := os.fork():  # libFuzzer ends its process, which would leave the folder behind
             return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         target = TARGETS[options.target](Path(folder))
         inputs = options.inputs or [c for c in (options.corpus,) if c]

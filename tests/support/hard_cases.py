@@ -1,7 +1,7 @@
-"""H1 to H14 of the design's list of hard scenes, anywhere in the world and at any size, each against its answer.
+"""The hard scenes H1 to H14 of docs/scenes.md, at several places and sizes, each compared with its known answer.
 
-A family is a function of a place and a kind of shadow that returns findings: what was asked, by how much the answer
-was missed at worst, and how much is allowed. `python tests/support/hard_cases.py` prints the table of
+A family is a function of a place and a kind of shadow. It returns findings: what was measured, the largest error, and
+the error that is allowed. `python tests/support/hard_cases.py` prints the table of
 docs/stability.md.
 """
 
@@ -42,7 +42,7 @@ PASSES = ("Combined", "Depth", "Normal", "Shadow")
 
 
 class Place(NamedTuple):
-    """Where a scene stands, and how large it is."""
+    """Where a scene is, and how large it is."""
 
     size: float
     offset: float  # world units
@@ -59,7 +59,7 @@ class Place(NamedTuple):
 
 
 PLACES = [Place(size, offset) for size in (1e-4, 1.0, 1e4) for offset in (0.0, 1e3, 1e5)]
-SOME_PLACES = [Place(1e-4, 1e3), Place(1.0, 1e5), Place(1e4, 0.0)]  # each size and each offset once
+SOME_PLACES = [Place(1e-4, 1e3), Place(1.0, 1e5), Place(1e4, 0.0)]  # each size and each offset occurs once
 HOME = Place(1.0, 0.0)
 KINDS = ("sharp", "light meshes", "refracted")
 
@@ -75,7 +75,7 @@ FAMILIES: dict[str, tuple[Family, tuple[str, ...]]] = {}
 
 
 def family(name: str, kinds: Sequence[str] = KINDS) -> Callable[[Family], Family]:
-    """Enters a function under a name, with the kinds of shadow that it takes."""
+    """Register a function under a name, with the kinds of shadow that it can be tested with."""
     def enter(function: Family) -> Family:
         FAMILIES[name] = function, tuple(kinds)
         return function
@@ -83,7 +83,9 @@ def family(name: str, kinds: Sequence[str] = KINDS) -> Callable[[Family], Family
 
 
 def cases() -> list[tuple[str, str, Place]]:
-    """(family, kind, place) of the tests: everywhere, and where light is refracted, which is slow, in some places."""
+    """Return the (family, kind, place) of the tests: all places, but only some of them if light is refracted, because
+    that is slow.
+    """
     return [(name, kind, place) for name, (function, kinds) in FAMILIES.items() for kind in kinds
             for place in (SOME_PLACES if kind == "refracted" or "glass" in function.__module__ else PLACES)]
 
@@ -101,7 +103,7 @@ def of_kind(scene: Scene, kind: str, hidden: Sequence[float]) -> Scene:
 
 
 def seen(place: Place, scene: Scene, P: np.ndarray, N: Sequence[float] | np.ndarray) -> np.ndarray:
-    """S (n, …) of the scene's lights at P with normals N."""
+    """Return S (n, …) of the scene's lights at P with normals N."""
     P = np.asarray(P, float)
     normal = np.broadcast_to(np.asarray(N, float), P.shape)
     return Prepared(place.put(scene)).light_visibility(place.at(P), normal).astype(float)
@@ -112,7 +114,7 @@ def picture(place: Place, scene: Scene, name: str = "Combined") -> np.ndarray:
 
 
 def off(found: np.ndarray, expected: np.ndarray | float) -> float:
-    """The largest error; NaN counts as infinite."""
+    """Return the largest error; NaN counts as infinite."""
     return float(np.nan_to_num(np.abs(found - expected), nan=np.inf).max())
 
 
@@ -154,7 +156,7 @@ def odd_lights(place: Place, kind: str) -> list[Finding]:
     high = picture(place, with_lights(floor, point((0.3, 0.1, 0.3))))[..., :3]
     return [Finding("on a node: S is 1", off(picture(place, on_node, "Shadow"), 1.0), 0.0),
             Finding("on a node: U is finite", 0.0 if np.isfinite(picture(place, on_node)).all() else np.inf, 0.0),
-            # Where the scene is not flat the plane has a float's rounding, 1e-7 at distances of .02.
+            # If the scene is not flat, the plane has the rounding error of a float, 1e-7 at distances of .02.
             Finding("in the plane: U is 0", float((picture(place, in_plane)[..., :3] / high).max()),
                     1e-4 if kind == "refracted" else 0.0),
             Finding("1e-3 above: S is 1", off(picture(place, above, "Shadow"), 1.0), 0.0)]
@@ -181,7 +183,7 @@ def low(place: Place, kind: str) -> list[Finding]:
         foot = seen(place, both, 0.52 * ring, UP)
         findings += [Finding(f"beyond the box's shadow 1{name}", off(seen(place, both, 1.05 * ring, UP), 1.0), 0.0),
                      Finding(f"on the box 1{name}", off(seen(place, both, 0.49 * ring + UP, UP), 1.0), 0.0),
-                     # All of the half-ball is in the shadow, which is .75 wide at its top.
+                     # The whole half-ball is in the shadow, which is .75 wide at its top.
                      Finding(f"at its foot 0{name}", off(foot, 0.0), 0.0)]
     return findings
 
@@ -238,7 +240,7 @@ def straight(place: Place, kind: str) -> list[Finding]:
 
 @family("H14 mixed scales")
 def mixed_scales(place: Place, kind: str) -> list[Finding]:
-    """A plate .02 mm above a table of 10 mm; a wall 10 km away, a ground of 1,000 km and a box at 10⁹ m."""
+    """A plate .02 mm above a table of 10 mm; a wall 10 km away, a ground of 1,000 km, and a box at 10⁹ m."""
     near = placed(of_kind(low_plate(), kind, (-3, 3, -1.5)), 1e-3, (0, 0, 0))
     wall = Shape(box((-3e3, 1e4, -1e3), (3e3, 1.001e4, 2e3)), GREY, "wall")
     ground = Shape(rectangle((-1e6, -1e6), (1e6, 1e6), 0.0), GREY, "ground", [translate(0, 0, -3e-3) @ rotate_x(0.3)])
@@ -297,7 +299,8 @@ def broken(place: Place, kind: str) -> list[Finding]:
 
 
 def worst(function: Family, kinds: Sequence[str]) -> tuple[Finding, str, Place, int]:
-    """Of a family everywhere: the finding that takes most of what it is allowed, its kind and place; how many all are.
+    """Run a family at all places. Returns the finding with the largest share of its allowed error, its kind and place,
+    and the number of findings.
     """
     found = [(f, kind, place) for kind in kinds for place in PLACES for f in function(place, kind)]
     share = [f.error / f.bound if f.bound else np.inf if f.error else 0.0 for f, _, _ in found]
@@ -305,7 +308,7 @@ def worst(function: Family, kinds: Sequence[str]) -> tuple[Finding, str, Place, 
 
 
 if __name__ == "__main__":
-    import hard_cases  # this file under its own name, where the other families enter theirs
+    import hard_cases  # import this file under its own name, because the other families register there
     import hard_cases_of_glass  # noqa: F401
 
     print("| family | answers | worst | off by | allowed | shadows; size, offset |")

@@ -1,4 +1,4 @@
-"""H4, H6, H7 and H8: light in, through and behind glass, with the answer (see hard_cases.py)."""
+"""H4, H6, H7 and H8: light inside, through and behind glass, compared with the known answer (see hard_cases.py)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CLEAR = glass(1.0)
 
 
 def through(parts: list[Shape], light, kind: str, **values) -> Scene:
-    """A scene of parts under one light; refracted: FULL, light meshes of h = .05."""
+    """Return a scene of parts under one light; if refracted: FULL, with light meshes of h = .05."""
     shadows = "SHARP" if kind == "sharp" else "LIGHT_MESHES"
     return Scene.from_shapes(parts, look_down(0, 0, 2, 8), [light],
                              settings(**({"h": 0.05, "shadows": shadows, "refraction": "FULL"} | values)))
@@ -44,7 +44,7 @@ def enclosed(place: Place, kind: str) -> list[Finding]:
 
 
 def _edge_of_shadow(place: Place, scene: Scene) -> tuple[float, float]:
-    """x where S passes half of its highest value along y = 0 on the floor, and that value."""
+    """Return the x at which S passes half of its largest value along y = 0 on the floor, and that value."""
     x = np.linspace(-0.6, 0.6, 1201)
     S = seen(place, scene, np.c_[x, 0 * x, 0 * x], UP).reshape(len(x), -1)[:, 0]
     return float(x[np.argmax(S.max() / 2 < S)]), float(S.max())
@@ -52,7 +52,7 @@ def _edge_of_shadow(place: Place, scene: Scene) -> tuple[float, float]:
 
 @family("H6 slab at 45°", ("sharp", "refracted"))
 def slab(place: Place, kind: str) -> list[Finding]:
-    """An opaque half-plane over the slab: its shadow on the floor moves by what the slab moves the rays."""
+    """An opaque half-plane is over the slab: its shadow on the floor is shifted as much as the slab shifts the rays."""
     T, t = 0.3, 0.9
     expected = T * (np.tan(np.pi / 4) - np.tan(np.arcsin(np.sin(np.pi / 4) / 1.5)))  # .1396
     shade = Shape(rectangle((-3.0, -5), (-0.8, 5), 0.8), GREY, "shade")
@@ -87,7 +87,7 @@ def same_index(place: Place, kind: str) -> list[Finding]:
 
 
 def _prism() -> Mesh:
-    """Legs z = 0 and x = 0, the hypotenuse from (1, ·, 0) to (0, ·, 1)."""
+    """The legs are z = 0 and x = 0; the hypotenuse goes from (1, ·, 0) to (0, ·, 1)."""
     corners = np.array([(0, 0), (1, 0), (0, 1)], float)
     vertices = np.vstack([np.c_[corners, np.full(3, -2)], np.c_[corners, np.full(3, 2)]])[:, [0, 2, 1]]
     return Mesh(vertices, np.array([(0, 1, 2), (5, 4, 3), (0, 3, 4), (0, 4, 1), (1, 4, 5), (1, 5, 2), (2, 5, 3),

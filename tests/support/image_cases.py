@@ -1,4 +1,5 @@
-"""Run by test_addon_images.py in a Blender of any version: squares of one colour, by this engine and by Cycles.
+"""Render squares of one colour with this engine and with Cycles; test_addon_images.py runs it in a Blender of any
+version.
 
 python image_cases.py FOLDER [WORKING_SPACE…]: writes FOLDER/cases.json: working space → engine → colour of each case.
 """
@@ -19,7 +20,7 @@ MODES = ('STRAIGHT', 'PREMUL', 'CHANNEL_PACKED', 'NONE')
 SPACES = ("sRGB", "Non-Color", "Linear Rec.709", "ACEScg", "Linear CIE-XYZ D65")
 CONVERTED = ("Rec.1886", "Filmic sRGB", "Display P3", "Linear DCI-P3 D65")  # by OpenColorIO
 COLOR = (0.8, 0.4, 0.1, 0.5)
-# Kind of file or image, alpha mode, whether Alpha is linked, colour space, where the pixels are.
+# Kind of file or image, alpha mode, whether Alpha is linked, colour space, and where the pixels are stored.
 CASES = [
     *itertools.product(FILES, MODES, (False, True), SPACES[:3], ("file",)),
     *itertools.product(FILES, MODES[:1], (False, True), SPACES[3:] + CONVERTED, ("file",)),
@@ -96,7 +97,7 @@ def add(scene, data, location=(0, 0, 5)):
 
 
 def textured(image, linked):
-    """Diffuse of the image's colour; where Alpha is linked, a cut-out of it."""
+    """Return a diffuse material with the image's colour; if Alpha is linked, it is cut out by the image's alpha."""
     material = bpy.data.materials.new(image.name)
     if bpy.app.version < (5, 0):
         material.use_nodes = True
@@ -116,7 +117,7 @@ def textured(image, linked):
 
 
 def colors(scene, engine, folder):
-    """RGBA of each case."""
+    """Return the RGBA of each case."""
     scene.render.engine = engine
     write_floats(scene, folder / f"{engine}.exr", 'RGBA')
     scene.render.use_file_extension = False

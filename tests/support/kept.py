@@ -1,4 +1,4 @@
-"""Two pictures one after the other: `first` is drawn, then `second` with what is still right of the first."""
+"""Draw two pictures in sequence: `first`, and then `second` with everything of the first that is still valid."""
 
 from dataclasses import replace
 
@@ -13,13 +13,15 @@ WIDTH = 48
 
 
 def drawn(scene: Scene, previous=None, passes=PASSES):
-    """A picture and what was prepared for it."""
+    """Return a picture and what was prepared for it."""
     ready = prepare(scene, passes, previous=previous)
     return draw(ready, Framebuffer.create(ready.scene, passes)), ready
 
 
 def after(first: Scene, second: Scene):
-    """Figures of `second` drawn after `first`, whose bits are those of one from scratch; and figures of that."""
+    """Draw `second` after `first`, and check that it has the same bits as a picture from scratch. Returns the figures
+    of both ways.
+    """
     _, ready = drawn(first)
     kept, then = drawn(second, ready)
     fresh = render_image(second, PASSES)
@@ -60,7 +62,7 @@ def moved(scene: Scene, instance: int, by) -> Scene:
 
 
 def room(*more: Shape, **values) -> Scene:
-    """A floor with two boxes far apart, that keep their places whatever stands between them."""
+    """Return a floor with two boxes far apart, which keep their places whatever stands between them."""
     parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
              Shape(box((-2.4, -0.4, 0.0), (-1.8, 0.2, 1.0)), GREY, "left"),
              Shape(box((1.8, -0.4, 0.0), (2.4, 0.2, 1.0)), GREY, "right"), *more]

@@ -1,8 +1,9 @@
-"""Memory and time of scenes as large as productions have: python tests/support/load.py [scene …]
+"""Measure memory and time of scenes as large as in productions: python tests/support/load.py [scene …]
 
-Each scene is made as a .blend and rendered through Blender. Prints a row a scene, MiB and seconds: of the nodes; what
-Blender and the engine held at most, and what the engine expected; the time of the engine, and of all with Blender's
-start and the export. `small` is a quick look. A run by hand: times are no test.
+Each scene is made as a .blend and rendered through Blender. For each scene it prints a row in MiB and seconds: the
+memory of the nodes; the largest memory of Blender and of the engine, and the memory that the engine expected; the time
+of the engine, and the total time with Blender's start and the export. `small` is a quick check. It is run by hand,
+because times are no test.
 """
 
 import subprocess
@@ -26,7 +27,8 @@ load.make(bpy, *{values!r})
 bpy.ops.wm.save_as_mainfile(filepath={path!r}, compress=False)
 leave(0)
 """
-# name → triangles a thing, things, whether they share a mesh, lights, lines of the picture, samples, h or 0: automatic
+# name → triangles per object, objects, whether they share a mesh, lights, lines of the picture, samples, h (0:
+# automatic)
 SCENES = {
     "small": (2_000, 50, False, 4, 135, 1, 0),
     "triangles": (10_000, 200, False, 64, 1080, 4, 0),
@@ -36,7 +38,7 @@ SCENES = {
 
 
 def make(bpy, triangles, things, shared, lights, height, samples, h):
-    """A hall with a floor and two walls, full of lumpy balls, under point lights."""
+    """Make a hall with a floor and two walls, full of lumpy balls, under point lights."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
@@ -91,14 +93,16 @@ def make(bpy, triangles, things, shared, lights, height, samples, h):
 
 
 def peaks(module: str, found: dict[int, int], over: threading.Event) -> None:
-    """Fill found with the peak memory of processes that run a Python module, by process id, until `over`."""
+    """Fill `found` with the peak memory of the processes that run a Python module, by process id, until `over` is
+    set.
+    """
     while not over.wait(0.05):
         for process in Path("/proc").glob("[0-9]*"):
             try:
                 if module.encode() in (process / "cmdline").read_bytes().split(b"\0"):
                     status = (process / "status").read_text()
                     found[int(process.name)] = int(status.partition("VmHWM:")[2].split()[0]) * 1024
-            except (OSError, IndexError):  # it has just ended
+            except (OSError, IndexError):  # the process has just ended
                 continue
 
 

@@ -1,10 +1,11 @@
-"""Algorithm Ψ once more, plain and slow: float64, brute force, straight from the design's `method.md` §1 and §2.
+"""A second implementation of algorithm Ψ, simple and slow: float64, brute force, directly from docs/method.md §1 and
+§2.
 
-It shares no code with the engine. All it takes from it is where the lattice's nodes lie, and even that only
-as four points that must span a lattice of step h (`Lattice`).
+It shares no code with the engine. The only thing that it takes from the engine is where the lattice's nodes are, and it
+checks that these span a lattice of step h (`Lattice`).
 
-Every yes-or-no question comes back with "sure": False where the answer hangs on less than `margin`, a length
-a few times what float32 tracing can resolve. A comparison leaves such receivers out, and needs no tolerance.
+Every yes-or-no question also returns "sure". It is False if the answer depends on less than `margin`, a length a few
+times what float32 tracing can resolve. Comparisons skip such receivers, so they need no tolerance.
 """
 
 from __future__ import annotations
@@ -16,18 +17,18 @@ import numpy as np
 from light_meshes.scene.description import Light, Material, Scene
 
 TAU = 1e-3  # a node nearer than τ·h to P's plane is dropped in step 2
-MARGIN = 2e-5  # of the extent of scene and lights: 1e-5 of a shadow ray's length is left open at the light
+MARGIN = 2e-5  # relative to the extent of scene and lights; rays to a light end 1e-5 of their length before it
 
 
 class Lattice:
-    """Nodes at origin + axes·(i, j, k)."""
+    """The nodes origin + axes·(i, j, k)."""
 
     def __init__(self, position: Callable[[np.ndarray], np.ndarray]) -> None:
         corners = position(np.vstack([np.zeros((1, 3)), np.eye(3)]).astype(np.int32))
         self.origin, self.axes = corners[0], (corners[1:] - corners[0]).T
 
     def ball(self, P: np.ndarray, radius: float) -> np.ndarray:
-        """Indices of all nodes in a box that holds the ball, and a step more on every side."""
+        """Return the indices of all nodes in a box that contains the ball, with one more step on every side."""
         to_index = np.linalg.inv(self.axes)
         middle = to_index @ (P - self.origin)
         reach = radius * np.linalg.norm(to_index, axis=1) + 1.0
@@ -64,7 +65,9 @@ class Oracle:
         self.margin = MARGIN * self.extent
 
     def _agreed(self, name: str) -> np.ndarray:
-        """Per triangle: what its object says, and its material, where materials have such a flag."""
+        """Return a flag for each triangle: that of its object and, if materials have this flag too, that of its
+        material.
+        """
         return np.array([getattr(self.scene.objects[o], name) and getattr(m, name, True)
                          for o, m in zip(self.owner, self.materials, strict=True)])
 
@@ -72,14 +75,16 @@ class Oracle:
 
     def blocked(self, A: np.ndarray, B: np.ndarray, N: np.ndarray | None = None,
                 casts: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(blocked, sure) of each segment A→B (n,3). With N, A lies on a surface of that normal, B above it."""
+        """Return (blocked, sure) for each segment A→B (n,3). With N, A lies on a surface with that normal, and B is
+        above it.
+        """
         casts = self.casts if casts is None else casts
         a = self.triangles[:, 0]
         dA, dB = (np.einsum("nti,ti->nt", X[:, None] - a, self.n) for X in (A, B))
         length = np.linalg.norm(B - A, axis=1)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             s = np.clip(np.nan_to_num(dA / (dA - dB)), 0, 1)
-            # An error across the plane is this much larger along it.
+            # An error across the plane becomes this much larger along it.
             margin = self.margin * (1 + np.minimum(length / np.abs(dA - dB), 1e30))
         Q = A[:, None] + s[..., None] * (B - A)[:, None]
         inside = np.min([np.einsum("nti,ti->nt", Q - self.triangles[:, k], self._inward(k)) for k in range(3)], 0)
@@ -101,7 +106,9 @@ class Oracle:
 
     def visible(self, X: np.ndarray, light: Light, N: np.ndarray | None = None,
                 soft: bool | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(visible, sure) of the light from each X past its blockers; `soft`: past those that cast so, or do not."""
+        """Return (visible, sure) of the light from each X. If `soft` is given, only the soft casters (True) or the
+        sharp ones (False) block.
+        """
         if not light.cast_shadow:
             return np.ones(len(X), bool), np.ones(len(X), bool)
         far = X - 4 * self.extent * np.array(light.direction)
@@ -117,7 +124,9 @@ class Oracle:
     # --- Ψ ------------------------------------------------------------------------------------------------
 
     def radius(self, light: Light) -> float:
-        """r of the light; of its size only for a sun whose distance is given: that one needs no measuring."""
+        """Return r of the light. With Light Size it is known only for a sun whose distance is given, because this needs
+        no measuring.
+        """
         if light.softness == "RADIUS":
             return light.soft_radius
         if light.softness == "LIGHT_SIZE":
@@ -127,7 +136,7 @@ class Oracle:
         return self.h * self.scene.settings.kI
 
     def interpolation_set(self, P: np.ndarray, N: np.ndarray, r: float | None = None) -> tuple[np.ndarray, bool]:
-        """Steps 1 to 4: DLM(P) of radius r as lattice indices, and whether every decision was sure."""
+        """Do steps 1 to 4: return DLM(P) of radius r as lattice indices, and whether every decision was sure."""
         r = self.h * self.scene.settings.kI if r is None else r
         assert self.margin < TAU * self.h, "the scene is too large for h: step 2 could not be decided"
         nodes = self.lattice.ball(P, r)
@@ -142,14 +151,17 @@ class Oracle:
         return nodes[~hidden], sure and bool(certain.all())
 
     def faces(self, P: np.ndarray, N: np.ndarray, light: Light) -> tuple[bool, bool]:
-        """ξ(light, P), and whether it is sure."""
+        """Return ξ(light, P), and whether it is sure."""
         to = -np.array(light.direction) * self.extent if light.type == "SUN" else np.array(light.position) - P
         height = float(N @ to)
         return height > 0, abs(height) > self.margin
 
     def soft(self, P: np.ndarray, N: np.ndarray, triangle: int | None = None) -> tuple[np.ndarray, bool]:
-        """Smoothed visibility of each light: ξ times the share of DLM(P) that sees it past the soft casters, times V
-        at P past the sharp ones; V at P past all without a set, or where the triangle receives sharp shadows."""
+        """Return the smoothed visibility of each light.
+
+        It is ξ times the share of DLM(P) that sees the light past the soft casters, times V at P past the sharp ones.
+        If the set is empty, or the triangle receives sharp shadows, it is V at P past all casters.
+        """
         receives = triangle is None or self._agreed("receive_soft_shadows")[triangle]
         sets: dict[float, tuple[np.ndarray, bool]] = {}
         values, sure = [], True
@@ -191,13 +203,13 @@ class Oracle:
         return np.array(values), sure
 
     def lit(self, light: Light, triangle: int | None) -> bool:
-        """Whether the light lights the triangle's object."""
+        """Return whether the light lights the triangle's object."""
         return triangle is None or light.receivers is None or int(self.owner[triangle]) in light.receivers
 
     # --- Light --------------------------------------------------------------------------------------------
 
     def omega(self, hit: Hit, view: np.ndarray) -> np.ndarray:
-        """Ω(i, P) of every light, (L,3); `view` is the unit direction to the eye."""
+        """Return Ω(i, P) of every light, (L,3); `view` is the unit direction to the eye."""
         m, rows = hit.material, []
         for light in self.scene.lights:
             L, attenuation = _arriving(light, hit.P)
@@ -209,7 +221,9 @@ class Oracle:
         return np.array(rows).reshape(-1, 3)
 
     def first_hit(self, origin: np.ndarray, direction: np.ndarray) -> tuple[Hit | None, bool]:
-        """Möller–Trumbore over all triangles; sure is False near an edge and where two hits are as near."""
+        """Return the first hit by Möller–Trumbore over all triangles. `sure` is False near an edge, and if two hits are
+        almost equally near.
+        """
         a, b, c = self.triangles.transpose(1, 0, 2)
         e1, e2 = b - a, c - a
         p = np.cross(direction, e2)
@@ -235,11 +249,11 @@ class Oracle:
                    self.materials[k], float(t[k]), int(k)), sure
 
     def pixel(self, x: int, y: int) -> tuple[np.ndarray, bool]:
-        """Radiance through the middle of a pixel, eq. (1) or (2), and whether it is sure."""
+        """Return the radiance through the centre of a pixel, eq. (1) or (2), and whether it is sure."""
         return self.radiance(*camera_ray(self.scene, x + 0.5, y + 0.5))
 
     def radiance(self, origin: np.ndarray, direction: np.ndarray, depth: int = 0) -> tuple[np.ndarray, bool]:
-        """Ia·ka·Od + Σ S·Ω + emission, and in WHITTED mode what a mirror reflects."""
+        """Return Ia·ka·Od + Σ S·Ω + emission and, in WHITTED mode, the light that a mirror reflects."""
         chosen = self.scene.settings
         hit, sure = self.first_hit(origin, direction)
         world = np.array(self.scene.world_color)
@@ -257,17 +271,19 @@ class Oracle:
         return total, sure and certain
 
     def picture(self) -> tuple[np.ndarray, np.ndarray]:
-        """(radiance (h,w,3), sure (h,w)) of the whole frame."""
+        """Return (radiance (h,w,3), sure (h,w)) of the whole frame."""
         w, h = self.scene.camera.width, self.scene.camera.height
         pixels = [self.pixel(x, y) for y in range(h) for x in range(w)]
         return np.array([p[0] for p in pixels]).reshape(h, w, 3), np.array([p[1] for p in pixels]).reshape(h, w)
 
     def receivers(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """`places` without the triangles."""
+        """Return `places` without the triangles."""
         return self.places(n, seed)[:2]
 
     def places(self, n: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """n points on triangles with a normal of either side, as a closed mesh's inside must work too: (P, N, k)."""
+        """Return n random points on triangles with a normal to a random side, because the inside of a closed mesh must
+        work too: (P, N, k).
+        """
         random = np.random.default_rng(seed)
         k = random.choice(len(self.triangles), n, p=self.area / self.area.sum())
         bary = random.dirichlet((1, 1, 1), n)
@@ -276,7 +292,9 @@ class Oracle:
 
 
 def camera_ray(scene: Scene, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
-    """(origin, unit direction) through the point (x, y) of the frame, in pixels from its lower left corner."""
+    """Return (origin, unit direction) of the ray through the point (x, y) of the frame, in pixels from its lower left
+    corner.
+    """
     camera = scene.camera
     left, right, bottom, top = camera.window
     p = np.array([left + (right - left) * x / camera.width, bottom + (top - bottom) * y / camera.height])
@@ -288,7 +306,9 @@ def camera_ray(scene: Scene, x: float, y: float) -> tuple[np.ndarray, np.ndarray
 
 
 def _arriving(light: Light, P: np.ndarray) -> tuple[np.ndarray, float]:
-    """(L, f_att): unit direction to the light, and what is left of its intensity on the way."""
+    """Return (L, f_att): the unit direction to the light, and the factor by which its intensity is reduced on the
+    way.
+    """
     axis = np.array(light.direction)
     if light.type == "SUN":
         return -axis, 1.0
@@ -309,7 +329,7 @@ def _arriving(light: Light, P: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _world(scene: Scene) -> tuple[np.ndarray, np.ndarray, list[Material], np.ndarray]:
-    """All triangles in world space, their corner normals, materials and objects."""
+    """Return all triangles in world space, and their corner normals, materials and objects."""
     g = scene.geometry
     triangles, normals, materials, owner = [], [], [], []
     for mesh, obj, matrix in zip(g.instance_mesh, g.instance_object, g.instance_matrix, strict=True):

@@ -1,4 +1,4 @@
-"""What light meshes converge to where the answer is a formula: h → 0 with r fixed, and disc-shaped lights."""
+"""Formulas for the limits of light meshes (h → 0 with r fixed) and for disc-shaped lights."""
 
 from __future__ import annotations
 
@@ -10,25 +10,28 @@ QUANTISATION = 0.145  # mean error of a penumbra on a generic lattice, times kI�
 
 
 def smoothstep(u: np.ndarray) -> np.ndarray:
-    """S over an upright shadow plane, u = s/r: the lit share of a half-ball."""
+    """Return S for an upright shadow plane, u = s/r: the lit share of a half-ball."""
     u = np.clip(u, -1, 1)
     return 0.5 + 0.75 * u - 0.25 * u**3
 
 
 def smootherstep(u: np.ndarray) -> np.ndarray:
-    """The same where nodes weigh 1 − t², t = |x−P|/r: the density of x in the weighted half-ball is 15/16·(1 − u²)²."""
+    """Return the same if nodes weigh 1 − t², t = |x−P|/r: the density of x in the weighted half-ball is 15/16·(1 −
+    u²)².
+    """
     u = np.clip(u, -1, 1)
     return 0.5 + 15 / 16 * (u - 2 / 3 * u**3 + u**5 / 5)
 
 
 def half_ball(s: np.ndarray, r: float, beta: float, weight: Callable[[np.ndarray], np.ndarray] = np.ones_like,
               ) -> np.ndarray:
-    """Lit share of the half-ball over a receiver at signed distance s from a shadow's edge; its points weigh weight(t).
+    """Return the lit share of the half-ball over a receiver at signed distance s from a shadow's edge; its points have
+    the weight weight(t).
 
-    The shadow plane meets the receiver at the angle beta, measured on the lit side: at height z it has moved
-    by z·cot(beta) over the lit side. A ball of any weight is a pile of uniform ones of radius a·r, each of the share
-    −weight'(a)·a³, and one of the radius r and the share weight(1). Each of these is integrated slice by slice over
-    z; each slice is a disc cut by a line.
+    The shadow plane meets the receiver at the angle beta, measured on the lit side: at height z it has moved by
+    z·cot(beta) over the lit side. A ball of any weight is a sum of uniform ones: balls of radius a·r with the share
+    −weight'(a)·a³, and one of radius r with the share weight(1). Each of these is integrated slice by slice over z;
+    each slice is a disc cut by a line.
     """
     s = np.asarray(s, float)
     edges = np.linspace(0, 1, 101)
@@ -47,12 +50,12 @@ def _uniform_half_ball(s: np.ndarray, r: float, beta: float) -> np.ndarray:
 
 
 def disc_share(u: np.ndarray) -> np.ndarray:
-    """Share of the unit disc on the near side of a line at distance u from its middle."""
+    """Return the share of the unit disc on the near side of a line at distance u from its centre."""
     u = np.clip(u, -1, 1)
     return 0.5 + (u * np.sqrt(1 - u * u) + np.arcsin(u)) / np.pi
 
 
 def strip_minimum(width: float, r: float, limit: Callable[[np.ndarray], np.ndarray] = smoothstep) -> float:
-    """S in the middle of a strip's shadow that is narrower than 2r, where a single edge has the profile `limit`."""
+    """Return S in the middle of a strip's shadow that is narrower than 2r, if a single edge has the profile `limit`."""
     u = np.array([width / r / 2])
     return float(1 - (limit(u) - limit(-u))[0])  # 1 − (¾w/r − (w/r)³/16) for smoothstep

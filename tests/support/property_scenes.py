@@ -1,4 +1,4 @@
-"""A small scene that shows shadows, and others that show what it does not: for every_property.py."""
+"""Small scenes for every_property.py: one that shows shadows, and others for properties that it does not show."""
 
 import math
 
@@ -9,7 +9,9 @@ WIDTH, HEIGHT, VIEW = 64, 48, 4.0  # pixels, and scene units across
 
 
 def stage():
-    """A floor seen straight from above, its right half in the shadow of a half plane, under a sun; no world."""
+    """A floor seen straight from above under a sun, with its right half in the shadow of a half plane; the world is
+    black.
+    """
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
@@ -89,7 +91,7 @@ def hide(*names):
         bpy.data.objects[name].hide_render = True
 
 
-# Scenes that show what the stage does not. Each changes the stage.
+# Scenes for properties that the stage does not show. Each is a change of the stage.
 
 
 def nothing():
@@ -108,7 +110,7 @@ def coarse():
 
 
 def zooming_out():
-    """From frame 1, which is rendered, to 9."""
+    """The camera zooms out from frame 1, which is rendered, to frame 9."""
     scene = bpy.context.scene
     scene.light_meshes.auto_h = True
     for frame, scale in ((9, 8 * VIEW), (1, VIEW)):
@@ -118,14 +120,14 @@ def zooming_out():
 
 
 def silhouette():
-    """The floor's edge, which is not along the pixels, against black."""
+    """The edge of the floor against black, not parallel to the pixels."""
     hide("Blocker")
     bpy.data.objects["Floor"].location.x, bpy.data.objects["Floor"].rotation_euler.z = 5.5, 0.2
     bpy.context.scene.light_meshes.samples = 1
 
 
 def under_a_lamp():
-    """Light that differs from place to place, and shadow edges of many pixels."""
+    """Light that differs from place to place, and shadow edges many pixels wide."""
     lamp = bpy.data.lights["Sun"]
     lamp.type, lamp.energy = 'POINT', 300
     bpy.context.scene.light_meshes.h = 0.2
@@ -137,7 +139,7 @@ def sampled():
 
 
 def glowing_sky():
-    """Something bright that is seen in mirrors only."""
+    """A bright object that is visible only in mirrors."""
     hide("Blocker")
     add(rectangle("Sky", (-9, -9), (9, 9)), material="Sky", location=(0, 0, 3), visible_camera=False,
         visible_shadow=False)
@@ -156,8 +158,8 @@ def oblique_highlight():
 
 
 def slab():
-    """An oblique slab, its near side to the right, over a floor that glows on the right: a bent ray from above meets
-    the floor farther to the left.
+    """An oblique slab whose near side is on the right, over a floor that glows on the right. A bent ray from above
+    meets the floor farther to the left.
     """
     hide("Blocker", "Sun", "Floor")
     add(rectangle("Glow", (0, -5), (5, 5)), material="Glow")
@@ -173,7 +175,7 @@ def glass_slab():
 
 
 def slab_in_air():
-    """The slab lies in a larger body that bends next to nothing, and that is there instead."""
+    """The slab is inside a larger body that hardly bends light, and that has the higher priority."""
     glass_slab()
     add(box("Air", (-3, -3, 0.2), (3, 3, 3)), material="Air")
     glass("Air", 1.001)
@@ -181,7 +183,7 @@ def slab_in_air():
 
 
 def pane():
-    """A dark pane, which stands on the floor."""
+    """A dark pane that stands on the floor."""
     hide("Blocker")
     add(mesh("Pane", [(0, -5, 0), (0, 5, 0), (0, 5, 2), (0, -5, 2)], [(0, 1, 2, 3)]), material="Pane")
     override("Pane", kt=(0.02, 0.02, 0.02))
@@ -196,7 +198,7 @@ def lens():
 
 
 def below_a_table():
-    """A table's edge from near by: a ball of heavy glass below sends light up past it."""
+    """The edge of a table from near by: a ball of heavy glass below sends light up past it."""
     hide("Blocker", "Floor", "Sun")
     add(box("Table", (0, -1, 0.9), (1, 1, 1)), material="Ground")
     ball("Ball", 0.3, 64, location=(-1, 0, 0.8), visible_camera=False)

@@ -1,6 +1,7 @@
-"""Refracted light once more, plain and slow: one ray at a time through all triangles, and the sphere in one dimension.
+"""A second implementation of refracted light, simple and slow: one ray at a time through all triangles, and the sphere
+in one dimension.
 
-Shares no code with the solver; float64; world coordinates.
+It shares no code with the solver. It uses float64 and world coordinates.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from scenes import look_down
 
 @dataclass(frozen=True)
 class Stuff:
-    """What a part is made of; a part without is opaque."""
+    """The material of a part; a part without one is opaque."""
 
     n: float = 1.5
     t: Sequence[float] | float = 0.9
@@ -33,11 +34,11 @@ class Ray(NamedTuple):
     points: np.ndarray  # (k,3)
     directions: np.ndarray  # (k+1,3)
     alpha: np.ndarray  # (k+1,3)
-    lengths: np.ndarray  # (k+1,) of each segment, the last one infinite unless it ended at total reflection
+    lengths: np.ndarray  # (k+1,) of each segment; the last one is infinite unless the path ended at total reflection
 
 
 class Lab:
-    """A scene of glass with one light: a point, or a sun's direction of travel."""
+    """A scene of glass with one light: a point, or a sun's direction."""
 
     def __init__(self, parts: Sequence[tuple[Shape, Stuff | None]], light: Sequence[float] | None = None,
                  sun: Sequence[float] | None = None, h: float = 0.05) -> None:
@@ -49,7 +50,7 @@ class Lab:
         surfaces, _ = flatten(scene)
         owner = scene.geometry.instance_object[surfaces.instance]
         glassy = np.array([s is not None for _, s in parts])[owner]
-        # The engine's own float32 vertices: its answers are for this mesh.
+        # Use the engine's own float32 vertices, because its answers are for this mesh.
         corners = surfaces.centre + surfaces.scale * surfaces.vertices[surfaces.triangles[glassy]].astype(float)
         normals = surfaces.at_corners(scene.geometry.corner_normals, np.flatnonzero(glassy))
         self.owner = owner[glassy]
@@ -69,7 +70,7 @@ class Lab:
         return Targets(self.light[None], np.array([False]))
 
     def around(self, x: np.ndarray) -> dict[int, int]:
-        """Objects around x, and how often."""
+        """Return the objects around x, and how often each."""
         d = np.array([0.36, 0.48, 0.8])
         found: dict[int, int] = {}
         for t, i in zip(*self.hits(x, d), strict=True):
@@ -79,7 +80,7 @@ class Lab:
         return {o: c for o, c in found.items() if c}
 
     def hits(self, P: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Lengths and triangles of all crossings of a line, in order."""
+        """Return the lengths and triangles of all crossings of a line, in order."""
         with np.errstate(all="ignore"):
             q = np.cross(d, self.C)
             det = (self.B * q).sum(1)
@@ -93,7 +94,7 @@ class Lab:
         return t[index][order], index[order]
 
     def index(self, inside: dict[int, int]) -> tuple[float, int]:
-        """(n, object) of the medium: the highest priority counts, of equals the later part."""
+        """Return (n, object) of the medium: the highest priority counts; of equal ones the later part."""
         best = max(inside, key=lambda o: (self.parts[o][1].priority, o), default=-1)
         return (1.0, -1) if best < 0 else (self.parts[best][1].n, best)
 
@@ -145,18 +146,20 @@ class Lab:
         return Ray(np.array(points), np.array(directions), np.array(alpha), np.array([*lengths, np.inf]))
 
     def towards(self, y: np.ndarray) -> Ray:
-        """The light's ray through y."""
+        """Return the light's ray through y."""
         if self.sun is not None:
             return self.trace(y - 20 * self.sun, self.sun, {})
         return self.trace(self.light, (y - self.light) / np.linalg.norm(y - self.light))
 
     def error(self, x: np.ndarray, arrival: np.ndarray, P: np.ndarray) -> float:
-        """By how much a path that should end at x misses the light, traced back from x: a length, or an angle (sun)."""
+        """Trace a path that should end at x back from x. Returns by how much it misses the light: a length, or an angle
+        (sun).
+        """
         back = self.trace(x, -arrival)
         if not len(back.points):
             return np.inf
         best = np.inf
-        for k, p in enumerate(back.points):  # the light may stand before the last bend
+        for k, p in enumerate(back.points):  # the light may be in front of the last bend
             d = back.directions[k + 1]
             if self.sun is not None:
                 miss = np.linalg.norm(d + self.sun) if k == len(back.points) - 1 else np.inf
@@ -186,7 +189,7 @@ def solver(scene: Scene, stuff: Sequence[Stuff | None], lights: Targets, h: floa
 
 
 def rotation(seed: int) -> np.ndarray:
-    """A random rotation, (4,4)."""
+    """Return a random rotation, (4,4)."""
     q = np.random.default_rng(seed).normal(size=4)
     w, x, y, z = q / np.linalg.norm(q)
     matrix = np.eye(4)
@@ -197,7 +200,7 @@ def rotation(seed: int) -> np.ndarray:
 
 
 def torus(major: float, minor: float, segments: int, sides: int) -> Mesh:
-    """Smooth, around z."""
+    """Return a smooth torus around z."""
     a, b = np.meshgrid(2 * np.pi * np.arange(segments) / segments, 2 * np.pi * np.arange(sides) / sides, indexing="ij")
     n = np.stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)], -1)
     ring = np.stack([np.cos(a), np.sin(a), np.zeros_like(a)], -1)
@@ -209,9 +212,10 @@ def torus(major: float, minor: float, segments: int, sides: int) -> Mesh:
 
 
 def sphere_exits(phi: np.ndarray, L: float, n: float) -> tuple[np.ndarray, np.ndarray]:
-    """Unit sphere, light on the axis at distance L: where the ray that enters at angle phi leaves, and its direction.
+    """For a unit sphere and a light on the axis at distance L: return where the ray that enters at angle phi leaves,
+    and its direction.
 
-    Planar: coordinates (across, along) the axis.
+    Coordinates are planar: (across, along) the axis.
     """
     y = np.stack([np.sin(phi), np.cos(phi)], -1)
     d = y - np.array([0, L])
@@ -227,7 +231,9 @@ def sphere_exits(phi: np.ndarray, L: float, n: float) -> tuple[np.ndarray, np.nd
 
 
 def sphere_roots(x: np.ndarray, L: float, n: float, grid: int = 20000) -> tuple[np.ndarray, np.ndarray]:
-    """(point, phi) of all paths through the unit sphere to points x (m,2): dense bracketing and bisection."""
+    """Return (point, phi) of all paths through the unit sphere to points x (m,2), found by dense bracketing and
+    bisection.
+    """
     limit = np.arccos(1 / L)
     phi = limit * np.sin(np.linspace(-np.pi / 2, np.pi / 2, grid + 1)) * (1 - 1e-12)
 
@@ -262,7 +268,7 @@ def paths(lab: Lab, *x) -> Paths:
 
 
 def only(lab: Lab, *x) -> Paths:
-    """The one path to each x."""
+    """Return the single path to each x."""
     found = paths(lab, *x)
     assert (np.diff(found.start) == 1).all()
     return found

@@ -1,6 +1,6 @@
-"""The scenes that the tests render, described on the engine's side: no Blender, no files.
+"""The scenes for tests, described with the engine's dataclasses: without Blender and without files.
 
-Names S2, S3, … and H1, H12, … are those of the design's list of scenes; numbers are metres.
+The names S2, S3, … and H1, H12, … are those of docs/scenes.md; lengths are in metres.
 """
 
 from __future__ import annotations
@@ -34,17 +34,19 @@ WHITE = Material("white", Od=(1.0, 1.0, 1.0), ka=0.0)
 
 
 def settings(**values: Any) -> Settings:
-    """One ray through the middle of each pixel and no reflections, unless a test says otherwise."""
+    """Return settings with one ray through the centre of each pixel and no reflections, unless a test overrides
+    them.
+    """
     return replace(Settings(mode="RAY_CASTING", samples=1, filter_size=0.0), **values)
 
 
 def look_down(x: float, y: float, size: float, pixels: int, height: float = 10.0, **more: Any) -> Camera:
-    """Orthographic from above on the square of edge `size` around (x, y)."""
+    """Return an orthographic camera above the square of edge `size` around (x, y), looking down."""
     return Camera.orthographic((x, y, height), (x, y, height - 1), size, pixels, pixels, **more)
 
 
 def joined(a: Scene, b: Scene) -> Scene:
-    """Scene a with b's objects added."""
+    """Return scene a with the objects of b added."""
     ga, gb = a.geometry, b.geometry
     return replace(a, objects=a.objects + b.objects, materials=a.materials + b.materials, geometry=replace(
         ga, vertices=np.concatenate([ga.vertices, gb.vertices]),
@@ -63,7 +65,7 @@ def with_lights(scene: Scene, *lights: Light) -> Scene:
 
 
 def with_objects(scene: Scene, **flags: dict[str, bool]) -> Scene:
-    """Flags of objects by their names."""
+    """Return the scene with these flags for objects, by their names."""
     assert set(flags) <= {o.name for o in scene.objects}
     return replace(scene, objects=tuple(replace(o, **flags.get(o.name, {})) for o in scene.objects))
 
@@ -81,19 +83,22 @@ def all_lights(scene: Scene, **values: Any) -> Scene:
 
 
 def combined(scene: Scene) -> np.ndarray:
-    """The picture, RGB in float64."""
+    """Return the picture, RGB in float64."""
     return render_image(scene).passes["Combined"][..., :3].astype(float)
 
 
 def placed(scene: Scene, size: float, offset: Sequence[float]) -> Scene:
-    """The scene grown by `size` and then moved by `offset`; its lattice, camera and lights' energy with it."""
+    """Return the scene enlarged by `size` and then moved by `offset`, including its lattice, camera and the lights'
+    energy.
+    """
     return moved(scene, translate(*offset) @ scale(size, size, size), size)
 
 
 def moved(scene: Scene, T: np.ndarray, size: float = 1.0) -> Scene:
-    """The scene under T (4,4), which turns, mirrors and moves, and scales by `size`; only the lattice's axes stay.
+    """Return the scene transformed by T (4,4), which may rotate, mirror and move, and enlarged by `size`. Only the
+    lattice's axes stay.
 
-    Where T mirrors the camera does too: the picture's columns run backwards.
+    If T mirrors, the camera is mirrored too, so the picture's columns are reversed.
     """
     turn = T[:3, :3] / size
     camera, s = scene.camera, scene.settings
@@ -120,7 +125,7 @@ def _triple(v: np.ndarray) -> tuple[float, float, float]:
 
 
 def at(T: np.ndarray, p: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Points (…,3) moved by the matrix T."""
+    """Return points (…,3) transformed by the matrix T."""
     return np.asarray(p, float) @ T[:3, :3].T + T[:3, 3]
 
 
@@ -141,7 +146,9 @@ S2_POST = ((-1.0, -0.2, 0), (-0.9, 0.2, 0.4))
 
 
 def light_leak(width: int = 200, **values: Any) -> Scene:
-    """S2 (Fig. 2): a plate lit from above, a second light low on its left, and a post before it on the floor."""
+    """S2 (Fig. 2): a plate lit from above, a second light low on its left, and a post in front of that light on the
+    floor.
+    """
     parts = [Shape(box(*S2_PLATE), GREY, "plate"), Shape(rectangle(*S2_FLOOR), GREY, "floor"),
              Shape(box(*S2_POST), GREY, "post")]
     lights = [point((1, 0, 4), name="above"), point((-2, 0, 0.5), name="low")]
@@ -167,7 +174,7 @@ def tabletop(width: int = 200, **values: Any) -> Scene:
 
 
 def bar_shadow(h: float, r: float, width: int = 160, **values: Any) -> Scene:
-    """S6 (Fig. 6): S3's camera cropped to the end of the bar's shadow, for a step h and a radius r."""
+    """S6 (Fig. 6): S3 with the camera cropped to the end of the bar's shadow, for a step h and a radius r."""
     scene = tabletop(h=h, kI=r / h, **values)
     whole = 8 * width  # the crop is an eighth of the frame
     middle = project(scene, _shadow_of((1.7, 0.0, 1.325)))
@@ -177,13 +184,13 @@ def bar_shadow(h: float, r: float, width: int = 160, **values: Any) -> Scene:
 
 
 def _shadow_of(p: Sequence[float]) -> np.ndarray:
-    """Where S3's light throws p on the tabletop."""
+    """Return where the shadow of p from S3's light falls on the tabletop."""
     light, p = np.array(S3_LIGHT), np.asarray(p, float)
     return light + (p - light) * light[2] / (light[2] - p[2])
 
 
 def project(scene: Scene, p: Sequence[float]) -> tuple[float, float]:
-    """World point → (x, y) in the frame, 0..1, y up; perspective only."""
+    """Return the place (x, y) of a world point in the frame, 0..1, y up; only for perspective cameras."""
     camera = scene.camera
     x, y, z = (np.linalg.inv(camera.matrix) @ np.append(p, 1.0))[:3]
     left, right, bottom, top = camera.window
@@ -196,11 +203,11 @@ def edge(kI: float = 3.0, h: float = 0.1, beta: float = np.pi / 2, pixels: int =
          light_radius: float = 0.0, **values: Any) -> Scene:
     """H12: a half-plane casts a straight shadow edge along x = 0; the lit side is x > 0.
 
-    `beta` is the angle between the shadow plane and the receiver, on the lit side: 90° stands upright, below
-    it leans over the lit side, towards the light.
+    `beta` is the angle between the shadow plane and the receiver on the lit side: at 90° the plane is upright; with
+    less, it leans over the lit side, towards the light.
     """
     top = 4.0
-    x = top / np.tan(beta)  # the occluder's edge stands over the shadow's edge along the light
+    x = top / np.tan(beta)  # seen along the light, the occluder's edge is above the shadow's edge
     parts = [Shape(rectangle((-60, -60), (60, 60), 0.0), WHITE, "floor"),
              Shape(rectangle((-60 + x, -60), (x, 60), top), WHITE, "occluder")]
     light = (sun((-1 / np.tan(beta), 0, -1)) if not light_radius
@@ -210,7 +217,7 @@ def edge(kI: float = 3.0, h: float = 0.1, beta: float = np.pi / 2, pixels: int =
 
 
 def strip(width: float, kI: float = 4.0, h: float = 0.1, **values: Any) -> Scene:
-    """H12: a strip of that width along y, over x = 0, straight under the sun."""
+    """H12: a strip of this width along y, above x = 0, straight under the sun."""
     parts = [Shape(rectangle((-30, -30), (30, 30), 0.0), WHITE, "floor"),
              Shape(rectangle((-width / 2, -30), (width / 2, 30), 4.0), WHITE, "strip")]
     return Scene.from_shapes(parts, look_down(0.0, 0.0, 3 * h * kI, 64, height=2.0), [sun((0, 0, -1))],
@@ -235,7 +242,7 @@ def low_plate(**values: Any) -> Scene:
 # --- General ----------------------------------------------------------------------------------------------
 
 def four_lights(width: int = 96, **values: Any) -> Scene:
-    """A small still life under one light of each type, coloured, with a glossy ball."""
+    """A small still life with a glossy ball, under one coloured light of each type."""
     ball = Material("ball", Od=(0.2, 0.5, 0.7), ks=0.4, nShiny=30.0)
     parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
              Shape(sphere(0.6, 24, 12), ball, "ball", [translate(-0.6, 0.3, 0.65)]),
@@ -276,7 +283,7 @@ def hall(lights: int = 16, columns: int = 4, sides: int = 24, width: int = 96, *
 
 
 def random_scene(seed: int, h: float, kI: float, lights: int, **values: Any) -> Scene:
-    """A floor with a few turned boxes and prisms, some of them thin or touching, and lights of every type."""
+    """Return a floor with a few rotated boxes and prisms, some of them thin or touching, and lights of every type."""
     random = np.random.default_rng(seed)
     parts = [Shape(box((-1.5, -1.5, -0.1), (1.5, 1.5, 0.0)), GREY, "floor")]
     for n in range(random.integers(2, 6)):
@@ -284,7 +291,7 @@ def random_scene(seed: int, h: float, kI: float, lights: int, **values: Any) -> 
         mesh = (box(-size, size), cylinder(size[0], -size[2], size[2], 7))[n % 2]
         where = random.uniform((-1.0, -1.0, -0.1), (1.0, 1.0, 0.9))
         tilt = np.eye(4)
-        tilt[:3, :3] = np.linalg.qr(random.normal(size=(3, 3)))[0]  # may mirror: negative scale
+        tilt[:3, :3] = np.linalg.qr(random.normal(size=(3, 3)))[0]  # it may mirror, which is a negative scale
         parts.append(Shape(mesh, Material(f"material {n}", Od=tuple(random.uniform(0.2, 0.9, 3).tolist()),
                                           ks=float(random.uniform(0, 0.5)), nShiny=float(random.uniform(2, 60))),
                            f"thing {n}", [translate(*where) @ rotate_z(random.uniform(0, 6)) @ tilt]))

@@ -1,8 +1,8 @@
-"""Where a picture's penumbra lies, from exact geometry: shadow volumes of convex solids in float64.
+"""Find where a picture's penumbra is, from exact geometry: shadow volumes of convex solids in float64.
 
-The volume that a convex solid keeps from a point light is convex itself: behind the solid's lit faces, and
-within the planes through the light and the solid's silhouette. So "the half-ball at P is all lit" and "all
-dark" are comparisons of plane distances, without a ray or a lattice.
+The volume from which a convex solid blocks a point light is convex itself. It lies behind the solid's lit faces, and
+inside the planes through the light and the solid's silhouette. So the tests "the half-ball at P is fully lit" and
+"fully dark" only compare distances to planes, without a ray or a lattice.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from light_meshes import Mesh
 
 
 def shadow_volume(solid: Mesh, light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n, c): the shadow is where n·x ≤ c for every plane, n unit and outward."""
+    """Return planes (n, c): the shadow is where n·x ≤ c for every plane, with n unit and outward."""
     corners = solid.vertices[solid.triangles]
     n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
@@ -33,19 +33,20 @@ def shadow_volume(solid: Mesh, light: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def uniform(P: np.ndarray, N: np.ndarray, r: float, volumes: list[tuple[np.ndarray, np.ndarray]]
             ) -> tuple[np.ndarray, np.ndarray]:
-    """(lit, dark) for each half-ball at P (n,3) above N (n,3): all of it surely so. Neither: penumbra.
+    """Return (lit, dark) for each half-ball at P (n,3) above N (n,3): whether all of it surely is so. If neither, it is
+    penumbra.
 
-    Surely lit: for every solid, one plane has all of the half-ball outside. Surely dark: for one solid, every
-    plane has it inside. What lies between errs on the side of penumbra.
+    It is surely lit if for every solid one plane has all of the half-ball outside, and surely dark if for one solid
+    every plane has it inside. Cases in between count as penumbra.
     """
     lit, dark = np.ones(len(P), bool), np.zeros(len(P), bool)
     for n, c in volumes:
         height = P @ n.T - c
         lean = np.clip(N @ n.T, -1, 1)
-        rim = r * np.sqrt(1 - lean**2)  # reach of the half-ball's flat side
+        rim = r * np.sqrt(1 - lean**2)  # extent of the flat side of the half-ball
         lowest = height - np.where(lean > 0, rim, r)
         highest = height + np.where(lean > 0, r, rim)
-        guard = 1e-6 * r  # P on the solid's own face: height is 0 but for rounding
+        guard = 1e-6 * r  # P may lie on the solid's own face, where the height is 0 except for rounding
         lit &= (lowest >= -guard).any(1)
         dark |= (highest <= guard).all(1)
     return lit, dark
@@ -53,7 +54,9 @@ def uniform(P: np.ndarray, N: np.ndarray, r: float, volumes: list[tuple[np.ndarr
 
 def first_hit(eye: np.ndarray, directions: np.ndarray, solids: list[Mesh]
               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(P, N, solid) of rays from outside onto convex solids, each clipped by its planes; solid is −1 for a miss."""
+    """Return (P, N, solid) of rays from outside onto convex solids, each clipped by its planes; solid is −1 for a
+    miss.
+    """
     best = np.full(len(directions), np.inf)
     N, solid = np.zeros_like(directions), np.full(len(directions), -1)
     for number, mesh in enumerate(solids):

@@ -1,4 +1,4 @@
-"""A Slurm cluster of two nodes on this machine, of what install_slurm.sh put into a folder."""
+"""A Slurm cluster with two nodes on this machine, from what install_slurm.sh installed into a folder."""
 
 import getpass
 import os
@@ -48,12 +48,12 @@ def _free_ports(count: int) -> list[int]:
 
 
 class Cluster:
-    """Controller and nodes, which run as long as the context."""
+    """Controller and nodes, which run as long as the context lasts."""
 
     def __init__(self, installed: Path, folder: Path, path: Path) -> None:
-        """installed: the folder of install_slurm.sh; folder: a new one, for configuration, state and logs.
+        """`installed`: the folder of install_slurm.sh. `folder`: a new folder for configuration, state and logs.
 
-        path: a folder of commands that jobs find.
+        `path`: a folder of commands that jobs can find.
         """
         libraries = installed / "usr" / "lib" / "x86_64-linux-gnu"
         self._binaries, self._folder = installed / "usr" / "sbin", folder
@@ -96,7 +96,7 @@ class Cluster:
         return done
 
     def array(self, *arguments) -> dict[int, tuple[str, str, str]]:
-        """Submit an array and wait for its end: task → state, exit code, node."""
+        """Submit an array and wait until it has ended: task → state, exit code, node."""
         number = self.run("sbatch", "--parsable", *arguments).stdout.strip()
         end = time.monotonic() + 180
         while self.run("squeue", "--noheader", "--jobs", number, check=False).stdout.strip():
@@ -107,5 +107,5 @@ class Cluster:
         return {int(j["ArrayTaskId"]): (j["JobState"], j["ExitCode"], j["NodeList"]) for j in jobs}
 
     def logs(self) -> str:
-        """What the daemons say."""
+        """Return the logs of the daemons."""
         return "\n".join(log.read_text()[-3000:] for log in self._folder.glob("*.log"))

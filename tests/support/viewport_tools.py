@@ -1,4 +1,4 @@
-"""Ways to use and to look at the rendered 3D view of a Blender with a window, for the stories."""
+"""Functions for the stories that use a rendered 3D view of a Blender with a window, and look at it."""
 
 import json
 import os
@@ -35,7 +35,7 @@ def draw(self, *rest):
 
 
 def bare(picture):
-    """Whether there is nothing to draw."""
+    """Return whether there is nothing to draw."""
     return picture._pixels is None and picture._texture is None
 
 
@@ -86,23 +86,23 @@ def children():
 
 
 def resident(pid):
-    """Megabytes."""
+    """Return the memory of a process in megabytes."""
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def processor(pid):
-    """Seconds of the processor that a process and its threads took."""
+    """Return the seconds of processor time that a process and its threads used."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def files():
-    """Files and folders in the folder shared with the engine."""
+    """Return the files and folders in the folder shared with the engine."""
     return sum(1 for _ in TEMPORARY.rglob("*"))
 
 
 def mesh_object(name, n, size, height, **properties):
-    """A wavy sheet of 2·n² triangles."""
+    """Make a wavy sheet of 2·n² triangles."""
     x, y = np.meshgrid(np.linspace(-size, size, n + 1), np.linspace(-size, size, n + 1))
     z = height * np.sin(5 * x) * np.cos(4 * y)
     i = np.arange((n + 1) ** 2, dtype=np.int32).reshape(n + 1, n + 1)
@@ -124,7 +124,9 @@ def mesh_object(name, n, size, height, **properties):
 
 
 def measured(what, change):
-    """Carry out `change`; tell how long the first picture took and for how long Blender was kept at most."""
+    """Carry out `change`, and report how long the first picture took and the longest time for which Blender had to
+    wait.
+    """
     view = viewport()
     view.longest.clear()
     before, (engine,) = view.pictures, children()
@@ -138,7 +140,7 @@ def measured(what, change):
 
 
 def same_as_fresh(what):
-    """Tell whether the picture is, bit for bit, that of a view that begins anew."""
+    """Report whether the picture has the same bits as that of a view that starts again."""
     yield idle
     shown = pixels().copy()
     space().shading.type = 'SOLID'
@@ -154,7 +156,9 @@ def rotate(angle):
 
 
 def alignment():
-    """Largest distance, in pixels, between where Blender's overlays and the engine's camera put the same points."""
+    """Return the largest distance, in pixels, between the places of the same points in Blender's overlays and in the
+    engine's camera.
+    """
     with context():
         region, data = bpy.context.region, bpy.context.region_data
         data.update()
@@ -176,7 +180,7 @@ def alignment():
 
 
 def border_error():
-    """The same, between the corners of the render border and those of the picture."""
+    """Return the same between the corners of the render border and those of the picture."""
     with context():
         scene, region, data = bpy.context.scene, bpy.context.region, bpy.context.region_data
         data.update()
@@ -198,7 +202,7 @@ def files_of_sessions():
 
 
 def play(story):
-    """Blender's timers play a story, which yields seconds to wait, or what must become true."""
+    """Play a story in Blender's timers. The story yields seconds to wait, or a condition that must become true."""
     steps = story()
     waits_for, since = None, 0.0
 

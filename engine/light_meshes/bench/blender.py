@@ -1,4 +1,6 @@
-"""Cycles on the same .blend, in a Blender of its own that waits for requests (`blend_scenes/direct_light.py`)."""
+"""Render the same .blend with Cycles, in a separate Blender process that waits for requests
+(`blend_scenes/direct_light.py`).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ from .scenes import Case, blend_folder, sized
 
 
 class Cycles:
-    """A Blender that renders with Cycles, on as many threads as there are cores. Use it in a `with`."""
+    """A Blender process that renders with Cycles, on as many threads as there are cores. Use it in a `with`
+    statement.
+    """
 
     def __init__(self) -> None:
         script = str(blend_folder() / "direct_light.py")
@@ -49,7 +53,9 @@ class Cycles:
         self._folder.cleanup()
 
     def render(self, case: Case, size: int, samples: int, seed: int = 0, picture: Path | None = None) -> dict[str, Any]:
-        """Seconds `sampling` and `whole` of a picture of size² pixels; rays through the middles of the pixels."""
+        """Render a picture of size² pixels, with rays through the centres of the pixels. Returns the seconds `sampling`
+        and `whole`.
+        """
         camera = sized(case.scene, size).camera
         request = {"file": str(case.file), "lights": case.sizes, "power": case.power, "width": camera.width,
                    "height": camera.height, "samples": samples, "seed": seed,
@@ -65,7 +71,7 @@ class Cycles:
         raise SceneError(f"Blender ended with code {self._child.wait()} while Cycles rendered {case.file.name}")
 
     def picture(self, case: Case, size: int, samples: int, seed: int = 0) -> NDArray[np.float32]:
-        """Linear RGB (height, width, 3), rows bottom-up."""
+        """Return linear RGB, shape (height, width, 3), with the bottom row first."""
         path = Path(self._folder.name) / "picture.exr"
         self.render(case, size, samples, seed, path)
         file = oiio.ImageInput.open(str(path))

@@ -1,4 +1,4 @@
-"""The command `light-meshes bench`: runs the parts, and writes table.txt, results.json and the figures."""
+"""The command `light-meshes bench`: run the parts, and write table.txt, results.json and the figures."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .targets import targets
 
 
 def run(folder: Path, quick: bool, parts: Sequence[str]) -> None:
-    """Measure, write what was measured into `folder` after each part, and print the tables.
+    """Measure, write the results into `folder` after each part, and print the tables.
 
-    Without parts: new tables and figures of the results that are there.
+    Without parts nothing is measured: the tables and figures are made again from the results in `folder`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
@@ -43,7 +43,7 @@ def run(folder: Path, quick: bool, parts: Sequence[str]) -> None:
 
 
 def write(results: dict[str, Any], folder: Path, quick: bool) -> str:
-    """results.json and table.txt; returns the table."""
+    """Write results.json and table.txt, and return the table."""
     results |= {"quick": quick, "targets": targets(results)}
     (folder / "results.json").write_text(json.dumps(results, indent=1, allow_nan=False), encoding="utf-8")
     said = tables.text(results)
@@ -52,7 +52,7 @@ def write(results: dict[str, Any], folder: Path, quick: bool) -> str:
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """The results of an earlier run."""
+    """Return the results of an earlier run."""
     path = folder / "results.json"
     if not path.is_file():
         raise SceneError(f"{path} does not exist: run the benchmark with the same --out first")

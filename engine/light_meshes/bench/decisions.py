@@ -1,10 +1,12 @@
-"""What the plan saves: each decision taken, and forced the other way, with the same bits in the picture (method §5).
+"""Measure what the plan saves: take each decision, force it the other way, and check that the picture has the same bits
+(method §5).
 
-"Ambient light" is not among them: it costs three products a hit, and no way around it would be cheaper. Nor are "soft
-lights", as nothing can be forced to make columns of nodes that it does not need.
+"Ambient light" is not measured: it costs three products for each hit, and no other way would be cheaper. "Soft lights"
+is not measured either: nothing can force columns in the nodes that are not needed.
 
-Where a flag of the plan makes the decision it is forced; where the scene's own data do, an equal scene in which they
-do not takes its place: a triangle that stands there twice for one kind of ray, a light too dark for float32.
+A decision that depends on a flag of the plan is forced by this flag. A decision that depends on the data of the scene
+is forced by an equivalent scene with other data: for example one in which a triangle exists twice for one kind of ray,
+or one with a light that is too dark for float32.
 """
 
 from __future__ import annotations
@@ -21,27 +23,29 @@ from ..picture.render import render_image
 from ..scene.description import Scene
 from .measure import PREPARING, Say
 
-DARK = 1e-300  # an intensity that is some, and adds nothing in float32
-PREPARED = ("accelerators", "casters")  # decisions that show in the preparing
-# Seen by rays from mirrors, of which the scene has none: what no ray meets is no part of the surfaces.
+DARK = 1e-300  # an intensity above 0 that adds nothing in float32
+PREPARED = ("accelerators", "casters")  # decisions whose cost is in the preparing
+# Visible only in mirrors, of which the scene has none. (What no ray at all can hit is left out of the surfaces.)
 SHARP_TWIN = ({"receive_soft_shadows": False, "visible_reflection": True},)
 SEEN_BY_ONE = ({"visible_camera": True}, {"visible_shadow": True})
 
 
 @dataclass(frozen=True)
 class Decision:
-    """One line of the table."""
+    """One row of the table."""
 
     plan: str  # its name in the plan
     what: str
-    taken: Scene  # where the plan decides for the cheap way
-    other: Scene | None  # where it does not; None: no scene of the benchmark asks for it
-    forced: dict[str, Any] = field(default_factory=dict)  # the plan's fields for the expensive way
-    instead: Scene | None = None  # an equal scene that takes the expensive way, where no field does it
+    taken: Scene  # a scene in which the plan takes the cheap way
+    other: Scene | None  # a scene in which it does not; None if no scene of the benchmark needs it
+    forced: dict[str, Any] = field(default_factory=dict)  # the fields of the plan that force the expensive way
+    instead: Scene | None = None  # an equivalent scene that takes the expensive way, if no field forces it
 
 
 def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
-    """All of them. opaque: many lights, light meshes; glass: bends shadow paths; still: images, mirrors, no glass."""
+    """Return all decisions. `opaque` has many lights and light meshes; `glass` bends shadow paths; `still` has images
+    and mirrors and no glass.
+    """
     plain = glass.with_settings(caustics="PAPER")
     straight = dataclasses.replace(plain, materials=tuple(dataclasses.replace(m, ior=1.0) for m in plain.materials))
     coloured = dataclasses.replace(plain, materials=tuple(
@@ -53,7 +57,7 @@ def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
         return dataclasses.replace(opaque, lights=tuple(dataclasses.replace(i, **values) for i in opaque.lights))
 
     def and_dark(scene: Scene, **values: Any) -> Scene:
-        """One light more, that nobody sees, with soft shadows."""
+        """Return the scene with one more light with soft shadows, which is too dark to be seen."""
         more = dataclasses.replace(opaque.lights[0], name="dark", intensity=(DARK,) * 3, **values)
         return dataclasses.replace(scene, lights=(*scene.lights, more))
 
@@ -95,11 +99,13 @@ def decisions(opaque: Scene, glass: Scene, still: Scene) -> list[Decision]:
 
 
 def table(opaque: Scene, glass: Scene, still: Scene, repeats: int, say: Say) -> list[dict[str, Any]]:
-    """Rows: the decision, why it was taken, why not elsewhere, the same bits or not, and seconds both ways."""
+    """Return the rows: the decision, why it was taken, why it is not taken in the other scene, whether the bits are the
+    same, and the seconds of both ways.
+    """
     rows = []
     for d in decisions(opaque, glass, still):
         runs: dict[str, list[Any]] = {"taken": [], "forced": []}
-        for _ in range(repeats + 1):  # the first warms the kernels up
+        for _ in range(repeats + 1):  # the first run warms the kernels up
             runs["taken"].append(render_image(d.taken))
             with forced(**d.forced):
                 runs["forced"].append(render_image(d.instead or d.taken))
@@ -116,7 +122,7 @@ def table(opaque: Scene, glass: Scene, still: Scene, repeats: int, say: Say) -> 
 
 
 def _seconds(done: list[Any], preparing: bool) -> float:
-    """Of a frame, without the preparing unless that is what is decided about."""
+    """Return the seconds of a frame without the preparing, or with it if the decision is about the preparing."""
     return median(d.statistics["seconds"] - (0 if preparing else sum(
         d.statistics["stages"].get(stage, 0.0) for stage in PREPARING)) for d in done[1:])
 
@@ -127,9 +133,10 @@ def _with_uvs(scene: Scene) -> Scene:
 
 
 def _with_twins(scene: Scene, unlike: tuple[dict[str, bool], ...]) -> Scene:
-    """The scene with some of its triangles there twice, as objects of their own that are seen by no rays but `unlike`.
+    """Return the scene with some of its triangles doubled. The copies are separate objects that only rays of the kinds
+    `unlike` see.
 
-    Which of two equal triangles a ray meets makes no difference, but the scene can no longer be treated as one.
+    It makes no difference which of two equal triangles a ray hits, but the scene can no longer be treated as one.
     """
     g = scene.geometry
     v0, nv, t0, _ = g.meshes[g.instance_mesh[0]].tolist()

@@ -1,4 +1,4 @@
-"""The ray tracer's shadow stage against Embree alone, on the very same rays."""
+"""Compare the ray tracer's shadow stage with Embree alone on the same rays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Chunk = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # 
 
 
 class Recorder:
-    """An accelerator that keeps the shadow rays that it is asked about."""
+    """An accelerator that stores the shadow rays that it is called with."""
 
     def __init__(self, accelerator: Any) -> None:
         self.accelerator = accelerator
@@ -34,7 +34,7 @@ class Recorder:
 
 
 class ShadowRays:
-    """The shadow rays of a sharp picture, in the order of its tiles, ready made for Embree."""
+    """The shadow rays of a picture with sharp shadows, in the order of its tiles and in the form that Embree needs."""
 
     def __init__(self, scene: Scene, tile: int) -> None:
         ready = Prepared(scene)
@@ -51,12 +51,12 @@ class ShadowRays:
                         for i in range(0, self.count, CHUNK)]
 
     def trace(self, threads: int) -> float:
-        """Thread seconds of Embree for all of them, as `threads` threads take them in chunks."""
+        """Return the thread seconds that Embree needs for all rays, in chunks on `threads` threads."""
         def run(chunk: Chunk) -> None:
             self._embree.occluded(*chunk)
 
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, self._chunks[:threads]))  # the threads are up, the caches warm
+            list(pool.map(run, self._chunks[:threads]))  # start the threads and warm the caches up
             started = time.perf_counter()
             list(pool.map(run, self._chunks))
             return (time.perf_counter() - started) * threads

@@ -1,7 +1,7 @@
-"""How far a picture is off, in linear float, and the references that it is held to (method §7).
+"""Compute the error of a picture in linear light, and the references to compare it with (method §7).
 
-RRTA: sharp shadows. HALF_BALL: the integral that light meshes converge to when h → 0 at the same r. SPHERE: lights
-of a size, by many samples; for Cycles' noise the same light by Cycles.
+RRTA: sharp shadows. HALF_BALL: the integral to which light meshes converge when h → 0 with the same r. SPHERE: lights
+with a size, by many samples. The noise of Cycles is measured against a picture by Cycles of the same lights.
 """
 
 from __future__ import annotations
@@ -17,30 +17,34 @@ from ..rays.camera import camera_rays
 from ..scene.description import Scene
 from .scenes import radius
 
-LOW, HIGH = 0.02, 0.98  # of S, in a penumbra
-FINE = 6.0  # kI; nodes are hardly shared at that, and many
-RAYS = 3e8  # about so many may be spent on a reference
+LOW, HIGH = 0.02, 0.98  # range of S in a penumbra
+FINE = 6.0  # the kI for references; with it nodes are many and hardly shared
+RAYS = 3e8  # the number of rays that a reference may use, about
 
 
 def picture(scene: Scene) -> NDArray[np.float32]:
-    """Linear RGB (height, width, 3), one ray through the middle of each pixel."""
+    """Return linear RGB, shape (height, width, 3), with one ray through the centre of each pixel."""
     return render_image(scene.with_settings(samples=1)).passes["Combined"][..., :3]
 
 
 def half_ball(scene: Scene) -> Scene:
-    """Light meshes of the same r with so fine a lattice that a penumbra is off by .004 (0.14/kI²)."""
+    """Return the scene with light meshes of the same r on a lattice so fine that a penumbra has an error of .004
+    (0.14/kI²).
+    """
     return scene.with_settings(shadows="LIGHT_MESHES", h=radius(scene) / FINE, kI=FINE)
 
 
 def sphere(scene: Scene) -> Scene:
-    """Area sampling by as many samples as can be afforded."""
+    """Return the scene with area sampling, with as many samples as the time allows."""
     receivers = scene.camera.width * scene.camera.height * len(scene.lights) / 2
     samples = 2 ** int(np.clip(np.log2(RAYS / receivers), 6, 12))
     return scene.with_settings(shadows="AREA_SAMPLING", light_samples=samples)
 
 
 def penumbra(scene: Scene) -> NDArray[np.bool_]:
-    """Pixels (height, width) in which some light is seen in part, 0.02 < S < 0.98, or focused; S as of `half_ball`."""
+    """Return the pixels, shape (height, width), in which some light is partly visible, 0.02 < S < 0.98, or focused. S
+    is that of `half_ball`.
+    """
     ready = Prepared(half_ball(scene).with_settings(samples=1))
     camera = ready.scene.camera
     origin, direction, reach = camera_rays(camera, (0, 0, camera.width, camera.height), np.zeros((1, 2)))
@@ -57,7 +61,7 @@ def penumbra(scene: Scene) -> NDArray[np.bool_]:
 
 
 def compare(found: NDArray, reference: NDArray, partly: NDArray[np.bool_]) -> dict[str, Any]:
-    """Errors over all pixels, and over those in and out of penumbrae."""
+    """Return the errors over all pixels, and over the pixels inside and outside of penumbrae."""
     difference = np.abs(found.astype(np.float64) - reference)
     return {"all": _norms(difference.reshape(-1)), "penumbra": _norms(difference[partly].reshape(-1)),
             "rest": _norms(difference[~partly].reshape(-1))}

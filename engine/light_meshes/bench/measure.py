@@ -1,8 +1,8 @@
-"""How a time is taken: methods in turn, on warm kernels, and the median with the smallest and the largest.
+"""Take times: run the methods in turn on warm kernels, and keep the median, the smallest and the largest time.
 
-A *frame* is the picture without the preparing (triangles and accelerator), which is the same for all methods; the
-*shadow stage* is what the statistics count for shadows, in thread seconds. Cycles' frame is from before its first
-sample to after its last.
+A *frame* is the time of the picture without the preparing (triangles and accelerator), which is the same for all
+methods. The *shadow stage* is the thread seconds that the statistics count for shadows. A frame of Cycles lasts from
+before its first sample until after its last.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Method:
-    """A way to render a scene's shadows."""
+    """A way to render the shadows of a scene."""
 
     kind: str  # RRTA, light meshes, area sampling or Cycles
     kI: float = 0.0
     h: float = 0.0
-    samples: int = 0  # of each light (area sampling) or of each pixel (Cycles)
+    samples: int = 0  # per light (area sampling) or per pixel (Cycles)
 
     @property
     def label(self) -> str:
-        """For people."""
+        """Return the name for tables and figures."""
         return f"{self.kind} kI {self.kI:g}, h {self.h:.3g}" if self.h else f"{self.kind} {self.samples or ''}".strip()
 
     def settings(self) -> dict[str, Any]:
-        """Of this engine."""
+        """Return the settings for this engine."""
         if self.kind == "RRTA":
             return {"shadows": "SHARP"}
         if self.kind == "area sampling":
@@ -50,20 +50,20 @@ class Method:
 
 @dataclass
 class Measurement:
-    """A method on a case at a size, and the runs that were made of it."""
+    """A method on a case at one size, with the runs that were made of it."""
 
     case: Case
     method: Method
-    size: int  # the picture's area is size²
-    full: int  # what its time is meant for: times are scaled by (full/size)²
-    samples: int = 1  # a pixel, of this engine
+    size: int  # the picture has size² pixels
+    full: int  # the size for which the time is meant: times are scaled by (full/size)²
+    samples: int = 1  # per pixel, for this engine
     cycles: Cycles | None = None
-    most: float = 10.0  # seconds that all its runs may take
+    most: float = 10.0  # the largest sum of seconds for its runs
     runs: list[dict[str, Any]] = field(default_factory=list)
     counts: dict[str, Any] = field(default_factory=dict)
 
     def once(self) -> None:
-        """One more run."""
+        """Make one more run."""
         if self.method.kind == "Cycles":
             assert self.cycles is not None
             done = self.cycles.render(self.case, self.size, self.method.samples)
@@ -73,7 +73,7 @@ class Measurement:
         self.runs.append(timed(scene, self.counts))
 
     def row(self) -> dict[str, Any]:
-        """What the results keep."""
+        """Return the row for the results."""
         m, scale = self.method, (self.full / self.size) ** 2
         row = {"scene": self.case.name, "lights": self.case.lights, "method": m.kind, "label": m.label, "kI": m.kI,
                "h": m.h, "light_samples": m.samples, "size": self.full, "measured_size": self.size,
@@ -85,7 +85,9 @@ class Measurement:
 
 
 def timed(scene: Scene, counts: dict[str, Any]) -> dict[str, float]:
-    """Seconds of one render: whole, without preparing, and the shadow stage's thread seconds; fills `counts`."""
+    """Render once. Returns the seconds in total and without preparing, and the thread seconds of the shadow stage;
+    fills `counts`.
+    """
     report = render_image(scene).statistics
     counts |= {name: report[name] for name in COUNTS if name in report}
     counts["stages"] = report["stages"]
@@ -93,14 +95,16 @@ def timed(scene: Scene, counts: dict[str, Any]) -> dict[str, float]:
 
 
 def seconds(report: dict[str, Any]) -> dict[str, float]:
-    """The same of the statistics of a render."""
+    """Return the same times from the statistics of a render."""
     stages = report["stages"]
     return {"whole": report["seconds"], "frame": report["seconds"] - sum(stages.get(n, 0.0) for n in PREPARING),
             "shadow": sum(seconds for name, seconds in stages.items() if name not in NOT_SHADOWS)}
 
 
 def in_turn(what: list[Measurement], repeats: int, deadline: float, say: Say) -> list[dict[str, Any]]:
-    """Rows of `what`: each is run once a round, until it has its repeats, or no time is left for more."""
+    """Return the rows of `what`. Each is run once in every round, until it has had its repeats or the time is used
+    up.
+    """
     warm: set[tuple[str, str]] = set()
     for m in what:
         key = (m.case.name, m.method.kind)

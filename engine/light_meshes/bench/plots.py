@@ -1,4 +1,4 @@
-"""Error against time, time against lights, and growth, as figures; needs matplotlib (the extra `bench`)."""
+"""Draw the figures: error against time, time against lights, and growth. This needs matplotlib (the extra `bench`)."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ REFERENCES = {"RRTA": "sharp shadows", "HALF_BALL": "the half-ball integral", "S
 
 
 def available() -> bool:
-    """Whether figures can be drawn."""
+    """Return whether figures can be drawn."""
     return importlib.util.find_spec("matplotlib") is not None
 
 
 def draw(results: dict[str, Any], folder: Path) -> list[Path]:
-    """Write the figures as .svg and .png; returns what was written."""
+    """Write the figures as .svg and .png, and return the paths."""
     import matplotlib
     matplotlib.use("Agg")
 
@@ -56,7 +56,7 @@ def _figure(panels: int) -> tuple[Any, Any]:
     for ax in axes.flat[:panels]:
         ax.set_xscale("log")
         ax.set_yscale("log")
-        for axis in (ax.xaxis, ax.yaxis):  # plain numbers, and not too many
+        for axis in (ax.xaxis, ax.yaxis):  # plain numbers, and only a few
             axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter(NullFormatter())
@@ -65,7 +65,7 @@ def _figure(panels: int) -> tuple[Any, Any]:
 
 
 def _points(results: dict[str, Any], case: dict[str, Any], method: str, reference: str) -> dict[str, Any]:
-    """label → (seconds of a frame, RMSE, the row) of a method on a case, one sample a pixel."""
+    """Return label → (seconds of a frame, RMSE, the row) for a method on a case with one sample per pixel."""
     key = case["scene"], case["lights"], method
     error = {r["label"]: r["all"]["rmse"] for r in results["errors"]
              if (r["scene"], r["lights"], r["method"]) == key and r["reference"] == reference}
@@ -81,7 +81,7 @@ def _errors(results: dict[str, Any], reference: str) -> Any:
     for ax, case in zip(axes, cases, strict=True):
         for method, colour in COLOURS.items():
             points = list(_points(results, case, method, reference).values())
-            if method == "light meshes":  # one line along kI at the scene's r, one along h at its kI
+            if method == "light meshes":  # one line for kI at the scene's r, one for h at its kI
                 same = [p for p in points if abs(p[2]["h"] * p[2]["kI"] - case["r"]) < 1e-6 * case["r"]]
                 steps = sorted((p for p in points if p[2]["kI"] == case["kI"]), key=lambda p: p[2]["h"])
                 if len(steps) > 1:

@@ -1,4 +1,6 @@
-"""What `shadow_rate` saves, and what it changes: frames at several rates beside RRTA's, and errors against rate 1."""
+"""Measure what `shadow_rate` saves and how it changes the picture: times at several rates compared with RRTA, and
+errors against rate 1.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ SHARES = ("interpolated", "refined", "computed")
 
 
 def table(case: Case, size: int, repeats: int, sharp: bool, say: Say, samples: int = 4) -> list[dict[str, Any]]:
-    """Rows of a case: seconds of the frame, and the errors that the rate adds; of RRTA too (rate 0) where `sharp`."""
+    """Return the rows of a case: seconds of the frame, and the errors that the rate adds. If `sharp`, there is a row
+    for RRTA too (rate 0).
+    """
     scene = sized(case.scene, size, samples=samples)
     ways = {rate: scene.with_settings(shadow_rate=rate) for rate in RATES}
     if sharp:
@@ -24,7 +28,7 @@ def table(case: Case, size: int, repeats: int, sharp: bool, say: Say, samples: i
     frames: dict[int, list[float]] = {rate: [] for rate in ways}
     pictures, reports = {}, {}
     for way in ways.values():
-        render_image(sized(way, 48))  # kernels
+        render_image(sized(way, 48))  # warm the kernels up
     for turn in range(repeats):
         for rate, way in ways.items():
             done = render_image(way)

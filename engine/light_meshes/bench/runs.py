@@ -1,4 +1,4 @@
-"""The parts of a benchmark, one after the other, all in one process."""
+"""The parts of a benchmark, which run one after the other in one process."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ FORMAT = "light-meshes benchmark"
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured."""
+    """How much is measured, and for how long."""
 
-    size: int = 1000  # of the pictures whose times are taken: size² pixels
+    size: int = 1000  # pictures whose time is taken have size² pixels
     repeats: int = 5
     lights: tuple[int, ...] = (1, 4, 16, 64, 256)  # of S7
     kI: tuple[float, ...] = (1.5, 2.0, 3.0, 4.0)  # at the same r
-    steps: tuple[float, ...] = (2.0, 0.5)  # × the scene's h, at its kI
+    steps: tuple[float, ...] = (2.0, 0.5)  # factors for the scene's h, at its kI
     samples: tuple[int, ...] = (1, 4, 16, 64)  # of area sampling and Cycles
     all_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # the same on S3
-    error_size: int = 120  # of the pictures whose errors are taken
-    cycles_reference: int = 512  # samples a pixel
+    error_size: int = 120  # pictures whose error is taken have error_size² pixels
+    cycles_reference: int = 512  # samples per pixel
     triangles: tuple[int, ...] = (10_000, 30_000, 100_000, 300_000, 1_000_000, 2_000_000)
     growth_lights: int = 16
     rate_lights: int = 64
-    most: float = 10.0  # seconds for all runs of a method on a scene, after the first
+    most: float = 10.0  # seconds for all runs of a method on a scene after the first run
     most_target: float = 150.0  # the same for the methods of the targets
-    seconds: float = 2400.0  # for everything: past its share of this, a part makes no second runs
+    seconds: float = 2400.0  # seconds for the whole benchmark: a part that has used its share makes no second runs
 
 
 QUICK = Effort(size=250, repeats=3, lights=(4, 16, 64), kI=(2.0,), steps=(), samples=(1, 4), all_samples=(1, 4),
@@ -61,10 +61,10 @@ SHARES = {"S3": 0.12, "S5": 0.08, "S7": 0.5, "S8": 0.08, "growth": 0.1, "embree"
 
 
 class Bench:
-    """One run of the benchmark; `results` is what becomes results.json."""
+    """One run of the benchmark; `results` is the content of results.json."""
 
     def __init__(self, effort: Effort, parts: Sequence[str], folder: Path, say: Say) -> None:
-        """folder: for exported scenes, as long as this lives."""
+        """`folder` is for exported scenes, which are needed as long as this object lives."""
         self.effort, self.parts, self._folder, self._say = effort, parts, folder, say
         self._loaded: dict[str, Scene] = {}
         self.results: dict[str, Any] = {
@@ -74,7 +74,7 @@ class Bench:
         self.threads = os.cpu_count() or 1
 
     def run(self, keep: Callable[[], None] = lambda: None) -> None:
-        """Everything that was asked for; keep() is called after each part."""
+        """Run all parts that were asked for; `keep` is called after each part."""
         started = time.monotonic()
         with contextlib.ExitStack() as stack:
             cycles = None
@@ -166,7 +166,7 @@ class Bench:
             references["SPHERE"] = errors.picture(sphere)
         if cycles:
             by_cycles = cycles.picture(case, size, self.effort.cycles_reference, seed=1)
-            if case.name in scenes.MATCHED:  # elsewhere materials shine differently
+            if case.name in scenes.MATCHED:  # in other scenes the materials look different in Cycles
                 self.results["errors"].append(about | {
                     "method": "Cycles' reference", "label": f"Cycles {self.effort.cycles_reference}", "kI": 0, "h": 0,
                     "light_samples": 0, "reference": "SPHERE",
@@ -203,7 +203,7 @@ class Bench:
                 measured, e.repeats, self._deadline("growth", 0.1), self._say)]
 
     def _embree(self) -> None:
-        """RRTA's shadow stage over Embree alone, in turn."""
+        """Measure RRTA's shadow stage relative to Embree alone, in turn."""
         case = scenes.case("S7", self._scene_of("S7"), 4)
         scene = scenes.sized(case.scene, self.effort.size, shadows="SHARP", samples=1)
         tile = 128
@@ -231,7 +231,7 @@ class Bench:
                   "{certificate[seconds]:.2f}".format(**found))
 
     def _process(self) -> None:
-        """The first render of a process, and its later ones."""
+        """Measure the first render of a process, and its later ones."""
         scene = scenes.sized(self._scene_of("S3"), min(250, self.effort.size), samples=1)
         folder = self._folder / "process"
         snapshot.write(scene, folder)
@@ -263,12 +263,14 @@ print(json.dumps({"import": d[0], "first": d[2], "later": sorted(d[3:])[1]}))
 
 
 def _affordable(size: int, case: Case, method: Method, samples: int) -> int:
-    """The edge of a picture that is measured, the full one or a half of it …, where time grows as the area does."""
+    """Return the edge of the picture to measure: the full one, or half of it as often as necessary. Time grows with the
+    area.
+    """
     if method.kind == "Cycles":
         rays, most = float(method.samples), 4e6
     elif method.kind == "area sampling":
         rays, most = method.samples * case.lights / 2, 1e8
-    elif method.kind == "RRTA" and case.scene.settings.refraction == "FULL":  # solves for paths at each sample
+    elif method.kind == "RRTA" and case.scene.settings.refraction == "FULL":  # this solves for paths at each sample
         rays, most = float(samples), 3e5
     else:
         return size
@@ -278,7 +280,7 @@ def _affordable(size: int, case: Case, method: Method, samples: int) -> int:
 
 
 def machine() -> dict[str, Any]:
-    """What it runs on."""
+    """Return a description of the machine and the software."""
     name = platform.processor() or platform.machine()
     with contextlib.suppress(OSError):
         models = [line.split(":")[1].strip() for line in Path("/proc/cpuinfo").read_text().splitlines()
@@ -290,7 +292,7 @@ def machine() -> dict[str, Any]:
 
 
 def bench(effort: Effort, parts: Sequence[str], say: Say, keep: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
-    """Run the parts; keep() gets the results after each of them, complete or not."""
+    """Run the parts. `keep` gets the results after each of them, complete or not."""
     with tempfile.TemporaryDirectory(prefix="light-meshes-") as folder:
         made = Bench(effort, parts, Path(folder), say)
         made.run(lambda: keep(made.results))

@@ -1,4 +1,4 @@
-"""What the benchmark renders: the .blend files of `blend_scenes/`, and the hall at any number of triangles."""
+"""The scenes of the benchmark: the .blend files in `blend_scenes/`, and the hall with any number of triangles."""
 
 from __future__ import annotations
 
@@ -21,33 +21,36 @@ from ..scene.transforms import scale, translate
 from ..shadows.radius import own_radii
 
 FILES = {"S3": "tabletop", "S5": "lens", "S7": "hall", "S8": "desk"}
-MATCHED = ("S3", "S7")  # their lights get the size that the penumbra's width stands for
+MATCHED = ("S3", "S7")  # the lights of these scenes get the size that corresponds to the width of the penumbrae
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene as it is measured: in a black world, since that is where direct light can be compared."""
+    """A scene to be measured. Its world is black, because then direct light can be compared with Cycles."""
 
     name: str  # S3, S5, S7 or S8
     scene: Scene
     file: Path  # the .blend
-    power: float  # factor on the power of its lights
-    sizes: dict[str, float | None]  # of its lights, for Cycles: a radius, a sun's angle, None: as the file has it
-    rule: str  # where the sizes come from
+    power: float  # factor for the power of its lights
+    # of its lights, for Cycles: a radius, or a sun's angle; None means the size in the file
+    sizes: dict[str, float | None]
+    rule: str  # how the sizes were chosen
 
     @property
     def lights(self) -> int:
-        """How many there are."""
+        """Return the number of lights."""
         return len(self.scene.lights)
 
     @property
     def title(self) -> str:
-        """For people."""
+        """Return the title for tables and figures."""
         return f"{self.name}, {self.lights} light{'s' * (self.lights > 1)}"
 
 
 def blend_folder() -> Path:
-    """blend_scenes/, beside the sources or in the working folder. Raises SceneError."""
+    """Return the folder blend_scenes/, beside the sources or in the current folder. Raises SceneError if there is
+    none.
+    """
     for place in (Path(__file__).resolve().parents[3], Path.cwd()):
         if (place / "blend_scenes" / f"{FILES['S7']}.blend").is_file():
             return place / "blend_scenes"
@@ -56,7 +59,9 @@ def blend_folder() -> Path:
 
 
 def exported(name: str, folder: Path) -> Scene:
-    """Scene `name` as the add-on exports it into `folder`, which must live as long as the scene; in a black world."""
+    """Export scene `name` with the add-on into `folder`, which must exist as long as the scene is used; its world is
+    made black.
+    """
     if not (folder / "scene.json").exists():
         blend.export(blend_folder() / f"{FILES[name]}.blend", folder, [], False)
     scene = dataclasses.replace(snapshot.read(folder), world_color=(0.0, 0.0, 0.0))
@@ -64,7 +69,9 @@ def exported(name: str, folder: Path) -> Scene:
 
 
 def case(name: str, scene: Scene, lights: int | None = None) -> Case:
-    """The scene with its first so many lights, all the power theirs, and with sizes that suit its penumbrae."""
+    """Return the case with the first `lights` lights of the scene. These get the power of all, and sizes that suit the
+    width of the penumbrae.
+    """
     lights = lights or len(scene.lights)
     power = len(scene.lights) / lights
     scene = dataclasses.replace(scene, lights=tuple(
@@ -83,12 +90,12 @@ def case(name: str, scene: Scene, lights: int | None = None) -> Case:
 
 
 def radius(scene: Scene) -> float:
-    """r = h·kI of its settings."""
+    """Return r = h·kI of the scene's settings."""
     return scene.settings.h * scene.settings.kI
 
 
 def sized(scene: Scene, edge: int, **settings: Any) -> Scene:
-    """The whole frame in edge² pixels, of whatever shape it has; and some settings changed."""
+    """Return the scene with its whole frame in edge² pixels, whatever its shape, and with some settings changed."""
     camera = scene.camera
     stretch = np.sqrt(camera.width / camera.height)
     camera = dataclasses.replace(camera, width=max(1, round(edge * stretch)), height=max(1, round(edge / stretch)),
@@ -97,16 +104,18 @@ def sized(scene: Scene, edge: int, **settings: Any) -> Scene:
 
 
 def matched(scene: Scene) -> tuple[Light, ...]:
-    """The lights, each of the size that would ask for the scene's r (`light_size`, from what the camera sees)."""
+    """Return the lights, each with the size for which `light_size` would choose the scene's r, from what the camera
+    sees.
+    """
     unit = tuple(dataclasses.replace(_with_size(light, 1.0), softness="LIGHT_SIZE", reference_distance=0.0)
                  for light in scene.lights)
     own = own_radii(Prepared(dataclasses.replace(scene, lights=unit).with_settings(shadows="SHARP")))
-    usual = float(np.median([*own.values()])) if own else radius(scene)  # of a light without shadows in view
+    usual = float(np.median([*own.values()])) if own else radius(scene)  # for a light without shadows in view
     return tuple(_with_size(light, radius(scene) / own.get(i, usual)) for i, light in enumerate(scene.lights))
 
 
 def _with_size(light: Light, size: float) -> Light:
-    """ρ, or the tangent of a sun's half angle."""
+    """Return the light with radius ρ, or for a sun with this tangent of half its angle."""
     return dataclasses.replace(light, angle=2 * atan(size)) if light.type == "SUN" \
         else dataclasses.replace(light, radius=size)
 
@@ -117,8 +126,10 @@ PLACES = 6  # in each direction
 
 
 def hall(scene: Scene, triangles: int) -> Scene:
-    """S7 with columns and balls of so many sides that there are about `triangles`: the same shapes, finer."""
-    # A place has sides² + 2·sides: a column 4·sides, a ball 2·sides·(sides/2 − 1).
+    """Return S7 with about `triangles` triangles: columns and balls have the same shapes and a suitable number of
+    sides.
+    """
+    # A place has sides² + 2·sides triangles: a column has 4·sides, a ball 2·sides·(sides/2 − 1).
     sides = max(4, 2 * round((np.sqrt(1 + triangles / PLACES**2) - 1) / 2))
     step = 4 / PLACES
     meshes = [box((-2.2, -2.2, -0.1), (2.2, 2.2, 0)), box((-2.3, -2.2, 0), (-2.2, 2.2, 2)),

@@ -1,4 +1,4 @@
-"""The results as text for people."""
+"""Write the results as text tables."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ REFERENCES = {"RRTA": "sharp", "HALF_BALL": "half-ball", "SPHERE": "sphere light
 
 
 def text(results: dict[str, Any]) -> str:
-    """All tables, the targets first."""
+    """Return all tables as text; the targets come first."""
     parts = [_machine(results), _targets(results["targets"])]
     ratios = speed_ratios(results)
     if ratios:
@@ -34,7 +34,9 @@ def _machine(results: dict[str, Any]) -> str:
 
 
 def table(heads: list[str], rows: list[list[str]]) -> str:
-    """Columns as wide as they need; the first and any of words are flush left, the others right."""
+    """Return a table with columns as wide as necessary. The first column and columns of words are aligned left, the
+    others right.
+    """
     widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
     left = {0} | {k for row in rows for k, cell in enumerate(row) if cell[:1].isalpha() and " " in cell}
     lines = ["  ".join(cell.ljust(w) if k in left else cell.rjust(w) for k, (cell, w) in

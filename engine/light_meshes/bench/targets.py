@@ -1,4 +1,4 @@
-"""What was hoped for, and what was measured: every line stands in every output, reached or not."""
+"""Compare the results with the targets. Every output contains every target, reached or not."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 
 Rows = list[dict[str, Any]]
-RMSE_ADDED, MAX_ADDED = 1 / 512, 1 / 64  # by `shadow_rate`, of the picture's light
+RMSE_ADDED, MAX_ADDED = 1 / 512, 1 / 64  # limits for the change by `shadow_rate`, as a share of the picture's light
 RATE = 4
 
 
 def targets(results: dict[str, Any]) -> Rows:
-    """Rows of what, measured (None: this run did not), target, reached (None likewise) and remark."""
+    """Return the rows: what, measured (None if this run did not measure it), target, reached (None likewise) and
+    remark.
+    """
     rows = [_row("RRTA's shadow stage / Embree alone on the same rays",
                  results["embree"] and results["embree"]["ratio"], 1.3)]
     ratios = speed_ratios(results)
@@ -59,7 +61,9 @@ def _threads(threads: dict[str, Any] | None) -> Rows:
 
 
 def _rates(rows: Rows) -> Rows:
-    """The targets of an S that is not computed at every sample: of rate 4 on S7, errors on all scenes."""
+    """Return the targets for an S that is not computed at every sample: for rate 4 on S7, and for errors on all
+    scenes.
+    """
     frames = {r["rate"]: r["frame"]["median"] for r in rows if r["scene"] == "S7"}
     lights = next((r["lights"] for r in rows if r["scene"] == "S7"), 64)
     of_all = [r for r in rows if r["rate"] == RATE]
@@ -81,7 +85,7 @@ def _row(what: str, measured: float | None, target: float, at_least: bool = Fals
 
 
 def own_rows(results: dict[str, Any], scene: str, samples: int, times: str = "times") -> Rows:
-    """Light meshes with the scene's own h and kI."""
+    """Return the rows of light meshes with the scene's own h and kI."""
     own = {(s["scene"], s["lights"]): s for s in results["scenes"]}
     return [r for r in results[times] if r["scene"] == scene and r["method"] == "light meshes"
             and r.get("samples", samples) == samples and r["kI"] == own[scene, r["lights"]]["kI"]
@@ -89,14 +93,16 @@ def own_rows(results: dict[str, Any], scene: str, samples: int, times: str = "ti
 
 
 def speed_ratios(results: dict[str, Any], samples: int = 4) -> dict[int, float]:
-    """Lights → light meshes' frame / RRTA's on S7."""
+    """Return number of lights → time of a frame of light meshes divided by RRTA's, on S7."""
     sharp = {r["lights"]: r["frame"]["median"] for r in results["times"]
              if (r["scene"], r["method"], r["samples"]) == ("S7", "RRTA", samples)}
     return {r["lights"]: r["frame"]["median"] / sharp[r["lights"]] for r in own_rows(results, "S7", samples)}
 
 
 def break_even(ratios: dict[int, float]) -> float | None:
-    """Lights from which on light meshes are faster (log-log between those measured); None: not with any."""
+    """Return the number of lights from which on light meshes are faster, interpolated log-log; None if they never
+    are.
+    """
     slow = [n for n in ratios if ratios[n] > 1]
     if not slow:
         return float(min(ratios)) if ratios else None
@@ -107,10 +113,10 @@ def break_even(ratios: dict[int, float]) -> float | None:
 
 
 def cycles_ratios(results: dict[str, Any], scene: str) -> dict[int, float]:
-    """Lights → the time that Cycles needs for the RMSE of light meshes, over theirs.
+    """Return number of lights → the time that Cycles needs for the RMSE of light meshes, divided by their time.
 
-    Both RMSEs are against the same sphere light, each as its own renderer shows it. Cycles' time and error are lines
-    in log-log through what was measured: noise falls as n^−½, time grows as n.
+    Both RMSEs are against the same sphere light, each rendered by its own renderer. Time and error of Cycles are fitted
+    by lines in log-log: noise falls as n^−½, and time grows as n.
     """
     found = {}
     for own in own_rows(results, scene, 1):
@@ -129,7 +135,7 @@ def _own_error(results: dict[str, Any], scene: str, lights: int) -> list[float]:
 
 
 def _extended(results: dict[str, Any], scene: str) -> str:
-    """With how many lights Cycles' line had to be carried on beyond the samples that were measured."""
+    """Return the numbers of lights for which Cycles' line had to be extended beyond the samples that were measured."""
     beyond = [str(case["lights"]) for case in results["scenes"] if case["scene"] == scene
               for error in _own_error(results, scene, case["lights"])
               for line in [cycles_line(results, scene, case["lights"])]
@@ -139,7 +145,7 @@ def _extended(results: dict[str, Any], scene: str) -> str:
 
 
 def cycles_line(results: dict[str, Any], scene: str, lights: int) -> list[tuple[float, float]]:
-    """(seconds, RMSE) of Cycles for each number of samples."""
+    """Return (seconds, RMSE) of Cycles for each number of samples."""
     noise = {r["light_samples"]: r["all"]["rmse"] for r in results["errors"]
              if (r["scene"], r["lights"], r["method"], r["reference"]) == (scene, lights, "Cycles", "CYCLES")}
     return [(r["frame"]["median"], noise[r["light_samples"]]) for r in results["times"]

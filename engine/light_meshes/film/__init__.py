@@ -1,1 +1,1 @@
-"""Pixels and files: the passes that a picture may have, their tiles, and where they go."""
+"""Pixels and files: the passes that a picture can have, the samples of their tiles, and writing pictures."""

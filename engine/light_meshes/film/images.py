@@ -1,4 +1,4 @@
-"""Passes as arrays, in memory or mapped to files, and pictures on disk (OpenImageIO)."""
+"""Passes as arrays, in memory or mapped to files, and pictures on disk (through OpenImageIO)."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from ..scene.errors import SceneError
 from ..support import scratch
 from .passes import letters
 
-# Rec.709's linear light → CIE XYZ.
+# From the linear light of Rec.709 to CIE XYZ.
 _REC709 = np.array([(0.4123908, 0.3575843, 0.1804808), (0.2126390, 0.7151687, 0.0721923),
                     (0.0193308, 0.1191948, 0.9505322)])
 
 
 @dataclass(frozen=True)
 class Framebuffer:
-    """One float32 (height, width, channels) array a pass, rows bottom-up, of the camera's crop."""
+    """One float32 array of shape (height, width, channels) for each pass. It covers the camera's crop; the bottom row
+    is first.
+    """
 
     width: int
     height: int
@@ -31,7 +33,9 @@ class Framebuffer:
 
     @classmethod
     def create(cls, scene: Scene, passes: Sequence[str], folder: Path | None = None) -> Framebuffer:
-        """Zeroed passes; in `folder` as PASS.npy files that another process may map, or in memory."""
+        """Make passes filled with zeros, in memory or, with `folder`, as files PASS.npy that another process can
+        map.
+        """
         x0, y0, x1, y1 = crop_of(scene)
         arrays = {}
         for name in passes:
@@ -45,11 +49,13 @@ class Framebuffer:
 
     @property
     def channels(self) -> dict[str, int]:
-        """Pass name → channels."""
+        """Return pass name → number of channels."""
         return {name: a.shape[2] for name, a in self.passes.items()}
 
     def save(self, folder: Path) -> None:
-        """Write PASS.npy files. Each appears at once; who still reads the one before goes on reading that."""
+        """Write the files PASS.npy. Each file is replaced at once, so a process that still reads the old one keeps the
+        old data.
+        """
         folder.mkdir(parents=True, exist_ok=True)
         for name, a in self.passes.items():
             new = folder / f"{name}.new.npy"
@@ -57,21 +63,23 @@ class Framebuffer:
             new.replace(folder / f"{name}.npy")
 
     def flush(self) -> None:
-        """Hand mapped passes to the system; after this another process reads them complete."""
+        """Write mapped passes out to the system. After this another process sees them complete."""
         for a in self.passes.values():
             if isinstance(a, np.memmap):
                 a.flush()
 
 
 def crop_of(scene: Scene) -> tuple[int, int, int, int]:
-    """The rendered pixels: x0, y0, x1, y1."""
+    """Return the rendered pixels: x0, y0, x1, y1."""
     return scene.camera.crop or (0, 0, scene.camera.width, scene.camera.height)
 
 
 def _mapped(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float32]:
-    """A file of zeros, mapped. OSError where the disk has no room: found out later, it would end the process."""
+    """Return a mapped file of zeros. Raises OSError if the disk is full; if that were found out only later, it would
+    end the process.
+    """
     array = np.lib.format.open_memmap(path, "w+", np.float32, shape)
-    if hasattr(os, "posix_fallocate"):  # elsewhere files have no holes, or there is no such call
+    if hasattr(os, "posix_fallocate"):  # other systems have no files with holes, or no such call
         with path.open("r+b") as f:
             os.posix_fallocate(f.fileno(), 0, path.stat().st_size)
     return array
@@ -80,8 +88,8 @@ def _mapped(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float32]:
 def write(frame: Framebuffer, path: Path, to_rec709: tuple[RGB, RGB, RGB] = IDENTITY) -> None:
     """Write .exr (all passes, scene-linear float32) or .png (Combined, sRGB "Standard" view, 8 bits).
 
-    to_rec709: the scene's, where its linear light is not that of Rec.709. The file appears at once, whole. Raises
-    SceneError where that cannot be done.
+    `to_rec709` is the scene's matrix, needed if its linear light is not that of Rec.709. The file appears only when it
+    is complete. Raises SceneError if it cannot be written.
     """
     if path.suffix.lower() == ".exr":
         channels = [f"{name}.{c}" if name != "Combined" else c
@@ -101,29 +109,30 @@ def write(frame: Framebuffer, path: Path, to_rec709: tuple[RGB, RGB, RGB] = IDEN
     else:
         raise SceneError(f"{path.name}: pictures are written as .png or .exr")
     try:
-        # In a place of its own: several machines may write one picture. An older one stays until this one is whole.
+        # In a separate place, because several machines may write the same picture. An older picture stays until this
+        # one is complete.
         with scratch.made(path.parent, hidden=True) as folder:
             new = folder / f"picture{path.suffix.lower()}"
             _write_file(new, spec, pixels[::-1], path)
             new.replace(path)
-    except OSError as e:  # the name is too long, say
+    except OSError as e:  # for example, the name is too long
         raise SceneError(f"{path} cannot be written: {e.strerror}") from e
 
 
 def _write_file(new: Path, spec: oiio.ImageSpec, pixels: NDArray, path: Path) -> None:
-    """Write a file that will be `path`."""
+    """Write the file `new`, which will be renamed to `path`."""
     name = utf8(new)
     out = oiio.ImageOutput.create(name)
     if out is None:
         raise SceneError(f"{path} cannot be written: {oiio.geterror()}")
     done = out.open(name, spec) and out.write_image(np.ascontiguousarray(pixels)) and out.close()
-    # OpenImageIO does not notice that a disk was full when a small PNG was written: its last chunk is not there.
+    # OpenImageIO does not notice that the disk is full when it writes a small PNG; then the last chunk is missing.
     if not done or not _ends_well(new):
         raise SceneError(f"{path} cannot be written: {out.geterror() or 'is there room, and permission?'}")
 
 
 def _ends_well(path: Path) -> bool:
-    """Whether a PNG has its last chunk, which OpenImageIO does not miss."""
+    """Return whether a PNG has its last chunk; OpenImageIO does not notice if it is missing."""
     if path.suffix.lower() != ".png":
         return True
     with path.open("rb") as f:
@@ -132,7 +141,7 @@ def _ends_well(path: Path) -> bool:
 
 
 def check_place(path: Path) -> None:
-    """Raise SceneError where no picture could be written, before it is rendered."""
+    """Raise SceneError before the render if no picture can be written at `path`."""
     if not path.parent.is_dir():
         raise SceneError(f"the folder {path.parent} does not exist")
     if path.is_dir():
@@ -145,7 +154,7 @@ def check_place(path: Path) -> None:
 
 
 def check_channels(path: Path, passes: Sequence[str]) -> None:
-    """Raise SceneError where a file of this kind cannot hold so many channels, before they are rendered."""
+    """Raise SceneError before the render if a file of this kind cannot hold so many channels."""
     count = sum(len(letters(name)) for name in passes)
     with scratch.made(path.parent, hidden=True) as folder:
         name = utf8(folder / f"picture{path.suffix.lower()}")
@@ -155,7 +164,7 @@ def check_channels(path: Path, passes: Sequence[str]) -> None:
 
 
 def whole(path: Path) -> bool:
-    """Whether a picture is there with all its pixels: neither empty, nor cut short, nor a folder."""
+    """Return whether a complete picture exists: not an empty or truncated file, and not a folder."""
     if not path.is_file() or not _ends_well(path):
         return False
     file = oiio.ImageInput.open(utf8(path))
@@ -167,7 +176,7 @@ def whole(path: Path) -> bool:
         while file.seek_subimage(number, 0):
             spec = file.spec()
             rows = range(spec.y, spec.y + spec.height, spec.tile_height or 64)
-            for y in rows:  # not all at once: it may be larger than the memory
+            for y in rows:  # row by row, because the picture may be larger than the memory
                 end = min(y + rows.step, rows.stop)
                 pixels = file.read_tiles(number, 0, spec.x, spec.x + spec.width, y, end, spec.z, spec.z + 1, 0,
                                          spec.nchannels, spec.format) if spec.tile_width else \
@@ -183,7 +192,7 @@ def whole(path: Path) -> bool:
 
 
 def utf8(path: Path) -> str:
-    """`path` as OpenImageIO takes it on every system: in UTF-8, whatever the locale. Raises SceneError."""
+    """Return `path` in UTF-8, as OpenImageIO needs it on every system, whatever the locale. Raises SceneError."""
     try:
         return os.fsencode(path).decode()
     except UnicodeError:
@@ -191,14 +200,14 @@ def utf8(path: Path) -> str:
 
 
 def chromaticities(to_rec709: tuple[RGB, RGB, RGB]) -> tuple[float, ...]:
-    """x and y of red, green, blue and white, as OpenEXR's header has them."""
+    """Return x and y of red, green, blue and white, as in the header of OpenEXR."""
     xyz = _REC709 @ np.array(to_rec709)
     columns = np.column_stack([xyz, xyz.sum(1)])
     return tuple((columns[:2] / columns.sum(0)).T.ravel().tolist())
 
 
 def to_srgb(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Premultiplied linear RGBA as 8-bit sRGB with straight alpha, as PNG wants it."""
+    """Convert premultiplied linear RGBA to 8-bit sRGB with straight alpha, as PNG needs it."""
     alpha = np.clip(pixels[..., 3:], 0, 1)
     colour = np.clip(pixels[..., :3] / np.where(alpha > 0, alpha, 1), 0, 1)
     colour = np.where(colour <= 0.0031308, 12.92 * colour, 1.055 * colour ** (1 / 2.4) - 0.055)

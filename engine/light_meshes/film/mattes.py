@@ -1,4 +1,6 @@
-"""Cryptomatte: of each pixel, what is seen there and how much of it, as its specification (version 1.2) has it."""
+"""Cryptomatte: for each pixel, which objects (or materials, …) are seen there and their coverage, by its specification
+(version 1.2).
+"""
 
 from __future__ import annotations
 
@@ -8,25 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 KINDS = ("CryptoObject", "CryptoMaterial", "CryptoAsset")
-RANKS = 2  # ids with their coverage that one pass of four channels holds
+RANKS = 2  # a pass of four channels holds so many ids with their coverage
 
 
 class Mattes:
-    """What the samples of a tile see, collected, and its passes."""
+    """Collects what the samples of a tile see, and computes the passes."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """names: of all passes; those of KINDS count."""
+        """`names` are the names of all passes; only those of KINDS are used."""
         self.wanted = tuple(kind for kind in KINDS if any(name.startswith(kind) for name in names))
         self._seen: dict[str, list[tuple[NDArray, NDArray, NDArray]]] = {kind: [] for kind in self.wanted}
         self._ranked: dict[str, tuple[NDArray, NDArray, NDArray, NDArray]] = {}
 
     def add(self, kind: str, sample: NDArray, number: NDArray[np.uint32], coverage: NDArray) -> None:
-        """Samples (n,) see what has this number by their coverage, 0 … 1."""
+        """Record that samples (n,) see the object or material `number` with a coverage of 0 … 1."""
         some = coverage > 0
         self._seen[kind].append((sample[some], number[some], coverage[some]))
 
     def developed(self, name: str, pixels: int, per_pixel: int) -> NDArray:
-        """(pixels, 4): the pass `name`: id, coverage, id, coverage; what covers most comes first."""
+        """Return the pass `name`, shape (pixels, 4): id, coverage, id, coverage. The largest coverage comes first."""
         kind, first = name[:-2], RANKS * int(name[-2:])
         if kind not in self._ranked:
             self._ranked[kind] = self._rank(kind, per_pixel)
@@ -39,7 +41,7 @@ class Mattes:
         return out
 
     def _rank(self, kind: str, per_pixel: int) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Pixel, rank there, number and coverage of all that pixels see."""
+        """Return pixel, rank in the pixel, number and coverage of everything that pixels see."""
         seen = self._seen[kind] or [(np.zeros(0, np.int64), np.zeros(0, np.uint32), np.zeros(0))]
         sample, number, share = (np.concatenate(parts) for parts in zip(*seen, strict=True))
         key = (sample // per_pixel).astype(np.uint64) << np.uint64(32) | number
@@ -56,6 +58,6 @@ class Mattes:
 
 
 def as_floats(number: NDArray[np.uint32]) -> NDArray[np.float32]:
-    """The numbers' bits as floats, with an exponent that is of a normal one."""
+    """Return floats with the bits of the numbers; the exponents are changed so that all are normal floats."""
     exponent = np.clip(number >> np.uint32(23) & np.uint32(255), 1, 254).astype(np.uint32)
     return (number & np.uint32(0x807FFFFF) | exponent << np.uint32(23)).view(np.float32)

@@ -1,8 +1,8 @@
 /* Sums over the rays of a tile (passes.py). */
 #include "native.h"
 
-/* samples[pixel], from column `first` on, += weight·colour; one colour may be that of all. Several rays may belong to one
-   pixel: they add up in their order. */
+/* Adds weight·colour to samples[pixel], beginning at column `first`; colour has a row for each ray, or one for all. If
+   several rays belong to one pixel, they are added in their order. */
 KERNEL(passes_add, "samples f64[s,q]!  first i64  pixel i64[n]  weight f64[n,c]  colour f64[m,c]")
 i64 passes_add(i64 s, i64 q, i64 n, i64 c, i64 m, f64 *samples, i64 first, const i64 *pixel, const f64 *weight,
                const f64 *colour) {

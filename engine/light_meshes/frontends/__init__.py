@@ -1,1 +1,1 @@
-"""Who asks for a picture, from outside: a parent process, a `.blend` file, a report for people."""
+"""Entry points from outside: a parent process, a `.blend` file, a report for people."""

@@ -1,7 +1,7 @@
-""".blend files for the command line: Blender reads them, in a process of its own, through the add-on.
+""".blend files for the command line. A separate Blender process reads them through the add-on.
 
-Nothing here imports bpy: it ends some processes badly (4.2 and 4.5 crash or hang at exit), and a `blender` on the
-PATH does as well.
+Nothing here imports bpy, because it ends some processes badly (4.2 and 4.5 crash or hang at exit). A `blender` on the
+PATH can be used as well.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from ..film import images as film
 from ..scene.errors import SceneError, UsageError
 from ..support import console, interrupts, scratch
 
-MARK = "@light-meshes "  # what a script in Blender says to us comes behind it
-# What the driver says: its events, and what of them is used here.
+MARK = "@light-meshes "  # a script in Blender puts this before each message to us
+# The driver's events, and the entries of each that are used here.
 _EVENTS: dict[str, dict[str, tuple[type, ...]]] = {
     "progress": {"fraction": (int, float), "frame": (int,), "stage": (str,)},
     "wrote": {"path": (str,)}, "kept": {"path": (str,)}, "warning": {"message": (str,)}, "error": {"message": (str,)},
     "found": {"path": (str,)}, "statistics": {"statistics": (dict,)}, "end": {},
 }
-_CRASHES = (-signal.SIGSEGV, -signal.SIGABRT, -9)  # 9: the system ends what takes too much
-_LONGEST = 2**24  # characters of a line; what is longer comes in parts, of which none is an event
-PATIENCE = 3.0  # seconds that a driver has to end by itself
+_CRASHES = (-signal.SIGSEGV, -signal.SIGABRT, -9)  # 9: the system ends a process that uses too much memory
+_LONGEST = 2**24  # characters in a line; a longer line arrives in parts, and none of these is an event
+PATIENCE = 3.0  # the seconds in which a driver must end by itself
 Changes = list[tuple[str, str]]
 
 
 def driver() -> list[str]:
-    """The command that runs the add-on's headless driver. Raises SceneError where no Blender is to be had."""
+    """Return the command that runs the add-on's headless driver. Raises SceneError if there is no Blender."""
     addon = importlib.util.find_spec("light_meshes_addon")
     if addon is None or addon.origin is None:
         raise SceneError("the add-on is not installed beside the engine: install the project with pip again")
@@ -56,23 +56,25 @@ def driver() -> list[str]:
 
 
 def blender() -> str | None:
-    """The `blender` on the PATH, of which entries that mean the current folder do not count."""
+    """Return the `blender` on the PATH. Entries that mean the current folder are ignored."""
     folders = filter(os.path.isabs, os.get_exec_path())
     return next(filter(None, (shutil.which(str(Path(folder, "blender"))) for folder in folders)), None)
 
 
 def environment() -> dict[str, str]:
-    """Ours for a child, whose PYTHONPATH does not mean the current folder by an empty entry or "."."""
+    """Return the environment for a child process. Its PYTHONPATH has no empty entry or ".", which would mean the
+    current folder.
+    """
     folders = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     named = [folder for folder in folders if folder and os.path.normpath(folder) != os.curdir]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(named)}  # an empty one counts as none
+    return os.environ | {"PYTHONPATH": os.pathsep.join(named)}  # an empty value counts as not set
 
 
 def render(file: Path, output: Path, frames: str | None, resume: bool, threads: int | None, changes: Changes,
            progress: Callable[[float, str], None], debug: bool) -> tuple[list[str], dict[Path, bool], dict[str, Any]]:
-    """Render frames of a .blend as Blender would; `resume` leaves out those whose picture is there.
+    """Render frames of a .blend in the same way as Blender. `resume` skips frames whose picture exists.
 
-    Returns warnings, the pictures and whether each was rendered, and the last's statistics.
+    Returns warnings, the pictures and whether each was rendered, and the statistics of the last frame.
     """
     arguments = ["render", str(file), "-o", str(output), *(["--resume"] if resume else []),
                  *([f"--frames={frames}"] if frames else []), *([f"--threads={threads}"] if threads else [])]
@@ -100,7 +102,7 @@ def export(file: Path, folder: Path, changes: Changes, debug: bool) -> None:
 
 
 def _work_folder(folder: Path) -> contextlib.AbstractContextManager[Path]:
-    """Where pictures are written before they are whole, beside their place."""
+    """Return the folder for pictures that are not complete yet, beside their final place."""
     try:
         return scratch.made(folder, hidden=True)
     except OSError as e:
@@ -108,9 +110,10 @@ def _work_folder(folder: Path) -> contextlib.AbstractContextManager[Path]:
 
 
 def _events(arguments: list[str], changes: Changes, debug: bool) -> Generator[dict[str, Any]]:
-    """What the driver says, event by event; its error is raised as SceneError (UsageError for exit code 2)."""
+    """Yield the events of the driver. Its error is raised as SceneError (UsageError for exit code 2)."""
     command = driver() + arguments + [word for key, value in changes for word in ("--set", f"{key}={value}")]
-    mark = f"@light-meshes-{secrets.token_hex(16)} "  # of this run: no name in the file knows it, nor a script's output
+    # for this run only: no name in the file and no output of a script can contain it
+    mark = f"@light-meshes-{secrets.token_hex(16)} "
     tail: collections.deque[str] = collections.deque(maxlen=5)
     error, ended = "", False
     with _running(command, mark) as child:
@@ -132,7 +135,7 @@ def _events(arguments: list[str], changes: Changes, debug: bool) -> Generator[di
         code = child.wait()
     if error:
         raise UsageError(error) if code == 2 else SceneError(error)
-    if code or not ended:  # a script may have ended it
+    if code or not ended:  # a script in the file may have ended it
         words = " | ".join(filter(None, tail))
         why = ", perhaps for want of memory" if code in _CRASHES or console.OUT_OF_MEMORY.search(words) else ""
         raise SceneError(f"Blender ended with code {code}{why}; its last words: {words}")
@@ -140,13 +143,16 @@ def _events(arguments: list[str], changes: Changes, debug: bool) -> Generator[di
 
 @contextlib.contextmanager
 def _running(command: list[str], mark: str) -> Iterator[Any]:
-    """The driver's process, with pipes to and from it. At the end it is gone, with its engine and temporary files.
+    """Run the driver's process with pipes to and from it. At the end the process, its engine and its temporary files
+    are gone.
 
-    While it lives it reads its stdin: when that closes this process is gone, and so it goes, too.
+    The driver reads its stdin as long as it runs. When stdin closes, this process has ended, and then the driver ends
+    too.
     """
     with scratch.made(Path(tempfile.gettempdir())) as temporary:
-        places = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))  # Blender's and the engine's
-        # Whatever Python Blender has inside, the engine runs in this one.
+        # for Blender's and the engine's temporary files
+        places = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))
+        # The engine runs in this Python, whatever Python Blender contains.
         own = {"LIGHT_MESHES_PYTHON": sys.executable, "LIGHT_MESHES_MARK": mark,
                "LIGHT_MESHES_TEMPORARY": str(temporary)}
         child = None
@@ -172,13 +178,13 @@ def _end(child: Any) -> None:
 
 
 def _answer(child: Any, text: str) -> None:
-    with contextlib.suppress(OSError):  # it has ended, which its stdout tells
+    with contextlib.suppress(OSError):  # it has ended; its stdout shows this
         child.stdin.write(f"{text}\n")
         child.stdin.flush()
 
 
 def _event(text: str) -> dict[str, Any] | None:
-    """The event in `text`, or None where it is none: what others print may have come between."""
+    """Return the event in `text`, or None if it is none, because other output may come between."""
     try:
         event = json.loads(text)
     except (ValueError, RecursionError):

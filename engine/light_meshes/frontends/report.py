@@ -1,4 +1,4 @@
-"""What a scene holds and what its plan decides, as text for people."""
+"""Describe a scene and the decisions of its plan as text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..support.text import shown
 
 
 def describe(scene: Scene) -> str:
-    """The text of `light-meshes inspect`."""
+    """Return the text of `light-meshes inspect`."""
     ready = Prepared(scene)
     scene = ready.scene
     s, g, camera = scene.settings, scene.geometry, scene.camera
@@ -52,7 +52,7 @@ def describe(scene: Scene) -> str:
 
 
 def summary(statistics: dict[str, Any]) -> str:
-    """The statistics of a render as a few lines."""
+    """Return the statistics of a render as a few lines."""
     s = statistics
     rows = [(name, decision) for name, decision in s["plan"].items()]
     rows += [

@@ -1,24 +1,24 @@
 """The engine as a child process: one JSON object a line on stdin and stdout, log on stderr.
 
-The child says first
+First the child writes
     {"event": "ready", "version": "0.1.0", "folder": PATH}
-where PATH is a new private folder (mode 0700) that parent and child share; the child owns it and removes it when
-it ends: on "quit", on a closed stdin (so nothing outlives the parent, however it died), on SIGTERM and SIGHUP. What
-children that were killed left behind is removed when another one starts.
+where PATH is a new private folder (mode 0700) that parent and child share. The child owns the folder and removes it
+when it ends: after "quit", when its stdin closes (so it never outlives the parent), and on SIGTERM or SIGHUP. When a
+child starts, it removes the folders of children that were killed.
 
-Parent → child (paths are relative to the folder, or absolute; a snapshot is a folder with a scene.json, or any one
+Parent → child (paths are absolute, or relative to the folder; a snapshot is a folder with a scene.json, or any one
 of the scene files in a folder; passes.py lists the passes):
     {"command": "render", "id": 1, "snapshot": "scene", "framebuffer": "frame", "passes": ["Combined", "Depth"]}
-        "keep": true: what was prepared (accelerator, nodes) stays, and the next command with keep takes over what is
-        still right, by its contents; the picture is the same. Without it (the default) nothing stays
-        "threads": 4: use so many, in a view and a measurement as well; null: as many as there are processors
+        "keep": true: keep what was prepared (accelerator, nodes). The next command with keep uses the parts that are
+        still valid, which it decides by comparing their contents; the picture is the same. Default: keep nothing
+        "threads": 4: the number of threads, also for view and measure; null: one for each processor
     {"command": "view", "id": 7, "snapshot": "scene-12.json", "framebuffer": "view", "passes": ["Combined"],
         "camera": {…}, "steps": [[8, 1], [4, 1], [2, 1], [1, 1], [1, 4]]}
-        a picture that gets better in steps of (divisor of the resolution, samples a pixel). Keeps, as with "keep".
-        A snapshot that is the one of the last command with keep is not read again. camera: as in scene.json, of the
-        rays, while the snapshot's own is what h is measured by; null: its own
-    {"command": "measure", "id": 2, "snapshot": "scene"}     h that `auto_h` would take for this scene,
-        and r of each light whose softness is LIGHT_SIZE; null for others, and where nothing tells of it
+        a picture that gets better in steps of (divisor of the resolution, samples per pixel). It implies "keep". The
+        snapshot is not read again if it is that of the last command with keep. camera: the camera of the rays, as in
+        scene.json; h is still measured with the snapshot's own camera. null: use the snapshot's camera for both
+    {"command": "measure", "id": 2, "snapshot": "scene"}     the h that `auto_h` would choose for this scene,
+        and r of each light whose softness is LIGHT_SIZE; null for other lights, and if r cannot be measured
     {"command": "cancel", "id": 1}                           ends that command at its next batch, or before it starts
     {"command": "quit"}
 Child → parent:
@@ -27,15 +27,16 @@ Child → parent:
     {"event": "progress", "id": 1, "fraction": 0.25, "stage": "Rendering"}
     {"event": "tile", "id": 1, "box": [x0, y0, x1, y1]}      these pixels are final
     {"event": "picture", "id": 7, "step": 0, "width": w, "height": h, "passes": {"Combined": 4}}
-        a step of a view is done: its passes are FRAMEBUFFER/STEP/PASS.npy. A coarser picture shows exactly what the
-        whole one does; its sides are rounded up
-    {"event": "done", "id": 1, "statistics": {…}, "warnings": [sentence, …]}      of a view: those of its last step,
-        and under "steps" a few figures of each
+        a step of a view is done; its passes are FRAMEBUFFER/STEP/PASS.npy. A coarser picture shows exactly the same
+        view as the full one; its sides are rounded up
+    {"event": "done", "id": 1, "statistics": {…}, "warnings": [sentence, …]}      for a view: those of its last step,
+        and under "steps" a few figures of each step
     {"event": "measured", "id": 2, "h": 0.05, "radii": [0.12, null]}
     {"event": "cancelled", "id": 1}
-    {"event": "error", "id": 1, "message": sentence}         the child lives on, unless the id is null
+    {"event": "error", "id": 1, "message": sentence}         the child goes on, unless the id is null
     {"event": "alive"}                                       every second, so that a stopped child is noticed
-Each command ends with exactly one of done, measured, cancelled, error. A command while one runs waits its turn.
+Each command ends with exactly one of done, measured, cancelled, error. A command that arrives while another one runs
+waits.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ _FIGURES = ("width", "height", "samples", "seconds", "nodes", "nodes_kept", "lon
 
 
 class Service:
-    """Reads commands in one thread, carries them out in the main one."""
+    """Reads commands in one thread and carries them out in the main thread."""
 
     def __init__(self, commands: Any, events: Any, folder: Path) -> None:
         self._commands, self._events, self._folder = commands, events, folder
@@ -76,14 +77,14 @@ class Service:
         self._queue: queue.Queue[dict[str, Any]] = queue.Queue()
         self._cancelled: set[Any] = set()
         self._kept: Prepared | None = None  # of the last command with keep
-        self._snapshot: tuple[tuple, Scene] | None = None  # file, and what it says
+        self._snapshot: tuple[tuple, Scene] | None = None  # (file, its contents)
 
     def run(self) -> None:
         """Carry out commands until "quit"."""
         self._send(event="ready", version=__version__, folder=str(self._folder))
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._alive, daemon=True).start()
-        with contextlib.suppress(KernelError):  # the first command says so
+        with contextlib.suppress(KernelError):  # the first command reports it
             from ..picture import render  # noqa: F401  now, while the parent still writes its snapshot
         while True:
             message = self._queue.get()
@@ -123,7 +124,7 @@ class Service:
                        "a larger h or fewer triangles")
         except OSError as e:
             self._send(event="error", id=number, message=_trouble(e, self._folder))
-        except Exception as e:  # the boundary: whatever it is, the parent hears of it
+        except Exception as e:  # the last place to catch it: the parent must be told of every error
             traceback.print_exc()
             self._send(event="error", id=number, message=f"the engine failed: {type(e).__name__}: "
                        f"{str(e).strip().partition(chr(10))[0][:200]}")
@@ -180,7 +181,9 @@ class Service:
         self._send(event="done", id=number, statistics=done.statistics | {"steps": figures}, warnings=done.warnings)
 
     def _scene(self, message: dict[str, Any]) -> Scene:
-        """The snapshot of a command with keep, in memory: its files may change once this command has ended."""
+        """Return the snapshot of a command with keep, in memory, because its files may change after the command has
+        ended.
+        """
         from ..scene import snapshot
 
         file = snapshot.scene_file(self._path(message, "snapshot"))
@@ -211,12 +214,12 @@ class Service:
         try:
             for line in self._commands:
                 self._take(line)
-        except MemoryError:  # without this thread nothing would be heard of any more
+        except MemoryError:  # without this thread the parent would hear nothing more
             os.write(sys.stderr.fileno(), b"out of memory\n")
             end(self._folder, 1)
         except (OSError, ValueError):
             pass
-        end(self._folder)  # stdin is closed: the parent is gone
+        end(self._folder)  # stdin is closed: the parent has ended
 
     def _take(self, line: bytes) -> None:
         try:
@@ -235,7 +238,7 @@ class Service:
     def _alive(self) -> None:
         wait = threading.Event()
         while not wait.wait(ALIVE_SECONDS):
-            with contextlib.suppress(MemoryError):  # the next one may find some
+            with contextlib.suppress(MemoryError):  # the next command may find enough memory
                 self._send(event="alive")
 
     def _send(self, **message: Any) -> None:
@@ -244,11 +247,11 @@ class Service:
                 self._events.write(json.dumps(message) + "\n")
                 self._events.flush()
         except OSError:
-            end(self._folder)  # nobody listens
+            end(self._folder)  # nobody reads the output
 
 
 def _trouble(e: OSError, folder: Path) -> str:
-    """A sentence for a file that could not be read or written."""
+    """Return a sentence for a file that could not be read or written."""
     if e.errno in (None, errno.ENOSPC, errno.EDQUOT, errno.EFBIG):  # numpy does not say why it wrote less
         return f"the disk is full: the engine writes to {folder}"
     return f"{e.filename or folder} cannot be used: {e.strerror}"
@@ -310,10 +313,11 @@ def main() -> None:
     signal.signal(signal.SIGTERM, lambda *_: end(folder))
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, lambda *_: end(folder))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the group; the parent decides
+    # Ctrl-C reaches the whole process group; the parent decides what to do
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         Service(sys.stdin.buffer, events, folder).run()
-    except BaseException:  # a package that cannot be loaded, say: the log tells
+    except BaseException:  # for example, a package cannot be loaded; the log shows it
         traceback.print_exc()
         end(folder, 1)
     end(folder)

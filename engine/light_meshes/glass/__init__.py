@@ -1,1 +1,1 @@
-"""Light that bends on its way through glass: media and interfaces, and the solver of refracted paths."""
+"""Light that glass bends: media and interfaces, and the solver for refracted paths."""

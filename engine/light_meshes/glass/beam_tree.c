@@ -1,4 +1,5 @@
-/* Trees over beams, one a group (beam_tree.py). p (B,3,2), d (B,3,2), z (B,3): corners and slopes of each beam's rays. */
+/* Builds trees over beams, one for each group (beam_tree.py). p (B,3,2), d (B,3,2), z (B,3): corners and slopes of
+   each beam's rays. */
 #include <stdlib.h>
 
 #include "../rays/boxes.h"
@@ -10,7 +11,7 @@ static void widen(f64 *out, f64 low, f64 high) {
     out[1] = high > out[1] ? high : out[1];
 }
 
-/* Bounds of beams order[first..end], padded. */
+/* Computes the bounds of the beams order[first..end], with a margin. */
 static void bound(const i64 *order, i64 first, i64 end, const f64 *p, const f64 *d, const f64 *z, f64 pad, f64 *out) {
     f64 low = INFINITY;
     for (i64 i = first; i < end; i++) {
@@ -36,7 +37,8 @@ static void bound(const i64 *order, i64 first, i64 end, const f64 *p, const f64 
 
 static int before(const f64 *key, i64 a, i64 b) { return key[a] < key[b] || (key[a] == key[b] && a < b); }
 
-/* Puts those of order[first..end] with the least keys before `middle` (quickselect; equal keys go by number). */
+/* Moves those of order[first..end] with the smallest keys before `middle` (quickselect; equal keys are sorted by
+   number). */
 static void halve(i64 *order, const f64 *key, i64 first, i64 end, i64 middle) {
     i64 low = first, high = end - 1;
     while (low < high) {
@@ -55,7 +57,8 @@ static void halve(i64 *order, const f64 *key, i64 first, i64 end, i64 middle) {
     }
 }
 
-/* What beams of a node are sorted by: slopes weigh by the length over which they matter, about one unit of the frame. */
+/* Chooses the quantity by which the beams of a node are sorted. Slopes are weighted by the length over which they
+   act, about one unit of the frame. */
 static int widest(const f64 *bounds) {
     int best = 3;
     for (int k = 5; k < BOUNDS; k += 2)
@@ -63,7 +66,7 @@ static int widest(const f64 *bounds) {
     return (best - 3) / 2;
 }
 
-/* Returns how many nodes there are, −1 where memory is lacking. */
+/* Returns how many nodes there are, −1 if there is not enough memory. */
 KERNEL(beams_tree,
        "order i64[n]!  p f64[n,3,2]  d f64[n,3,2]  z f64[n,3]  group i8[n]  pad f64  root i64[6]!  bounds f64[m,11]!  "
        "child i64[m,2]!")

@@ -1,4 +1,4 @@
-"""Trees of beams: which beams may pass through a point, wherever it is."""
+"""Trees of beams: they find the beams that may pass through a given point."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ _tree = kernel("beams_tree")
 
 def beam_tree(p: NDArray[np.float64], d: NDArray[np.float64], z: NDArray[np.float64], group: NDArray[np.int8],
               pad: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
-    """Trees over beams, one a group; p, d, z, group as in `beams.Beams`. pad: barycentric, around each beam.
+    """Build trees over beams, one for each group. p, d, z, group are as in `beams.Beams`; `pad` is the margin around
+    each beam in barycentric units.
 
-    Returns order (B,); root (6,): node of each group, −1: none; bounds (nodes,11): z0, least and greatest z, place 1,
-    place 2 (at z0), slope 1, slope 2; child (nodes,2): the first of two children and 0, or of a leaf, its first beam
-    in `order` and their number. A beam that passes through (a, b, z) has place + (z − z0)·slope around a and b.
+    Returns order (B,); root (6,), the root node of each group, −1 if it is empty; bounds (nodes,11); and child
+    (nodes,2). A row of `bounds` is z0, the smallest and the largest z, and the intervals (low, high) of place 1, place
+    2 (both at z0), slope 1 and slope 2. A row of `child` is the first of two children and 0; for a leaf, its first beam
+    in `order` and the number of its beams. A beam that passes through (a, b, z) has a place and a slope such that place
+    + (z − z0)·slope is near a and b.
     """
     order = np.argsort(group, kind="stable").astype(np.int64, copy=False)
     bounds, child = np.empty((2 * len(p) + 6, 11)), np.zeros((2 * len(p) + 6, 2), np.int64)

@@ -3,28 +3,31 @@
 
 #include "optics.h"
 
-static const f64 CUTOFF = 1e-4;  /* beams of light fainter than this are not followed */
-static const f64 SHRINK = 1e-3;  /* corners are sampled so far inside: which triangle the ray meets is beyond doubt */
-static const f64 COARSE = 1.0 / 8;  /* of a curved patch's radius: the longest edge of an element */
-static const f64 WIDE = 1.0 / 4;    /* and as a share of its distance from the light, on any patch */
-static const f64 BENT = 0.1;        /* of its width: by how much a beam may miss its own middle ray */
+static const f64 CUTOFF = 1e-4;  /* beams with less light than this are not followed */
+/* corners are sampled this far inside, so that it is certain which triangle the ray meets */
+static const f64 SHRINK = 1e-3;
+static const f64 COARSE = 1.0 / 8;  /* relative to a curved patch's radius: the longest edge of an element */
+static const f64 WIDE = 1.0 / 4;  /* relative to the element's distance from the light: the longest edge on any patch */
+/* relative to a beam's width: the largest distance between its own middle ray and the mean of the others */
+static const f64 BENT = 0.1;
 enum { COARSER = 3, FLAT_LEVELS = 2, PARTS = 4 * 40 };
 
-/* A part of a triangle: u, v of its corners, how often it was split, and the first bend that is not done. */
+/* A part of a triangle: u, v of its corners, how often it was split, and the first bend that is still to be done. */
 typedef struct {
     f64 uv[3][2];
     i64 level, first;
 } Element;
 
-/* The light through one element: its four samples, the last in the middle, and the beam that they make. */
+/* The light through one element: its four samples, of which the last is in the middle, and the beam that they make. */
 typedef struct {
-    i64 n[4], code[4][DEPTH], stop[4];  /* bends, signatures, code of what reflects all of it at last, −1: nothing does */
+    /* bends, signatures, code of the surface that reflects all light at the end (−1: none) */
+    i64 n[4], code[4][DEPTH], stop[4];
     f64 eta[4][DEPTH], end[4][DEPTH + 1], beyond[4], uv[4][2];
     Ray rays[4][DEPTH];
-    f64 p[4][2], d[4][2], z[3];         /* as in Beams */
+    f64 p[4][2], d[4][2], z[3];  /* as in Beams */
 } Samples;
 
-/* All that a search for beams needs. finest: elements are split at least FLAT_LEVELS times. */
+/* The data of a search for beams. finest: elements are split at least FLAT_LEVELS times. */
 typedef struct {
     const Glass *g;
     Path *path;
@@ -42,14 +45,14 @@ typedef struct {
 static f64 most(f64 a, f64 b) { return b > a ? b : a; }
 static f64 least(f64 a, f64 b) { return b < a ? b : a; }
 
-/* Whether samples a and b agree on their first k bends. */
+/* Returns whether samples a and b have the same first k bends. */
 static int same(const Samples *t, int a, int b, i64 k) {
     for (i64 j = 0; j < k; j++)
         if (t->code[a][j] != t->code[b][j] || t->eta[a][j] != t->eta[b][j]) return 0;
     return 1;
 }
 
-/* 2·axis that D is most along, + 1 where it runs against it. */
+/* Returns 2·axis for the axis along which D mostly runs, + 1 if it runs against it. */
 static int axis_of(const f64 *D) {
     int a = 0;
     for (int j = 1; j < 3; j++)
@@ -57,7 +60,7 @@ static int axis_of(const f64 *D) {
     return 2 * a + (D[a] < 0.0);
 }
 
-/* A ray as place p and slope d in the plane z = z0; 0: it runs along the plane or back. */
+/* Writes a ray as its place p and slope d in the plane z = z0. Returns 0 if it runs along the plane or backwards. */
 static int flatten(const f64 *P, const f64 *D, int group, f64 z0, f64 *p, f64 *d) {
     int a = group >> 1, b = (a + 1) % 3, c = (a + 2) % 3;
     f64 sign = group & 1 ? -1.0 : 1.0, slope = sign * D[a];
@@ -68,7 +71,7 @@ static int flatten(const f64 *P, const f64 *D, int group, f64 z0, f64 *p, f64 *d
     return 1;
 }
 
-/* Longest side of three rays' triangle at height z above their plane. */
+/* Returns the longest side of the triangle of three rays at height z above their plane. */
 static f64 width_of(const Samples *t, f64 z) {
     f64 longest = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -80,7 +83,7 @@ static f64 width_of(const Samples *t, f64 z) {
     return sqrt(longest);
 }
 
-/* Whether some body on the way is so small that the beam's few rays may all miss it. */
+/* Returns whether some body on the way is so small that all of the beam's few rays may miss it. */
 static int split_for_bodies(const Glass *g, const f64 *P, const f64 *D, f64 end, f64 width, i64 own) {
     for (i64 b = 0; b < g->bodies; b++) {
         const f64 *ball = g->ball + 4 * b;
@@ -94,7 +97,7 @@ static int split_for_bodies(const Glass *g, const f64 *P, const f64 *D, f64 end,
     return 0;
 }
 
-/* Longest edge of an element, and *distance: its middle's from the light (a sun's: infinite). */
+/* Returns the longest edge of an element; *distance: the distance of its middle from the light (infinite for a sun). */
 static f64 extent_of(const f64 *p, const Element *e, const Path *s, f64 *distance) {
     f64 edge = 0.0, square_of = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -112,7 +115,7 @@ static f64 extent_of(const f64 *p, const Element *e, const Path *s, f64 *distanc
     return sqrt(edge);
 }
 
-/* Whether the light falls on the slot from the side that it is on: outside the body, or inside. */
+/* Returns whether the light reaches the slot from its own side: from outside of the body, or from inside. */
 static int seen_first(const Glass *g, const Path *s, i64 slot) {
     const f64 *p = place_of(g, slot);
     i64 body = link_of(g, slot, BODY);
@@ -124,7 +127,7 @@ static int seen_first(const Glass *g, const Path *s, i64 slot) {
     return (slope > 0.0) == inside && slope != 0.0;
 }
 
-/* Stores the chain of the path as sample i. */
+/* Stores the bends of the path as sample i. */
 static void keep(const Path *s, Samples *t, int i) {
     i64 n = t->n[i];
     for (i64 k = 0; k <= n; k++) t->end[i][k] = s->bend[k].length;
@@ -135,8 +138,8 @@ static void keep(const Path *s, Samples *t, int i) {
     t->stop[i] = s->bend[n].code, t->beyond[i] = s->bend[n].beyond;
 }
 
-/* Follows the light through the element's middle, and unless `alone` through three points near its corners. Returns the
-   most bends of any; *cut: whether one that took `deepest` would bend again. */
+/* Follows the light through the element's middle and, unless `alone`, through three points near its corners. Returns
+   the largest number of bends; *cut: whether a ray that was bent `deepest` times would bend again. */
 static i64 sample(Search *search, i64 slot, const Element *e, int alone, int *cut) {
     const Glass *g = search->g;
     const f64 *p = place_of(g, slot);
@@ -146,14 +149,17 @@ static i64 sample(Search *search, i64 slot, const Element *e, int alone, int *cu
     f64 mu = (e->uv[0][0] + e->uv[1][0] + e->uv[2][0]) / 3.0, mv = (e->uv[0][1] + e->uv[1][1] + e->uv[2][1]) / 3.0;
     *cut = 0;
     for (int i = 0; i < 4; i++) {
+        /* The sample's place on the element */
         f64 y[3];
         t->uv[i][0] = i == 3 ? mu : (1.0 - SHRINK) * e->uv[i][0] + SHRINK * mu;
         t->uv[i][1] = i == 3 ? mv : (1.0 - SHRINK) * e->uv[i][1] + SHRINK * mv;
         t->n[i] = 0;
         if (alone && i < 3) continue;
+        /* The light's path through it */
         for (int j = 0; j < 3; j++) y[j] = p[A + j] + t->uv[i][0] * p[E1 + j] + t->uv[i][1] * p[E2 + j];
         t->n[i] = chain(g, s, y, search->deepest, CUTOFF);
-        if (t->n[i] && s->bend[0].slot != slot) t->n[i] = 0, s->bend[0].code = -1;  /* something stands before it */
+        /* something stands in front of it */
+        if (t->n[i] && s->bend[0].slot != slot) t->n[i] = 0, s->bend[0].code = -1;
         keep(s, t, i);
         bends = t->n[i] > bends ? t->n[i] : bends;
         if (t->n[i] == search->deepest) *cut = *cut || next_bend(g, s, INFINITY) == BENDS;
@@ -161,7 +167,8 @@ static i64 sample(Search *search, i64 slot, const Element *e, int alone, int *cu
     return bends;
 }
 
-/* Whether light may pass between samples of which none does: what reflects it differs, or would hardly do so. */
+/* Returns whether light may pass between samples although none of them passes: the surfaces that reflect them are
+   different, or the reflection is hardly total. */
 static int passes_between(const Samples *t, i64 bends) {
     f64 low = INFINITY, high = -INFINITY;
     int stopped = 0;
@@ -174,8 +181,8 @@ static int passes_between(const Samples *t, i64 bends) {
     return stopped && low < high - low;
 }
 
-/* Whether the samples' rays behind bend k make one beam, as t's p, d, z; *split: whether the element must be split. Also
-   the beam's group. body: that the light is not yet out of, −1: some other. */
+/* Returns whether the samples' rays behind bend k make one beam, and writes it to t's p, d, z. *split: whether the
+   element must be split; *group: the beam's group. body: the body that the light has not left yet, −1: another. */
 static int bundle(const Search *search, i64 k, int differ, i64 body, int *split, int *group) {
     Samples *t = search->t;
     const f64 *P = t->rays[3][k - 1][0], *D = t->rays[3][k - 1][1];
@@ -184,12 +191,14 @@ static int bundle(const Search *search, i64 k, int differ, i64 body, int *split,
     *split = 0;
     int a = *group >> 1;
     f64 sign = *group & 1 ? -1.0 : 1.0, z0 = sign * P[a];
+    /* The rays as places and slopes */
     for (int i = 0; i < 4; i++)
         if (!flatten(t->rays[i][k - 1][0], t->rays[i][k - 1][1], *group, z0, t->p[i], t->d[i])) {
             *split = differ;
             return 0;
         }
     f64(*p)[2] = t->p, (*d)[2] = t->d;
+    /* At its beginning and its end: does the middle ray agree with the others, and may a body be missed? */
     f64 length = least(most(least(sign * P[a] + t->end[3][k] * sign * D[a], reach + 4.0 * h) - z0, 0.0), 4.0 * reach);
     for (int far = 0; far < 2; far++) {
         f64 at = far * length, width = width_of(t, at);
@@ -200,6 +209,7 @@ static int bundle(const Search *search, i64 k, int differ, i64 body, int *split,
         if (search->g->bodies > 1 && !*split && differ)
             *split = split_for_bodies(search->g, P, D, t->end[3][k], width, body);
     }
+    /* The range of z that the beam covers */
     f64 low = INFINITY, high = -INFINITY, extent = width_of(t, 0.0);
     for (int i = 0; i < 4; i++) {
         f64 at = sign * t->rays[i][k - 1][0][a];
@@ -210,7 +220,8 @@ static int bundle(const Search *search, i64 k, int differ, i64 body, int *split,
     return 1;
 }
 
-/* A beam over the element from sample i alone, corners' rays by its derivatives; returns its group, −1: none. */
+/* Makes a beam over the element from sample i alone: the rays of the corners follow from its derivatives. Returns
+   the beam's group, −1: none. */
 static int beam_of_ray(const Search *search, i64 slot, int i, i64 k) {
     Samples *t = search->t;
     const f64 *own = place_of(search->g, slot), *P = t->rays[i][k - 1][0], *D = t->rays[i][k - 1][1];
@@ -223,10 +234,13 @@ static int beam_of_ray(const Search *search, i64 slot, int i, i64 k) {
     }
     f64 det = m00 * m11 - m01 * m10;
     if (det == 0.0) return -1;
+
+    /* The plane of its places */
     int group = axis_of(D), axis = group >> 1;
     f64 sign = group & 1 ? -1.0 : 1.0;
     t->z[0] = sign * P[axis];
     f64 last = t->z[0] + t->end[i][k] * sign * D[axis];
+    /* The rays through the corners */
     for (int c = 0; c < 3; c++) {
         f64 du = t->uv[c][0] - t->uv[i][0], dv = t->uv[c][1] - t->uv[i][1], from[3], way[3];
         f64 a = (m11 * du - m01 * dv) / det, b = (m00 * dv - m10 * du) / det;
@@ -259,23 +273,24 @@ static void emit(Search *search, i64 slot, int group, i64 k, int i) {
     }
 }
 
-/* Beams of an element from its first bend on. Returns the bend at which it must be split, 0: done, −1: the room is not
-   enough. room: whether its parts would fit on the stack. */
+/* Finds the beams of an element from its first bend on. Returns the bend at which the element must be split, 0 if it
+   is done, or −1 if the arrays are full. room: whether its parts would fit on the stack. */
 static i64 element_beams(Search *search, i64 slot, const Element *e, int room) {
     const Glass *g = search->g;
     Samples *t = search->t;
     i64 body = link_of(g, slot, BODY), patch = link_of(g, slot, PATCH);
     f64 distance, edge = extent_of(place_of(g, slot), e, search->path, &distance), size = least(g->ball[4 * body + 3], distance);
-    /* A small triangle of a smooth mesh needs but one ray: its derivatives say the rest. */
+    /* A small triangle of a smooth mesh needs only one ray: its derivatives give the others. */
     int alone = e->level == 0 && edge < 0.5 * search->fine * size && !link_of(g, slot, FLAT_SHADED), cut;
     i64 bends = sample(search, slot, e, alone, &cut);
     int splittable = room && !alone;
     int coarse = splittable && (edge > WIDE * distance || (edge > COARSE * g->patch_size[patch] && g->planar[patch] < 0));
     search->cut |= cut;
-    /* Where no light passes at the samples (total reflection) it may still pass between them. */
+    /* If no light passes at the samples (total reflection), it may still pass between them. */
     i64 last = coarse && e->first > bends ? e->first : bends;
     if (splittable && bends + 1 >= e->first && passes_between(t, bends)) last = bends + 1;
     for (i64 k = e->first; k <= last; k++) {
+        /* Must the element be split at this bend? */
         i64 finer = (k - 1) >> 1 < COARSER ? (k - 1) >> 1 : COARSER;
         f64 smallest = search->fine * size * (f64)((i64)1 << finer);
         int differ = splittable && (edge > smallest || (e->level < FLAT_LEVELS && search->finest)), agree = 1, group = 0;
@@ -286,12 +301,13 @@ static i64 element_beams(Search *search, i64 slot, const Element *e, int room) {
             split |= wider;
         }
         if (split) return k;
+        /* One beam, if the samples agree */
         if (search->used + 4 > search->room) return -1;
         if (agree) {
             emit(search, slot, group, k, 3);
             continue;
         }
-        /* Too small to split: each sample stands for its own signature, with its derivatives for a beam. */
+        /* It is too small to split: each sample with a signature of its own makes a beam from its derivatives. */
         for (int i = 0; i < 4; i++) {
             int own = t->n[i] >= k;
             for (int other = 0; other < i; other++) own = own && !(t->n[other] >= k && same(t, i, other, k));
@@ -303,7 +319,7 @@ static i64 element_beams(Search *search, i64 slot, const Element *e, int room) {
     return 0;
 }
 
-/* The four parts of an element: three at the corners, one between the middles of the edges. */
+/* Divides an element into four parts: three at the corners, one between the middles of the edges. */
 static void quarters(const Element *e, i64 k, Element *out) {
     for (int i = 0; i < 4; i++) {
         for (int c = 0; c < 3; c++) {
@@ -314,10 +330,11 @@ static void quarters(const Element *e, i64 k, Element *out) {
     }
 }
 
-/* Beams of triangles from state[0] on, until all are done, the room is, or the rays are. state: the next triangle, the
-   count of beams, and whether light went on behind `deepest` bends. fine: elements with shorter edges, as a share of a
-   body's radius or of the light's distance, are not split because they differ; finest: but FLAT_LEVELS times in any case.
-   Returns 1 where memory is lacking. */
+/* Finds the beams of the triangles from state[0] on, until all are done, the arrays are full, or the limit of rays
+   is reached. state: the next triangle, the number of beams, and whether light went on behind `deepest` bends. fine:
+   elements whose samples differ are not split if their edges are shorter than this, relative to the body's radius or
+   to the light's distance. finest: split them FLAT_LEVELS times in any case. Returns 1 if there is not enough
+   memory. */
 KERNEL(beams_trace,
        GLASS LIGHT "h f64  fine f64  finest i64  deepest i64  limit i64  state i64[3]!  slot i32[n]!  uv f64[n,3,2]!  "
                    "p f64[n,3,2]!  d f64[n,3,2]!  z f64[n,3]!  group i8[n]!  k i8[n]!  code i32[n,q]!  eta f64[n,q]!")

@@ -1,10 +1,10 @@
-"""Where refracted light goes: beams that leave one light through glass, as first guesses for Newton's method.
+"""Where refracted light goes: the beams of a light behind glass. They give the first guesses for Newton's method.
 
-A beam is what the light sends through a small triangle on the first interface, between two of its bends: three rays
-and the signature that they share. A ray is written as where it meets the plane z = z0 and its slope there, z being
-the axis that it is most along; so the point of a beam that is at x follows from two linear equations. Beams stand in
-trees of bounds on place and slope: they have no far end to put in a grid, and points may be anywhere.
-Coordinates are the tracer's frame.
+A beam is the light that passes through a small triangle on the first interface, between two of its bends: three rays
+with the same signature. A ray is stored as its point in the plane z = z0 and its slope there, where z is the axis along
+which it mostly runs. So the ray of a beam that passes through x follows from two linear equations. Beams are kept in
+trees of bounds on place and slope, not in a grid, because they have no far end and points may be anywhere. Coordinates
+are those of the tracer's frame.
 """
 
 from __future__ import annotations
@@ -21,38 +21,39 @@ from .optics import DEPTH, RAYS, Source
 
 _trace = kernel("beams_trace")
 
-FINE = 1 / 64  # of a body's radius, or the light's distance: shorter elements are not split because they differ
-USUAL = 8  # bends that light is followed through at first, and twice as often where some of it goes on
-DEEPER = 8  # if that takes no more than so many times the rays
-BUDGET = 3_000_000, 40  # rays, and rays a triangle, that the beams of a light may take
-PAD = 0.3  # barycentric: how far outside a beam a point may be and still start a search
+# relative to the body's radius or the light's distance: shorter elements are not split although their samples differ
+FINE = 1 / 64
+USUAL = 8  # at first light is followed through this many bends, and through twice as many if some of it goes on
+DEEPER = 8  # the second time only if it takes at most this many times the rays
+BUDGET = 3_000_000, 40  # the largest number of rays, in total and per triangle, for the beams of a light
+PAD = 0.3  # barycentric: a search may start for a point that is this far outside a beam
 
 
 class Beams(NamedTuple):
     """All beams of a light, in the order of their trees."""
 
-    slot: NDArray[np.int32]  # (B,) triangle of the first interface
-    uv: NDArray[np.float64]  # (B,3,2) corners on it
-    p: NDArray[np.float64]  # (B,3,2) where the corners' rays meet z = z0
+    slot: NDArray[np.int32]  # (B,) triangle on the first interface
+    uv: NDArray[np.float64]  # (B,3,2) the corners on it
+    p: NDArray[np.float64]  # (B,3,2) where the rays of the corners meet z = z0
     d: NDArray[np.float64]  # (B,3,2) their slopes
-    z: NDArray[np.float64]  # (B,3) z0, and the least and greatest z
-    group: NDArray[np.int8]  # (B,) 2·axis, + 1 where z runs against it
-    k: NDArray[np.int8]  # (B,) bends before the beam
+    z: NDArray[np.float64]  # (B,3) z0, and the smallest and the largest z
+    group: NDArray[np.int8]  # (B,) 2·axis, + 1 if the ray runs against it
+    k: NDArray[np.int8]  # (B,) number of bends before the beam
     code: NDArray[np.int32]  # (B,most) signature, see `optics`
     eta: NDArray[np.float64]  # (B,most)
     root: NDArray[np.int64]  # (6,) see `beam_tree`
     bounds: NDArray[np.float64]  # (nodes,11)
     child: NDArray[np.int64]  # (nodes,2)
-    most: int  # bends that light was followed through: as many as it takes, or less where many bodies scatter it
-    cut: bool  # whether some of it went on behind them
+    most: int  # the number of bends through which light was followed; less than necessary where many bodies scatter it
+    cut: bool  # whether some light went on behind them
 
 
 def trace_beams(g: Glass, s: Source, h: float) -> Beams:
-    """The beams of a light; h (frame): a miss below h/4 does not matter."""
+    """Return the beams of a light. `h` (in the frame): errors below h/4 do not matter."""
     limit, deepest, fine = BUDGET[0] + BUDGET[1] * len(g.triangle), USUAL, FINE
     found = _followed(g, s, h, fine, deepest, limit)
     while found is None:
-        # Light scattered by many bodies: there is no end to what could be told apart.
+        # Many bodies scatter the light: the number of different beams has no limit.
         fine, deepest = 2.0 * fine, deepest - 2
         found = _followed(g, s, h, fine, deepest, limit if deepest > 2 else 1 << 60)
     while found[1] and fine == FINE and deepest < DEPTH:
@@ -68,7 +69,9 @@ def trace_beams(g: Glass, s: Source, h: float) -> Beams:
 
 def _followed(g: Glass, s: Source, h: float, fine: float, deepest: int,
               limit: int) -> tuple[tuple[NDArray, ...], bool] | None:
-    """The beams through up to `deepest` bends, and whether light goes on behind them; None: more than `limit` rays."""
+    """Return the beams through up to `deepest` bends, and whether light goes on behind them; None if that takes more
+    than `limit` rays.
+    """
     size, state = 4096, np.zeros(3, np.int64)
     arrays = _room(size, deepest)
     s.work[RAYS] = 0

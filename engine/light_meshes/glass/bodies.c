@@ -1,8 +1,8 @@
-/* Which bodies of glass are around a point (bodies.py). */
+/* Finds the bodies of glass around points (bodies.py). */
 #include "../rays/triangles.h"
 
-/* How often closed surfaces go round points: the sum of solid angles (van Oosterom and Strackee 1983) / 4π. sign: −1 where
-   a triangle's winding is turned round. */
+/* Computes how often closed surfaces wind around points: the sum of solid angles (van Oosterom and Strackee 1983) /
+   4π. sign: −1 if a triangle's winding is reversed. */
 KERNEL(bodies_winding, "corners f64[t,3,3]  sign f64[t]  points f64[n,3]  turns f64[n]!")
 i64 bodies_winding(i64 t, i64 n, const f64 *corners, const f64 *sign, const f64 *points, f64 *turns) {
     for (i64 p = 0; p < n; p++) {

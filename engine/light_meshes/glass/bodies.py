@@ -1,6 +1,6 @@
-"""Bodies of glass: which triangles bound one, which of overlapping ones is there, and which are around a point.
+"""Bodies of glass: which triangles bound them, which one counts where they overlap, and which ones contain a point.
 
-View rays and shadow paths go by the same bodies and the same rank. Coordinates are the tracer's frame.
+View rays and shadow paths use the same bodies and the same ranks. Coordinates are those of the tracer's frame.
 """
 
 from __future__ import annotations
@@ -15,23 +15,27 @@ from ..support.native import kernel
 
 _winding = kernel("bodies_winding")
 
-FLAT = 1e-4  # radians: a triangle whose corner normals all lie so near its own is flat-shaded
-ROUND = np.radians(15)  # normals that differ more from a facet's own are no round surface's
+FLAT = 1e-4  # radians: a triangle is flat-shaded if all its corner normals differ by less from its own
+ROUND = np.radians(15)  # if normals differ by more from a facet's own, the surface is not round
 
 
 class Bodies(NamedTuple):
-    """Closed surfaces of one instance and one medium; the inside is counted by crossings, so that bubbles are holes."""
+    """Each body is all closed surfaces of one instance with one medium. Its inside is found by counting crossings, so
+    bubbles are holes.
+    """
 
-    of: NDArray[np.int32]  # (T,) the body that a triangle bounds, −1: none
+    of: NDArray[np.int32]  # (T,) the body that a triangle bounds, −1 if none
     ior: NDArray[np.float64]  # (B,)
     priority: NDArray[np.int32]  # (B,)
-    rank: NDArray[np.int64]  # (B,) of those around a point the highest is the medium
+    rank: NDArray[np.int64]  # (B,) of the bodies around a point, the one with the highest rank is the medium
     inside_out: NDArray[np.bool_]  # (B,) its triangles face inwards
     low: NDArray[np.float64]  # (B,3)
     high: NDArray[np.float64]  # (B,3)
 
     def overlaps(self) -> NDArray[np.bool_]:
-        """Which bodies (B,) of index 1 are a medium: in their box stands glass of lower priority."""
+        """Return which bodies (B,) are a medium. A body of index 1 is one only if glass of lower priority overlaps its
+        box.
+        """
         out = self.ior != 1
         glass = np.flatnonzero(out)
         for b in np.flatnonzero(~out):
@@ -42,10 +46,11 @@ class Bodies(NamedTuple):
 
 def bodies(surfaces: Surfaces, solid: NDArray[np.bool_], ior: NDArray[np.float64],
            priority: NDArray[np.int32]) -> Bodies:
-    """The bodies that `solid` triangles bound, whose ior and priority (T,) are those of their materials.
+    """Return the bodies that the `solid` triangles bound; ior and priority (T,) are those of the triangles' materials.
 
-    Where bodies overlap the one of highest priority is there, of equals the smaller one. A mesh that faces inwards
-    inside a body of the same medium is a hole in that body; anywhere else it is taken for turned round.
+    Where bodies overlap, the one with the highest priority counts, or the smaller one if priorities are equal. A mesh
+    that faces inwards and lies inside a body of the same medium is a hole in that body; elsewhere it counts as a body
+    with reversed faces.
     """
     index = np.flatnonzero(solid)
     owner = surfaces.instance[index]
@@ -73,7 +78,9 @@ def bodies(surfaces: Surfaces, solid: NDArray[np.bool_], ior: NDArray[np.float64
 
 def _extent(surfaces: Surfaces, index: NDArray[np.intp], corners: NDArray[np.float64], number: NDArray[np.intp],
             size: int) -> tuple[NDArray, NDArray, NDArray]:
-    """Boxes (size,3) and signed volumes (size,) of bodies of triangles `index`, of which each is in body `number`."""
+    """Return the boxes (size,3) and the signed volumes (size,) of bodies; `number` says to which body each of the
+    triangles `index` belongs.
+    """
     low, high = np.full((size, 3), np.inf), np.full((size, 3), -np.inf)
     np.minimum.at(low, number, corners.min(1))
     np.maximum.at(high, number, corners.max(1))
@@ -83,7 +90,9 @@ def _extent(surfaces: Surfaces, index: NDArray[np.intp], corners: NDArray[np.flo
 
 
 def around(surfaces: Surfaces, b: Bodies, points: NDArray[np.float64], most: int) -> NDArray[np.int32]:
-    """The bodies (n,most) that points (n,3), world, are in, −1: none; of more than `most` those of highest rank."""
+    """Return the bodies (n,most) that contain the points (n,3), in the world; −1 if none. If there are more than
+    `most`, those of highest rank.
+    """
     out = np.full((len(points), most), -1, np.int32)
     local = (points - surfaces.centre) / surfaces.scale
     if not len(b.rank) or not len(local):
@@ -95,7 +104,7 @@ def around(surfaces: Surfaces, b: Bodies, points: NDArray[np.float64], most: int
         corners = surfaces.vertices[surfaces.triangles[index]].astype(np.float64)
         meets = ((corners.min(1) <= high) & (corners.max(1) >= low)).all(1).any()
         sign = np.where(surfaces.mirrored[surfaces.instance[index]], -1.0, 1.0)
-        turns = np.empty(len(local) if meets else 1)  # no surface between the points: all are inside, or none is
+        turns = np.empty(len(local) if meets else 1)  # if no surface lies between the points, all are inside or none is
         _winding(corners, sign, np.ascontiguousarray(local[:len(turns)]), turns)
         times = np.broadcast_to(np.rint(turns).astype(np.int64), len(local))
         for k in range(int(times.max())):
@@ -105,10 +114,11 @@ def around(surfaces: Surfaces, b: Bodies, points: NDArray[np.float64], most: int
 
 
 def facets(surfaces: Surfaces, index: NDArray[np.intp]) -> NDArray[np.float64]:
-    """What a facet of a round surface may add to the square of a ray's sine, (n,) factors; 1: flat-shaded.
+    """Return factors (n,) for the square of a ray's sine, by which a facet of a round surface may be wrong; 1 if it is
+    flat-shaded.
 
-    It lies too deep by up to the cosine of the angle between the normals at its corners and its own. Normals that
-    Blender averages from facets err about as much again.
+    The error is up to the cosine of the angle between a facet's normal and the normals at its corners. Normals that
+    Blender averages from facets have about the same error again.
     """
     corners = surfaces.vertices[surfaces.triangles[index]].astype(np.float64)
     owner = surfaces.instance[index]

@@ -1,7 +1,8 @@
 /* What happens at a surface that lets light through (interfaces.py). */
 #include "../rays/triangles.h"
 
-/* Unpolarised reflectance at an interface with relative index eta = n2/n1; 1 at total reflection. */
+/* Returns the reflectance for unpolarised light at an interface with relative index eta = n2/n1; 1 at total
+   reflection. */
 static f64 fresnel(f64 eta, f64 cosine) {
     f64 square_of = 1.0 - (1.0 - cosine * cosine) / (eta * eta);
     if (square_of <= 0.0) return 1.0;
@@ -10,7 +11,7 @@ static f64 fresnel(f64 eta, f64 cosine) {
     return (s * s + p * p) / 2.0;
 }
 
-/* The body of highest rank, −1: none. */
+/* Returns the body with the highest rank, −1 if there is none. */
 static i32 top(i64 count, const i32 *media, const i64 *rank) {
     i32 best = -1;
     for (i64 j = 0; j < count; j++)
@@ -34,20 +35,23 @@ static void leave(i64 count, i32 *media, i32 m) {
     }
 }
 
-/* The unit direction d behind a surface with the normals N and G, by Snell's law; `out` has d. */
+/* Computes the unit direction behind a surface with the normals N and G from the direction d, by Snell's law. */
 static void refract(const f64 *d, const f64 *N, const f64 *G, f64 eta, f64 cosine, f64 square_of, f64 *out) {
     f64 f = eta * cosine - sqrt(square_of);
     for (int c = 0; c < 3; c++) out[c] = eta * d[c] + f * N[c];
     f64 into = dot(out, G);
-    if (into >= 0.0)  /* bent shading normals must not send it back out */
+    if (into >= 0.0)  /* interpolated shading normals must not send it back out */
         for (int c = 0; c < 3; c++) out[c] -= (into + 1e-6) * G[c];
     f64 length = sqrt(dot(out, out));
     for (int c = 0; c < 3; c++) out[c] /= length;
 }
 
-/* A ray that entered a round body can always leave it. Its facets err: a grazing ray may meet one whose normal looks away,
-   and reflect totally at another. Both are taken for grazing (grazing: bodies.py, facets), or single pixels would show what
-   is elsewhere. media: what each ray is in, changed to what it is in behind the surface. The other outputs are those of Face. */
+/* Computes what happens to rays at surfaces that let light through. media: the bodies in which each ray is; changed to
+   those behind the surface. The other outputs are those of Face.
+
+   A ray that entered a round body can always leave it. But facets have errors: a grazing ray may meet a facet whose
+   normal points away, and be totally reflected at another. Both are treated as grazing (`grazing`: see facets in
+   bodies.py); otherwise single pixels would show another part of the scene. */
 KERNEL(interfaces_cross,
        "Ng f64[n,3]  Ns f64[n,3]  material i32[n]  triangle i32[n]  front bool[n]  way f64[n,3]  bodies i32[t]  "
        "index f64[b]  rank i64[b]  grazing f64[t]  ior f64[M]  by_fresnel bool[M]  kt f64[M,3]  mirror f64[M,3]  real bool[n]!  bends bool[n]!  "
@@ -63,6 +67,7 @@ i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const
         f64 n1 = 1.0, n2 = 1.0, reflected = 0.0, *pass = passed + 3 * k, *back = mirrored + 3 * k, *on = refracted + 3 * k;
         real[k] = 1, bends[k] = 0;
         i32 body = bodies[triangle[k]];
+        /* The media in front of and behind the surface */
         if (body >= 0) {
             i32 before = top(depth, own, rank);
             if (front[k]) {
@@ -75,6 +80,7 @@ i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const
             n1 = before >= 0 ? index[before] : 1.0, n2 = after >= 0 ? index[after] : 1.0;
             real[k] = before != after, bends[k] = n1 != n2;
         }
+        /* The angles before and behind it; grazing rays may pass a round surface */
         f64 cosine = -dot(d, N), along[3] = {d[0], d[1], d[2]};
         if (cosine <= 0.0) {
             f64 length = sqrt(1.0 - cosine * cosine);
@@ -83,6 +89,7 @@ i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const
         }
         f64 eta = n1 / n2, square_of = 1.0 - eta * eta * (1.0 - cosine * cosine);
         if (square_of <= 0.0 && 1.0 - square_of <= grazing[triangle[k]] && !by_fresnel[m]) square_of = 1e-12;
+        /* How much is reflected and how much passes */
         if (by_fresnel[m]) {
             if (bends[k]) reflected = fresnel(n2 / n1, cosine);
             else if (body < 0 && ior[m] != 1.0 && (through[0] > 0.0 || through[1] > 0.0 || through[2] > 0.0)) reflected = fresnel(ior[m], cosine);
@@ -92,12 +99,13 @@ i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const
             back[c] = !real[k] ? 0.0 : by_fresnel[m] ? reflected : mirror[3 * (i64)m + c];
             pass[c] = !real[k] ? 0.0 : by_fresnel[m] ? through[c] * (1.0 - reflected) : through[c];
         }
+        /* The direction behind it, or total reflection */
         if (!real[k] || !bends[k]) continue;
         if (square_of > 0.0) {
             refract(along, N, G, eta, cosine, square_of, on);
             continue;
         }
-        for (int c = 0; c < 3; c++) {  /* total internal reflection: what would pass comes back */
+        for (int c = 0; c < 3; c++) {  /* total internal reflection: the light that would pass is reflected */
             back[c] = back[c] > through[c] ? back[c] : through[c];
             pass[c] = 0.0;
         }

@@ -1,4 +1,4 @@
-"""What happens at a surface that lets light through: alpha, media by priority, Snell, Fresnel, kt."""
+"""What happens at a surface that lets light through: alpha, media by priority, Snell's law, Fresnel's equations, kt."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from .bodies import around, bodies, facets
 from .media import Media, closed
 
 _cross = kernel("interfaces_cross")
-MEDIA = 32  # bodies that a ray can be in at once, at most; what it enters beyond that is forgotten
+MEDIA = 32  # the largest number of bodies that a ray can be in at once; further bodies are ignored
 
 
 class Face(NamedTuple):
     """The interface at each hit of a batch."""
 
-    real: NDArray[np.bool_]  # (n,) False: inside a medium of higher priority, nothing is there
-    bends: NDArray[np.bool_]  # (n,) the ray behind it goes another way
-    kt: NDArray[np.float64]  # (n,3) share that passes
-    mirror: NDArray[np.float64]  # (n,3) share that is reflected
+    real: NDArray[np.bool_]  # (n,) False: it is inside a medium of higher priority and has no effect
+    bends: NDArray[np.bool_]  # (n,) the ray changes its direction
+    kt: NDArray[np.float64]  # (n,3) the share of light that passes
+    mirror: NDArray[np.float64]  # (n,3) the share of light that is reflected
     refracted: NDArray[np.float64]  # (n,3) unit direction behind the surface
-    media: NDArray[np.int32]  # (n,m) bodies that the ray is in behind it, −1: none
+    media: NDArray[np.int32]  # (n,m) bodies in which the ray is behind the surface, −1 if none
 
 
 class Interfaces:
-    """The transparent side of a scene's materials."""
+    """The properties of a scene's materials that concern transparency."""
 
     def __init__(self, scene: Scene, surfaces: Surfaces, textures: list[Texture | None]) -> None:
         m = scene.materials
@@ -47,8 +47,9 @@ class Interfaces:
         cut = (self._alpha < 1) | (self._image >= 0)
         passes = cut | (self._kt > 0).any(1)
         shadow = np.array([x.transparent_shadow for x in m], np.bool_)
-        self.lets_through = (passes & shadow)[material]  # (T,) shadow rays
-        # A body of index 1 is air inside glass of lower priority. Elsewhere it is none: Transparent BSDFs are such.
+        self.lets_through = (passes & shadow)[material]  # (T,) whether shadow rays pass
+        # A body of index 1 is air if there is glass of lower priority around it. Otherwise it is no medium; Transparent
+        # BSDFs are like this.
         least = self._priority[self._ior != 1].min(initial=np.iinfo(np.int32).max)
         medium = ((self._ior != 1) | (self._priority > least)) & (self._kt > 0).any(1)
         bends = medium[material] & (scene.settings.refraction != "NONE")
@@ -56,9 +57,10 @@ class Interfaces:
         b = bodies(surfaces, solid, self._ior[material], self._priority[material])
         self._bodies = b._replace(of=np.where(solid & np.append(b.overlaps(), False)[b.of], b.of, np.int32(-1)))
         self.bending = self._bodies.of >= 0  # (T,)
-        self._grazing = np.ones(len(solid))  # (T,) squared sine up to which a ray still leaves, see `_interface`
+        # (T,) the squared sine up to which a ray still leaves; see `interfaces_cross`
+        self._grazing = np.ones(len(solid))
         self._grazing[self.bending] = facets(surfaces, np.flatnonzero(self.bending))
-        self._room = min(2 * len(b.rank), MEDIA)  # a body that overlaps itself is entered twice
+        self._room = min(2 * len(b.rank), MEDIA)  # twice, because a body that overlaps itself is entered twice
         casts = np.array([o.visible_shadow for o in scene.objects], np.bool_)
         owner = scene.geometry.instance_object[surfaces.instance]
         self._in_shadow_paths = self.lets_through & (casts[owner] if len(owner) else False)
@@ -69,7 +71,7 @@ class Interfaces:
         self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())
 
     def media(self, casters: NDArray[np.bool_]) -> Media:
-        """What the solver of refracted paths needs of each triangle, if only `casters` (T,) are there."""
+        """Return what the solver for refracted paths needs of each triangle, if only `casters` (T,) exist."""
         s = self._surfaces
         material = s.materials[s.source]
         alpha = self._alpha[material][:, None]
@@ -87,12 +89,12 @@ class Interfaces:
         return alpha
 
     def alpha(self, hits: Hits) -> NDArray[np.float64]:
-        """Share (n,) of the surface that is there."""
+        """Return the share (n,) of the surface that is there."""
         return self._alpha_of(hits.material, hits.uv)
 
     def factor(self, triangle: NDArray[np.int32], u: NDArray[np.float32],
                v: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What one straight crossing lets through, (n,3): 1 − α + α·kt."""
+        """Return the factor (n,3) for light at one straight crossing: 1 − α + α·kt."""
         s = self._surfaces
         material = s.materials[s.source[triangle]]
         uv: NDArray = np.zeros((len(triangle), 2), np.float32)
@@ -103,12 +105,12 @@ class Interfaces:
         return (1 - alpha + alpha * self._kt[material]).astype(np.float32)
 
     def seen_through(self, material: NDArray[np.int32]) -> NDArray[np.float64]:
-        """How much (n,) of what is behind shows as through a Transparent BSDF, which is no glass."""
+        """Return how much (n,) of what is behind shows as through a Transparent BSDF; 0 for glass."""
         clear = (self._ior == 1) & ~self._fresnel
         return np.where(clear, np.minimum(self._kt.mean(1), 1), 0)[material]
 
     def interface(self, hits: Hits, rays: dict[str, NDArray]) -> Face:
-        """What becomes of rays that hit `hits`."""
+        """Compute what happens to rays that hit `hits`."""
         n = len(hits.P)
         face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
                     np.empty((n, 3)), rays["media"].copy())
@@ -118,5 +120,5 @@ class Interfaces:
         return face
 
     def around(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
-        """What rays that begin at points (n,3) are in, as `Face.media`."""
+        """Return the bodies around points (n,3) at which rays begin, as in `Face.media`."""
         return around(self._surfaces, self._bodies, points, self._room)

@@ -1,10 +1,10 @@
-/* Triangles joined by edges (media.py). */
+/* Finds triangles that are joined by edges (media.py). */
 #include <stdlib.h>
 
 #include "../rays/triangles.h"
 
-/* The triangle across each edge, −1 unless exactly two triangles share it in opposite directions. order: of the edges
-   (3·triangle + k: from corner k to k + 1), equal ones side by side. */
+/* Finds the triangle across each edge; −1 unless exactly two triangles share the edge, in opposite directions.
+   order: of the edges (3·triangle + k: from corner k to k + 1), so that equal ones are adjacent. */
 KERNEL(media_adjacent, "corner i64[n,3]  order i64[e]  neighbour i32[n,3]!")
 i64 media_adjacent(i64 n, i64 e, const i64 *corner, const i64 *order, i32 *neighbour) {
     for (i64 k = 0; k < 3 * n; k++) neighbour[k] = -1;
@@ -21,8 +21,8 @@ i64 media_adjacent(i64 n, i64 e, const i64 *corner, const i64 *order, i32 *neigh
     return 0;
 }
 
-/* Numbers the components of triangles whose shared edges are joined, in order of appearance. Returns 1 where memory is
-   lacking. */
+/* Numbers the sets of triangles that are connected by joined edges, in order of appearance. Returns 1 if there is
+   not enough memory. */
 KERNEL(media_components, "neighbour i32[n,3]  joined bool[n,3]  label i32[n]!")
 i64 media_components(i64 n, const i32 *neighbour, const u8 *joined, i32 *label) {
     i64 *parent = malloc((size_t)(n ? n : 1) * sizeof *parent);
@@ -46,7 +46,7 @@ i64 media_components(i64 n, const i32 *neighbour, const u8 *joined, i32 *label) 
     return 0;
 }
 
-/* Marks shared edges at both ends of which the two triangles have the same normals, to the cosine `limit`. */
+/* Marks shared edges at both ends of which the two triangles have the same normals, up to the cosine `limit`. */
 KERNEL(media_smooth_edges, "corner i64[n,3]  neighbour i32[n,3]  Ns f64[n,3,3]  limit f64  joined bool[n,3]!")
 i64 media_smooth_edges(i64 n, const i64 *corner, const i32 *neighbour, const f64 *Ns, f64 limit, u8 *joined) {
     for (i64 t = 0; t < n; t++)

@@ -3,11 +3,13 @@
 #include "../rays/boxes.h"
 #include "../rays/triangles.h"
 
-static const f64 TOUCHING = 1e-9;  /* surfaces nearer than this along a ray are in the same place */
-static const f64 INSIDE = 1e-10;   /* how far beyond [0, 1] barycentric coordinates still hit: no ray slips through */
+static const f64 TOUCHING = 1e-9;  /* surfaces that are nearer than this along a ray are at the same place */
+/* barycentric coordinates this far beyond [0, 1] still count as hits, so that no ray slips through */
+static const f64 INSIDE = 1e-10;
 
-/* Columns of `place`: the first vertex, edges from it, their duals (u = (P − A)·U), unit normal out of the body, three
-   corner normals, t. Of `link`: body (−1: a sheet), instance, patch, whether the normal is NG, slots across the edges. */
+/* Columns of `place`: the first vertex, edges from it, their duals (u = (P − A)·U), unit normal out of the body,
+   three corner normals, t. Columns of `link`: body (−1: a sheet), instance, patch, whether the normal is NG, slots
+   across the edges. */
 enum { A = 0, E1 = 3, E2 = 6, U = 9, V = 12, NG = 15, NS = 18, KT = 27, PLACE = 30 };
 enum { BODY, OWNER, PATCH, FLAT_SHADED, NEIGHBOUR, LINK = 7 };
 
@@ -35,7 +37,7 @@ typedef struct {
     f64 t, u, v;
 } Hit;
 
-/* Where a ray enters a box, infinity: it does not. */
+/* Returns where a ray enters a box; infinity if it does not. */
 static inline f64 enter_box(const f64 *box, const f64 *P, const f64 *inverse, f64 t0, f64 t1) {
     for (int j = 0; j < 3; j++) {
         f64 a = (box[j] - P[j]) * inverse[j], b = (box[j + 3] - P[j]) * inverse[j];
@@ -45,9 +47,10 @@ static inline f64 enter_box(const f64 *box, const f64 *P, const f64 *inverse, f6
     return t0 <= t1 ? t0 : INFINITY;
 }
 
-/* The first slot that the ray (origin ray[0], direction ray[1]) meets with t0 < t < t1, −1: none. Slots in `skip` do not
-   count. patch ≥ 0: only that patch counts, and only faces whose outer normal agrees with the direction in the sign
-   `facing`. Of faces in one place those that let the ray in come first, so that bodies that touch leave no gap. */
+/* Returns the first slot that the ray (origin ray[0], direction ray[1]) hits with t0 < t < t1, −1 if there is none.
+   Slots in `skip` are ignored. patch ≥ 0: only that patch counts, and only faces for which the product of outer
+   normal and direction has the sign of `facing`. Of faces at the same place those through which the ray enters come
+   first, so that bodies that touch leave no gap. */
 static inline i64 closest(const Glass *g, const f64 ray[][3], f64 t0, f64 t1, const i64 *skip, i64 skips, i64 patch, f64 facing,
                    Hit *out) {
     i64 found = -1, top = 1, stack[STACK];
@@ -58,6 +61,8 @@ static inline i64 closest(const Glass *g, const f64 ray[][3], f64 t0, f64 t1, co
     stack[0] = 0;
     while (top) {
         i64 n = stack[--top], a = g->child[2 * n], count = g->child[2 * n + 1];
+
+        /* A leaf: test its slots */
         for (i64 s = a; s < a + count; s++) {
             const f64 *p = place_of(g, s);
             f64 slope = d[0] * p[NG] + d[1] * p[NG + 1] + d[2] * p[NG + 2], x[3];
@@ -74,6 +79,7 @@ static inline i64 closest(const Glass *g, const f64 ray[][3], f64 t0, f64 t1, co
             if (!known) found = s, best = order, *out = (Hit){t, u, v};
         }
         if (count) continue;
+        /* Two children: the nearer one first */
         f64 limit = best + TOUCHING < t1 ? best + TOUCHING : t1;
         f64 near_a = enter_box(g->box + 6 * a, P, inverse, t0, limit);
         f64 near_b = enter_box(g->box + 6 * (a + 1), P, inverse, t0, limit);

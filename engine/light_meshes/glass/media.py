@@ -1,8 +1,8 @@
-"""Semitransparent surfaces as the solver of refracted paths sees them: solids, patches, and rays in float64.
+"""Semitransparent surfaces for the solver of refracted paths: solids, patches, and rays in float64.
 
-Embree's hits are float32, too coarse for Newton's method and for surfaces that touch. So the semitransparent
-triangles, and only they, also stand in a small tree of boxes whose rays are float64; opaque ones stay Embree's.
-Coordinates are the tracer's frame.
+Embree's hits are float32, which is not precise enough for Newton's method and for surfaces that touch. So the
+semitransparent triangles are also kept in a small tree of boxes whose rays are float64. Opaque triangles are left to
+Embree. Coordinates are those of the tracer's frame.
 """
 
 from __future__ import annotations
@@ -20,41 +20,46 @@ from .bodies import FLAT, bodies
 _adjacent, _components = kernel("media_adjacent"), kernel("media_components")
 _smooth_edges = kernel("media_smooth_edges")
 
-CREASE = 5e-4  # radians: normals that differ by more across an edge end a patch
+CREASE = 5e-4  # radians: a patch ends at an edge across which normals differ by more
 
 
 class Media(NamedTuple):
-    """What light does at each triangle of `Surfaces`, (T,) each."""
+    """What light does at each triangle of `Surfaces`; each array is (T,)."""
 
-    transparent: NDArray[np.bool_]  # light passes, times t; all others are opaque and no business of the solver's
-    solid: NDArray[np.bool_]  # bounds a body of index `ior`: part of a closed mesh; False for a sheet
+    # light passes and is multiplied by t; all other triangles are opaque, and the solver ignores them
+    transparent: NDArray[np.bool_]
+    solid: NDArray[np.bool_]  # it bounds a body of index `ior`: it is part of a closed mesh; False for a sheet
     ior: NDArray[np.float64]
     t: NDArray[np.float64]  # (T,3) k_t, RGB
-    priority: NDArray[np.int32]  # where bodies overlap the highest is the medium, see `bodies`
+    priority: NDArray[np.int32]  # where bodies overlap, the one with the highest priority is the medium, see `bodies`
 
 
 class Glass(NamedTuple):
     """The semitransparent triangles in the order of their tree ("slots"), and the bodies that they bound."""
 
     triangle: NDArray[np.int32]  # (M,) of Surfaces
-    place: NDArray[np.float64]  # (M,30) see media.h: a vertex, two edges from it and their duals, unit normal out of
-    #                            the body, three corner normals, t
-    link: NDArray[np.int64]  # (M,7) body (−1: a sheet), instance, patch (triangles joined by edges without a crease;
-    #                          −1: a sheet), whether the normal is NG, slots across AB, BC, CA in the patch (−1: none)
-    planar: NDArray[np.int64]  # (patches,) a slot whose plane the patch lies in, −1: curved
+    # (M,30) see media.h: a vertex, two edges from it and their duals, the unit normal out of the body, three corner
+    # normals, t
+    place: NDArray[np.float64]
+    # (M,7) body (−1: a sheet), instance, patch (triangles joined by edges without a crease; −1: a sheet), whether the
+    # normal is NG, slots across AB, BC, CA in the patch (−1: none)
+    link: NDArray[np.int64]
+    planar: NDArray[np.int64]  # (patches,) a slot in whose plane the patch lies, −1 if it is curved
     patch_size: NDArray[np.float64]  # (patches,) radius
     ior: NDArray[np.float64]  # (bodies,)
-    rank: NDArray[np.int64]  # (bodies,) of those around a point the highest is the medium
+    rank: NDArray[np.int64]  # (bodies,) of the bodies around a point, the one with the highest rank is the medium
     ball: NDArray[np.float64]  # (bodies,4) centre and radius
     box: NDArray[np.float64]  # (nodes,6) low, high
-    child: NDArray[np.int64]  # (nodes,2) first of two children, or first slot of a leaf; and slots of a leaf, 0: inner
+    # (nodes,2) first of two children and 0, or first slot of a leaf and the number of its slots
+    child: NDArray[np.int64]
 
 
 def closed(surfaces: Surfaces, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Marks (T,) triangles of closed meshes: IOR acts only there (method §3).
+    """Mark (T,) the triangles of closed meshes; only these have an IOR (method §3).
 
-    A mesh is a set of triangles joined by edges, vertices at one place being one; it is closed if each edge
-    belongs to two triangles that run it in opposite directions. Looks only at instances with a triangle in `among`.
+    A mesh is a set of triangles joined by edges; vertices at the same place count as one. It is closed if each edge
+    belongs to two triangles that run along it in opposite directions. Only instances with a triangle in `among` are
+    examined.
     """
     out = np.zeros(len(among), np.bool_)
     index = np.flatnonzero(np.isin(surfaces.instance, np.unique(surfaces.instance[among])))
@@ -70,11 +75,11 @@ def closed(surfaces: Surfaces, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _merged(surfaces: Surfaces, index: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Vertex numbers (n,3) of triangles, equal where instance and position are."""
+    """Return vertex numbers (n,3) of triangles, which are equal if instance and position are equal."""
     used, flat = np.unique(surfaces.triangles[index], return_inverse=True)
     owner = np.empty(len(used), np.int32)
     owner[flat.reshape(-1)] = np.repeat(surfaces.instance[index], 3)
-    position = surfaces.vertices[used] + np.float32(0)  # −0 and 0 are one place
+    position = surfaces.vertices[used] + np.float32(0)  # −0 and 0 are the same place
     order = np.lexsort((position[:, 0], position[:, 1], position[:, 2], owner))
     p, o = position[order], owner[order]
     new = np.r_[False, (p[1:] != p[:-1]).any(1) | (o[1:] != o[:-1])]
@@ -84,13 +89,13 @@ def _merged(surfaces: Surfaces, index: NDArray[np.intp]) -> NDArray[np.int64]:
 
 
 def _edge_order(corner: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Order of the 3n edges (3·triangle + k: from corner k to k+1) that puts equal ones side by side."""
+    """Return the order of the 3n edges (3·triangle + k: from corner k to k+1) in which equal edges are adjacent."""
     a, b = corner.reshape(-1), np.roll(corner, -1, axis=1).reshape(-1)
     return np.argsort(np.minimum(a, b) * (corner.max(initial=0) + 1) + np.maximum(a, b), kind="stable")
 
 
 def glass(surfaces: Surfaces, media: Media) -> Glass:
-    """The semitransparent triangles, ready for `closest`."""
+    """Return the semitransparent triangles, ready for `closest` in media.h."""
     index = np.flatnonzero(media.transparent)
     solid = media.solid[index]
     corners = surfaces.vertices[surfaces.triangles[index]].astype(np.float64)
@@ -127,11 +132,11 @@ def glass(surfaces: Surfaces, media: Media) -> Glass:
 
 def _unit_normals(surfaces: Surfaces, index: NDArray[np.intp], normal: NDArray[np.float64],
                   ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """NG (n,3), NS at the corners (n,3,3) and whether the triangle is flat (n,): there NS is NG."""
+    """Return NG (n,3), NS at the corners (n,3,3), and whether the triangle is flat (n,); then NS is NG."""
     Ng = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     Ns = np.einsum("nij,nkj->nki", surfaces.normal_matrix[surfaces.instance[index]],
                    surfaces.at_corners(surfaces.corner_normals, index))
-    # Lengths are kept, as `geometry.surface` does, but for one common factor.
+    # The lengths are kept, as in `geometry.surface`, except for one common factor.
     length = np.linalg.norm(Ns, axis=2)
     usable = ((length > 0) & np.isfinite(length)).all(1)
     Ns = np.where(usable[:, None, None], Ns / np.where(usable, length.max(1, initial=0), 1)[:, None, None],
@@ -146,7 +151,9 @@ def _unit_normals(surfaces: Surfaces, index: NDArray[np.intp], normal: NDArray[n
 
 def _patches(surfaces: Surfaces, index: NDArray[np.intp], body: NDArray[np.int32], solid: NDArray[np.bool_],
              Ns: NDArray[np.float64]) -> tuple[NDArray[np.int32], int, NDArray[np.int32]]:
-    """Each triangle's patch (n,), −1: a sheet; how many there are; and the triangles across its edges in it (n,3)."""
+    """Return the patch of each triangle (n,), −1 for a sheet; the number of patches; and the neighbours across its
+    edges in the patch (n,3).
+    """
     corner = _merged(surfaces, index) if len(index) else np.zeros((0, 3), np.int64)
     neighbour = np.empty((len(index), 3), np.int32)
     joined = np.zeros((len(index), 3), np.bool_)
@@ -163,7 +170,7 @@ def _patches(surfaces: Surfaces, index: NDArray[np.intp], body: NDArray[np.int32
 
 
 def _balls(corners: NDArray[np.float64], body: NDArray[np.integer], size: int) -> NDArray[np.float64]:
-    """Centre and radius (size,4) of a ball around each body, of its triangles' corners (n,3,3)."""
+    """Return centre and radius (size,4) of a ball around each body, from the corners (n,3,3) of its triangles."""
     middle, radius = np.zeros((size, 3)), np.zeros(size)
     for j in range(3):
         middle[:, j] = np.bincount(body, corners[:, 0, j], size)
@@ -174,7 +181,7 @@ def _balls(corners: NDArray[np.float64], body: NDArray[np.integer], size: int) -
 
 
 def _radii(corners: NDArray[np.float64], patch: NDArray[np.integer], size: int) -> NDArray[np.float64]:
-    """Half the diagonal (size,) of each patch's box."""
+    """Return half the diagonal (size,) of each patch's box."""
     lower, upper = np.full((size, 3), np.inf), np.full((size, 3), -np.inf)
     np.minimum.at(lower, patch, corners.min(1))
     np.maximum.at(upper, patch, corners.max(1))

@@ -1,9 +1,10 @@
-/* The bodies around a light (optics.py). */
+/* Finds the bodies around a light (optics.py). */
 #include <stdlib.h>
 
 #include "optics.h"
 
-/* Fills around: the bodies that a ray from the light leaves more often than it enters. Returns 1 where memory is lacking. */
+/* Fills around: the bodies that a ray from the light leaves more often than it enters. Returns 1 if there is not
+   enough memory. */
 KERNEL(optics_medium_at, GLASS "light f64[3]  around i64[c,2]!  work i64[5]!")
 i64 optics_medium_at(i64 m, i64 y, i64 b, i64 d, i64 c, OF_GLASS, const f64 *light, i64 *around, i64 *work) {
     Glass g = {m, b, place, link, planar, patch_size, ior, rank, ball, box, child};
@@ -15,7 +16,7 @@ i64 optics_medium_at(i64 m, i64 y, i64 b, i64 d, i64 c, OF_GLASS, const f64 *lig
     (void)y, (void)d, (void)c;
     if (!balance) return 1;
     for (int j = 0; j < 3; j++) {
-        static const f64 along[3] = {2.0, 3.0, 5.0};  /* no plane that an artist builds */
+        static const f64 along[3] = {2.0, 3.0, 5.0};  /* a direction that lies in no plane that an artist builds */
         ray[0][j] = light[j], ray[1][j] = sqrt(along[j] / 10.0);
     }
     for (;;) {

@@ -1,17 +1,19 @@
 /* A ray of light with its derivatives, and the chain of interfaces that it meets (optics.py).
 
-   A ray is six vectors: origin P, unit direction D, and their derivatives by two parameters (Pu, Pv, Du, Dv), carried
-   along as in Igehy, Tracing Ray Differentials (1999), but without his approximations: normals are interpolated ones.
-   A path's signature is the sequence of what bends it: 2·patch, + 1 where it leaves the body, and η = n before / n behind,
-   or REFLECTED where it stays: total reflection, if the light's paths are followed beyond it. */
+   A ray is six vectors: the origin P, the unit direction D, and their derivatives by two parameters (Pu, Pv, Du,
+   Dv). They are carried along as in Igehy, Tracing Ray Differentials (1999), but without his approximations; normals
+   are interpolated ones. The signature of a path is the sequence of its bends. A bend is 2·patch, + 1 if the path
+   leaves the body, and η = n before / n behind, or REFLECTED for a total reflection, if the light's paths are
+   followed beyond it. */
 #pragma once
 #include "media.h"
 
-enum { DEPTH = 64, BODIES = 64, ROOM = 6 };  /* bends of a path, bodies around a point, slots met in one place */
-enum { REFLECTIONS = 8, CURVED = 4 };  /* of one path: so many, one at a curved surface counting as CURVED */
-enum { SEEDS, UNCONVERGED, NEWTON, RAYS, REJECTED };  /* work */
+enum { DEPTH = 64, BODIES = 64, ROOM = 6 };  /* bends of a path, bodies around a point, slots hit at the same place */
+/* the largest number of reflections of a path; one at a curved surface counts as CURVED */
+enum { REFLECTIONS = 8, CURVED = 4 };
+enum { SEEDS, UNCONVERGED, NEWTON, RAYS, REJECTED };  /* indices of the counts of work */
 #define REFLECTED -1.0
-#define FAR 8.0  /* times the reach of the glass, and at least of the frame's box: there a sun's rays start */
+#define FAR 8.0  /* a sun's rays start at this many times the reach of the glass, and at least of the frame's box */
 
 typedef f64 Ray[6][3];
 
@@ -20,33 +22,33 @@ typedef struct {
     i64 rows[BODIES + 1][2];
 } Medium;
 
-/* What was met at the ray's origin: how many slots, the last one's body, owner and facing, those slots. count −1: the ray
-   was reflected there. */
+/* What was hit at the ray's origin: the number of slots, the body, owner and facing of the last one, and the slots.
+   count −1: the ray was reflected there. */
 typedef struct {
     i64 count, body, owner, facing, slot[ROOM];
 } Touched;
 
-/* One bend: η, u, v, the length of the ray before it, and `beyond`; its code and slot, and the ray behind it. Behind the
-   last one code is that of what reflects all of it, −1: nothing does. */
+/* One bend: η, u, v, the length of the ray before it, and `beyond`; its code and slot, and the ray behind it. In the
+   entry after the last bend, code is that of the surface that reflects all light, −1: none. */
 typedef struct {
     f64 eta, u, v, length, beyond;
     i64 code, slot;
     Ray ray;
 } Bend;
 
-/* A light, and one path of it. */
+/* A light, and one of its paths. */
 typedef struct {
-    const f64 *light;  /* frame; of a sun the unit vector towards it */
-    int sun, total;    /* total: paths go on where light is reflected totally */
-    f64 far;           /* all glass is nearer: a sun's rays start there */
-    const i64 (*around)[2];  /* Medium of the light */
+    const f64 *light;  /* in the frame; for a sun the unit vector towards it */
+    int sun, total;  /* total: paths continue where light is totally reflected */
+    f64 far;  /* all glass is nearer; a sun's rays start there */
+    const i64 (*around)[2];  /* the bodies around the light, as in Medium */
     i64 *work;
     Ray ray;
     f64 alpha[3];
     Medium medium;
     Touched touched;
     Hit hit;
-    i64 slot;          /* of the last bend, and its η */
+    i64 slot;  /* of the last bend, and its η */
     f64 eta, normal[3][3];
     Bend bend[DEPTH + 1];
 } Path;
@@ -54,14 +56,15 @@ typedef struct {
 #define LIGHT "light f64[3]  sun i64  total i64  far f64  around i64[c,2]  work i64[5]!  "
 #define OF_LIGHT const f64 *light, i64 sun, i64 total, f64 far, const i64 *around, i64 *work
 
-/* Two unit vectors at right angles to the direction and to each other, into rows `row` and row + 1. */
+/* Writes two unit vectors that are perpendicular to the direction and to each other to rows `row` and row + 1. */
 static inline void basis(Ray ray, int row) {
     f64 x = ray[1][0], y = ray[1][1], z = ray[1][2], sign = z >= 0.0 ? 1.0 : -1.0, f = -1.0 / (sign + z), g = x * y * f;
     ray[row][0] = 1.0 + sign * x * x * f, ray[row][1] = sign * g, ray[row][2] = -sign * x;
     ray[row + 1][0] = g, ray[row + 1][1] = sign + y * y * f, ray[row + 1][2] = -y;
 }
 
-/* The light's ray through y; parameters: two angles at the light, or lengths across a sun's rays. */
+/* Starts the light's ray through y. The parameters of its derivatives are two angles at the light, or lengths across
+   a sun's rays. */
 static inline void start_ray(Path *s, const f64 *y) {
     memset(s->ray, 0, sizeof s->ray);
     if (s->sun) {
@@ -84,7 +87,7 @@ static inline void start_ray(Path *s, const f64 *y) {
 /* Direction·NG: negative where the ray enters. */
 static inline f64 slope_of(const f64 *p, const Ray ray) { return ray[1][0] * p[NG] + ray[1][1] * p[NG + 1] + ray[1][2] * p[NG + 2]; }
 
-/* The light's ray at the point (u, v) of a triangle; parameters: u and v. */
+/* Computes the light's ray at the point (u, v) of a triangle. The parameters of its derivatives are u and v. */
 static inline void start_at(const Path *s, const f64 *p, f64 u, f64 v, Ray ray) {
     f64 square_of = 0.0, a = 0.0, b = 0.0;
     for (int j = 0; j < 3; j++) {
@@ -105,7 +108,7 @@ static inline void start_at(const Path *s, const f64 *p, f64 u, f64 v, Ray ray) 
     }
 }
 
-/* Moves the ray by t to a triangle's plane; its derivatives then are those of its point in that plane. */
+/* Moves the ray by t to a triangle's plane. After that its derivatives are those of its point in that plane. */
 static inline void travel(const f64 *p, f64 t, Ray ray) {
     f64 slope = slope_of(p, ray);
     for (int k = 2; k < 4; k++) {
@@ -119,7 +122,8 @@ static inline void travel(const f64 *p, f64 t, Ray ray) {
     for (int j = 0; j < 3; j++) ray[0][j] += t * ray[1][j];
 }
 
-/* The shading normal n[0] against the ray at its point (u, v) of a triangle, and its derivatives n[1], n[2]. */
+/* Computes the shading normal n[0] at the point (u, v) of a triangle, turned against the ray, and its derivatives
+   n[1], n[2]. */
 static inline void normal_at(const f64 *p, int flat, f64 u, f64 v, f64 facing, const Ray ray, f64 n[3][3]) {
     if (flat) {
         for (int j = 0; j < 3; j++) n[0][j] = -facing * p[NG + j], n[1][j] = 0.0, n[2][j] = 0.0;
@@ -148,9 +152,9 @@ static inline void normal_at(const f64 *p, int flat, f64 u, f64 v, f64 facing, c
     }
 }
 
-/* Snell's law at the ray's point (u, v) of a triangle, by the shading normal n, which it fills; η REFLECTED: a mirror's.
-   0: no light goes there. That is total reflection, or a shading normal by which the ray would not reach the surface, or
-   not leave it on the right side. */
+/* Applies Snell's law at the ray's point (u, v) of a triangle, with the shading normal n, which it fills; with η
+   REFLECTED it applies the law of a mirror. Returns 0 if no light goes there: at total reflection, or if by the
+   shading normal the ray would not reach the surface, or would not leave it on the right side. */
 static inline int bend_ray(const Glass *g, i64 slot, f64 u, f64 v, f64 eta, Ray ray, f64 n[3][3]) {
     const f64 *p = place_of(g, slot);
     f64 facing = slope_of(p, ray) > 0.0 ? 1.0 : -1.0;
@@ -175,7 +179,7 @@ static inline int bend_ray(const Glass *g, i64 slot, f64 u, f64 v, f64 eta, Ray 
     return slope_of(p, ray) * facing > 0.0;
 }
 
-/* The medium that bodies make: its rank, air −1, and *n its index. */
+/* Returns the rank of the medium that the bodies make, −1 for air; *n is its index. */
 static inline i64 medium_rank(const Glass *g, const Medium *medium, f64 *n) {
     i64 rank = -1;
     *n = 1.0;
@@ -186,7 +190,7 @@ static inline i64 medium_rank(const Glass *g, const Medium *medium, f64 *n) {
     return rank;
 }
 
-/* Enters or leaves a body; 0 where that is impossible. */
+/* Enters or leaves a body; returns 0 if that is impossible. */
 static inline int cross_body(Medium *medium, i64 body, int entering) {
     i64(*rows)[2] = medium->rows, last = rows[0][0];
     for (i64 i = 1; i <= last; i++) {
@@ -206,25 +210,29 @@ static inline int cross_body(Medium *medium, i64 body, int entering) {
 
 enum { BENDS, ENDS, BROKEN };
 
-/* Follows the path's ray to the first surface that bends it, or to `end`: BENDS, ENDS or BROKEN (surfaces not closed).
+/* Follows the path's ray to the first surface that bends it, or to `end`. Returns BENDS, ENDS or BROKEN (surfaces that
+   are not closed).
 
-   Then hit, slot and eta are those of the bend. alpha takes t of each surface on the way, the last one included; a surface
-   inside a medium of higher priority is not there. A second triangle of one surface at one place is an edge and counts
-   once. */
+   After BENDS, hit, slot and eta describe the bend. alpha is multiplied by t of each surface on the way, including
+   the last one; a surface inside a medium of higher priority is ignored. A second triangle of the same surface at
+   the same place means an edge and is not counted again. */
 static inline int next_bend(const Glass *g, Path *s, f64 end) {
     Touched *touched = &s->touched;
     f64 t0 = 0.0, last = -1.0;
-    if (touched->count < 0) t0 = 2.0 * TOUCHING, touched->count = 0;  /* reflected: what else is in that place is behind */
+    /* after a reflection, other surfaces at this place are behind the ray */
+    if (touched->count < 0) t0 = 2.0 * TOUCHING, touched->count = 0;
     else if (touched->count) t0 = -2.0 * TOUCHING, last = 0.0;
     for (;;) {
         s->work[RAYS]++;
         i64 slot = closest(g, s->ray, t0, end, touched->slot, touched->count, -1, 0.0, &s->hit);
         if (slot < 0) return ENDS;
+        /* Is it the second triangle at an edge? */
         f64 t = s->hit.t, least = s->hit.u < s->hit.v ? s->hit.u : s->hit.v, third = 1.0 - s->hit.u - s->hit.v;
         const f64 *p = place_of(g, slot);
         i64 facing = slope_of(p, s->ray) > 0.0 ? 1 : -1, body = link_of(g, slot, BODY), owner = link_of(g, slot, OWNER);
         int edge = fabs(t - last) < TOUCHING && body == touched->body && owner == touched->owner &&
                    (body >= 0 ? facing == touched->facing : (third < least ? third : least) < TOUCHING);
+        /* Remember the slots at this place, so that the next search skips them */
         if (t - last > 2.0 * TOUCHING) touched->count = 0;
         f64 from = t;
         if (touched->count < ROOM) touched->slot[touched->count++] = slot, from = t - 2.0 * TOUCHING;
@@ -232,6 +240,8 @@ static inline int next_bend(const Glass *g, Path *s, f64 end) {
         last = t;
         touched->body = body, touched->owner = owner, touched->facing = facing;
         if (edge) continue;
+
+        /* The media before and behind the surface */
         f64 before = 1.0, behind = 1.0;
         if (body >= 0) {
             i64 rank = medium_rank(g, &s->medium, &before);
@@ -246,7 +256,7 @@ static inline int next_bend(const Glass *g, Path *s, f64 end) {
     }
 }
 
-/* A new path: the light's ray through y. */
+/* Starts a new path: the light's ray through y. */
 static inline void set_out(Path *s, const f64 *y) {
     start_ray(s, y);
     s->touched.count = 0;
@@ -254,8 +264,8 @@ static inline void set_out(Path *s, const f64 *y) {
     for (int j = 0; j < 3; j++) s->alpha[j] = 1.0;
 }
 
-/* By how much the cosine at the normal, where bend_ray let no light pass, is smaller than at the critical angle. Negative:
-   it was not total reflection. */
+/* Returns by how much the cosine at the normal is smaller than at the critical angle, for a place where bend_ray let
+   no light pass. Negative: it was not total reflection. */
 static inline f64 beyond(const Path *s) {
     f64 cosine = 0.0;
     for (int j = 0; j < 3; j++) cosine -= s->ray[1][j] * s->normal[0][j];
@@ -264,9 +274,10 @@ static inline f64 beyond(const Path *s) {
     return sqrt(square_of > 0.0 ? square_of : 0.0) - cosine;
 }
 
-/* The light's ray through y, up to `most` bends; returns how many there are. The path then has each of them, and its ray,
-   alpha and medium at the end. Where it ends at a surface that reflects all, bend[n] says at which, and how far beyond.
-   The length behind the last one is infinite: no further bend, or not looked for. */
+/* Follows the light's ray through y for up to `most` bends; returns how many there are. Afterwards the path holds
+   each bend, and the ray, alpha and medium at its end. If it ends at a surface that reflects all light, bend[n] says
+   which, and by how much it is beyond the critical angle. The length after the last bend is infinite if there is no
+   further bend, or if none was looked for. */
 static inline i64 chain(const Glass *g, Path *s, const f64 *y, i64 most, f64 cutoff) {
     i64 n = 0, reflections = 0;
     set_out(s, y);
@@ -275,6 +286,8 @@ static inline i64 chain(const Glass *g, Path *s, const f64 *y, i64 most, f64 cut
         b->length = INFINITY, b->code = -1;
         if (next_bend(g, s, INFINITY) != BENDS) return n;
         i64 slot = s->slot;
+
+        /* Bend the ray, or reflect it */
         b->eta = s->eta, b->u = s->hit.u, b->v = s->hit.v, b->length = s->hit.t;
         travel(place_of(g, slot), s->hit.t, s->ray);
         int bends = bend_ray(g, slot, b->u, b->v, s->eta, s->ray, s->normal);
@@ -283,8 +296,9 @@ static inline i64 chain(const Glass *g, Path *s, const f64 *y, i64 most, f64 cut
             b->eta = REFLECTED;
             reflections += g->planar[link_of(g, slot, PATCH)] >= 0 ? 1 : CURVED;
             s->touched.count = -1;
-            cross_body(&s->medium, link_of(g, slot, BODY), s->touched.facing > 0);  /* back */
+            cross_body(&s->medium, link_of(g, slot, BODY), s->touched.facing > 0);  /* it stays in the body */
         }
+        /* Store the bend, unless the ray ends here */
         f64 brightest = s->alpha[0] > s->alpha[1] ? s->alpha[0] : s->alpha[1];
         if (bends && (brightest > s->alpha[2] ? brightest : s->alpha[2]) <= cutoff) return n;
         b->beyond = beyond(s);
@@ -296,7 +310,7 @@ static inline i64 chain(const Glass *g, Path *s, const f64 *y, i64 most, f64 cut
     return n;
 }
 
-/* Distance of x from the ray, and *along: how far along the ray that is. */
+/* Returns the distance of x from the ray; *along: the length along the ray to the nearest point. */
 static inline f64 miss(const Ray ray, const f64 *x, f64 *along) {
     f64 square_of = 0.0, length = 0.0;
     for (int j = 0; j < 3; j++) length += (x[j] - ray[0][j]) * ray[1][j];
@@ -308,7 +322,8 @@ static inline f64 miss(const Ray ray, const f64 *x, f64 *along) {
     return sqrt(square_of);
 }
 
-/* Derivatives of the ray's point at length `along`, across the ray: rows 0 and 1 of out; and x across it: row 2. */
+/* Computes the derivatives of the ray's point at length `along`, across the ray (rows 0 and 1 of out), and x
+   relative to it, across the ray (row 2). */
 static inline void cross_section(const Ray ray, const f64 *x, f64 along, f64 out[3][2]) {
     f64 d0 = ray[1][0], d1 = ray[1][1], d2 = ray[1][2], sign = d2 >= 0.0 ? 1.0 : -1.0, f = -1.0 / (sign + d2), h = d0 * d1 * f;
     f64 a[3] = {1.0 + sign * d0 * d0 * f, sign * h, -sign * d0}, b[3] = {h, sign + d1 * d1 * f, -d1};

@@ -1,10 +1,11 @@
-/* Refracted paths to points (refraction.py). */
+/* Finds refracted paths to points (refraction.py). */
 #include "paths.h"
 
-enum { MOST = 64 };  /* paths from a light to a point that are told apart */
-static const f64 SAME = 1e-6;  /* of the first patch's radius: paths whose first points are nearer are one */
-static const f64 MISS = 1e-8;  /* of the same: how far from the point a path may end */
-static const f64 PAD = 0.3;    /* barycentric: how far outside a beam a point may be and still start a search */
+enum { MOST = 64 };  /* the largest number of paths from a light to a point */
+/* relative to the first patch's radius: two paths are the same if their first points are nearer than this */
+static const f64 SAME = 1e-6;
+static const f64 MISS = 1e-8;  /* relative to the same: how far from the point a path may end */
+static const f64 PAD = 0.3;  /* barycentric: a search may start for a point that is this far outside a beam */
 
 /* The beams of a light, and the trees over them (beams.py: Beams). */
 typedef struct {
@@ -19,8 +20,8 @@ typedef struct {
     const i64 *child;
 } Beams;
 
-/* Fills out: Π t of all that the straight way from the light to points crosses, 0 where it would bend; not where it would
-   bend `beyond` times and more. */
+/* Fills out: Π t of everything that the straight way from the light to points crosses, 0 if it would bend; but not 0
+   if it would bend `beyond` times or more. */
 KERNEL(refraction_straight, GLASS LIGHT "x f64[n,3]  beyond i64  out f64[n,3]!")
 i64 refraction_straight(i64 m, i64 y, i64 b, i64 d, i64 c, i64 n, OF_GLASS, OF_LIGHT, const f64 *x, i64 beyond_bends,
                         f64 *out) {
@@ -42,7 +43,8 @@ i64 refraction_straight(i64 m, i64 y, i64 b, i64 d, i64 c, i64 n, OF_GLASS, OF_L
     return 0;
 }
 
-/* Whether (a, b) at height z is in beam i, and *at: the place on its first triangle of the ray that is there. */
+/* Returns whether (a, b) at height z is in beam i; *at: the place on the first triangle of the ray that passes
+   there. */
 static int inside(const Beams *beams, i64 i, f64 z, f64 a, f64 b, Place *at) {
     const f64 *p = beams->p + 6 * i, *d = beams->d + 6 * i, *uv = beams->uv + 6 * i, *range = beams->z + 3 * i;
     if (!(z >= range[1] && z <= range[2])) return 0;
@@ -57,7 +59,7 @@ static int inside(const Beams *beams, i64 i, f64 z, f64 a, f64 b, Place *at) {
     return 1;
 }
 
-/* Paths to one point that are known: their first points, and beams with their signatures. */
+/* The paths to one point that were found: their first points, and the beams with their signatures. */
 typedef struct {
     i64 count, beam[MOST];
     f64 first[MOST][3];
@@ -65,13 +67,14 @@ typedef struct {
 
 enum { FOUND, NOWHERE, TWICE, UNREAL };
 
-/* The path that a seed leads to, with its first point and its length behind the last bend. */
+/* Finds the path to which a seed leads, with its first point and its length after the last bend. */
 static int search_path(const Glass *g, Path *s, const f64 *x, Place at, Signature want, const Beams *beams,
                        const Known *known, f64 *first, f64 *along) {
     f64 size = g->patch_size[want.code[0] >> 1];
     for (int attempt = 0; attempt < 2; attempt++) {
         at = newton(g, s, x, at, want);
         if (at.slot < 0) return NOWHERE;
+        /* Was the path found before? */
         const f64 *p = place_of(g, at.slot);
         for (int j = 0; j < 3; j++) first[j] = p[A + j] + at.u * p[E1 + j] + at.v * p[E2 + j];
         for (i64 i = 0; i < known->count; i++) {
@@ -80,19 +83,21 @@ static int search_path(const Glass *g, Path *s, const f64 *x, Place at, Signatur
             for (i64 j = 0; j < want.k && equal; j++) equal = want.code[j] == code[j];
             if (equal) return TWICE;
         }
+        /* Does a ray from the light follow it and end at x? */
         if (chain(g, s, first, want.k, 0.0) < want.k) return UNREAL;
         for (i64 j = 0; j < want.k; j++)
             if (s->bend[j].code != want.code[j] || s->bend[j].eta != want.eta[j]) return UNREAL;
         f64 off = miss(s->ray, x, along);
         if (!(*along > 0.0)) return UNREAL;
         if (off <= MISS * size) return next_bend(g, s, *along) == ENDS ? FOUND : UNREAL;
-        /* Planes of one patch that differ by rounding: once more from the triangles that are really met. */
+        /* The planes of one patch can differ by rounding: try again from the triangles that are really hit. */
         at = (Place){s->bend[0].slot, s->bend[0].u, s->bend[0].v};
     }
     return UNREAL;
 }
 
-/* How the light of a path spreads: σ₁ ≥ σ₂ over the way to the light, and how far its first patch reaches; frame. */
+/* Computes the spread of a path's light: σ₁ ≥ σ₂ relative to the distance of the light, and how far the light of its
+   first patch reaches; in the frame. */
 static void spread_of(const Glass *g, const Path *s, const f64 *x, f64 along, f64 *spread, f64 *reach) {
     f64 m[3][2], distance = 1.0, off = 1.0;
     cross_section(s->ray, x, along, m);
@@ -110,7 +115,8 @@ static void spread_of(const Glass *g, const Path *s, const f64 *x, f64 along, f6
     *reach = distance * ball[3] / off;
 }
 
-/* Paths to points from state[0] on, until all are done or the room is. state: the next point, and the rows filled. */
+/* Finds the paths to points from state[0] on, until all are done or the arrays are full. state: the next point, and
+   the number of rows that are filled. */
 KERNEL(refraction_solve,
        GLASS LIGHT
        "slot i32[B]  uv f64[B,3,2]  p f64[B,3,2]  d_of f64[B,3,2]  z f64[B,3]  k i8[B]  code i32[B,q]  eta f64[B,q]  "
@@ -135,6 +141,8 @@ i64 refraction_solve(i64 m, i64 y, i64 b, i64 d, i64 c, i64 B, i64 q, i64 o_coun
             int axis = group >> 1;
             f64 z = group & 1 ? -at[axis] : at[axis], a = at[(axis + 1) % 3], e = at[(axis + 2) % 3];
             if (root[group] >= 0) stack[top++] = root[group];
+
+            /* Walk down the group's tree to the beams that may contain the point */
             while (top) {
                 i64 node = stack[--top], first = beam_child[2 * node], last = first + beam_child[2 * node + 1];
                 const f64 *o = bounds + 11 * node;
@@ -147,6 +155,7 @@ i64 refraction_solve(i64 m, i64 y, i64 b, i64 d, i64 c, i64 B, i64 q, i64 o_coun
                     top += 2;
                     continue;
                 }
+                /* A leaf: search a path from each beam around the point */
                 for (i64 beam = first; beam < last; beam++) {
                     Place seed;
                     f64 start[3], along;
@@ -157,6 +166,7 @@ i64 refraction_solve(i64 m, i64 y, i64 b, i64 d, i64 c, i64 B, i64 q, i64 o_coun
                     if (found == NOWHERE) work[UNCONVERGED]++;
                     if (found == UNREAL) work[REJECTED]++;
                     if (found != FOUND) continue;
+                    /* Store the path */
                     k_out[rows] = want.k;
                     for (int j = 0; j < 3; j++) {
                         alpha[3 * rows + j] = s.alpha[j], arrival[3 * rows + j] = s.ray[1][j];

@@ -1,13 +1,13 @@
-"""Refracted shadow paths: all ways on which a light reaches a point through glass, eq. (6) of the paper.
+"""Refracted shadow paths: all paths on which a light reaches a point through glass, eq. (6) of the paper.
 
-Beams of the light (`beams`) say where to look, Newton's method (`paths`) finds the path that ends in the point, and a
-ray from the light that must meet the same interfaces and end there says whether it exists. Then the opaque
-surfaces get their say.
+The beams of the light (`beams`) say where to look, and Newton's method (`paths.h`) finds the path that ends at the
+point. Then a ray from the light confirms it: it must meet the same interfaces and end there. Last, paths that opaque
+surfaces block are dropped.
 
-What counts, so that nothing counts twice: v(i,x) = straight(i,x)·[nothing opaque between] + Σ_j α_j.
-`RefractedPaths.paths` returns only paths with an interface that bends (two media of different index), even where
-the ray happens to go straight on; `RefractedPaths.straight` is Π t where the straight way meets no such interface,
-and 0 where it does. So n = 1 everywhere leaves M1.
+Nothing counts twice: v(i,x) = straight(i,x)·[nothing opaque between] + Σ_j α_j. `RefractedPaths.paths` returns only
+paths with an interface that bends (two media of different index), even if the ray happens to go straight on there.
+`RefractedPaths.straight` is Π t if the straight way meets no such interface, and 0 if it does. So with n = 1 everywhere
+the result is that of M1.
 """
 
 from __future__ import annotations
@@ -26,50 +26,54 @@ from .media import Media, glass
 from .optics import NEWTON, RAYS, REJECTED, SEEDS, UNCONVERGED, Source, source
 
 _straight, _solve = kernel("refraction_straight"), kernel("refraction_solve")
-MOST = 64  # paths from a light to a point that are told apart; the same in refraction.c
+MOST = 64  # the largest number of paths from a light to a point; refraction.c has the same
 
 
 class Paths(NamedTuple):
-    """Paths of point p are rows start[p]:start[p+1]."""
+    """The paths of point p are the rows start[p]:start[p+1]."""
 
     start: NDArray[np.int64]  # (n+1,)
     alpha: NDArray[np.float64]  # (c,3) α_j = Π t
-    P: NDArray[np.float64]  # (c,3) P_j, world: the far end of the path's first segment seen from the point
-    arrival: NDArray[np.float64]  # (c,3) unit, the way the light travels when it reaches the point
+    P: NDArray[np.float64]  # (c,3) P_j, world: the far end of the first segment of the path, seen from the point
+    arrival: NDArray[np.float64]  # (c,3) unit direction in which the light travels when it reaches the point
     J: NDArray[np.float64]  # (c,) |x−L|²·dω/dA⊥, for a sun dA at the sun/dA⊥ here; infinite on a caustic
-    spread: NDArray[np.float64]  # (c,2) σ₁ ≥ σ₂ with J = 1/(σ₁σ₂): by how much light stretches in two directions
+    spread: NDArray[np.float64]  # (c,2) σ₁ ≥ σ₂ with J = 1/(σ₁σ₂): by how much the light is stretched in two directions
     reach: NDArray[np.float64]  # (c,) world length, see `clamped`
 
     def clamped(self, footprint: float) -> NDArray[np.float64]:
-        """J (c,) of finite light: no more goes through a disc of radius `footprint` (world) than the glass lets in.
+        """Return J (c,), limited so that a disc of radius `footprint` (world) receives no more light than the glass
+        lets in.
 
-        The first patch of glass would spread over `reach` at the point if it bent nothing; a stretch below
-        footprint/reach would bring all of it into the disc.
+        If nothing bent the light of the first patch of glass, it would cover `reach` at the point. A stretch below
+        footprint/reach would bring all of this light into the disc.
         """
         least = footprint / self.reach
         return 1.0 / (np.maximum(self.spread[:, 0], least) * np.maximum(self.spread[:, 1], least))
 
 
 class Work(NamedTuple):
-    """What a call has done."""
+    """Counts of the work that a call has done."""
 
-    seeds: int  # searches started
-    unconverged: int  # of them, that found nothing
-    steps: int  # of Newton's method
+    seeds: int  # searches that were started
+    unconverged: int  # searches that found nothing
+    steps: int  # steps of Newton's method
     rays: int  # through glass and, for occlusion, through the scene
-    rejected: int  # paths found that do not exist: other interfaces than the signature's, or missing the point
+    # paths that were found but do not exist: they meet other interfaces than the signature's, or miss the point
+    rejected: int
 
 
 class RefractedPaths:
-    """The solver for one scene. Beams are made once a light, when first asked for; results do not depend on batches."""
+    """The solver for one scene. The beams of a light are made when they are first needed. Results do not depend on
+    batches.
+    """
 
     def __init__(self, surfaces: Surfaces, media: Media, lights: Targets, opaque: Tracer, h: float,
                  casters: int = 0, total: bool = False) -> None:
         """`lights`: all lights of the scene. `opaque`: a tracer of the triangles that are not `media.transparent`.
 
-        h (world): detail that the answers need; beams are refined to h/4, Newton's method does the rest. casters: the
-        tracer's set of what may stand in the way, which holds all of `media`. total: follow light that is reflected
-        totally, too.
+        `h` (world): the detail that the results need. Beams are refined to h/4; Newton's method gives the rest of the
+        precision. `casters`: the tracer's set of triangles that may block, which contains all of `media`. `total`: also
+        follow light that is totally reflected.
         """
         self.glass = glass(surfaces, media)
         self._centre, self._scale, self._h = surfaces.centre, surfaces.scale, h / surfaces.scale
@@ -86,21 +90,23 @@ class RefractedPaths:
         return source(self.glass, position if sun else (position - self._centre) / self._scale, sun, self._total)
 
     def beams(self, light: int) -> Beams:
-        """The light's beams."""
+        """Return the beams of the light."""
         with self._lock:
             if light not in self._beams:
                 self._beams[light] = trace_beams(self.glass, self._source(light), self._h)
             return self._beams[light]
 
     def lost(self, light: int) -> int:
-        """How many bends the light was followed through if some of it went on; 0: none did, as far as was asked."""
+        """Return through how many bends the light was followed if some of it went on; 0 if none did, as far as it is
+        known.
+        """
         return self._beams[light].most if light in self._beams and self._beams[light].cut else 0
 
     def paths(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None = None,
               ) -> tuple[Paths, Work]:
-        """All refracted paths from a light to points x (n,3), world.
+        """Return all refracted paths from a light to points x (n,3), world.
 
-        normal (n,3): unit, of the surface that the points are on, on the side that is looked at; None: free points.
+        `normal` (n,3): unit normals of the surface on which the points lie, on the visible side; None for free points.
         """
         beams, s = self.beams(light), self._source(light)
         local = np.ascontiguousarray((x - self._centre) / self._scale)
@@ -133,7 +139,9 @@ class RefractedPaths:
 
     def _clear(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None, row: NDArray[np.int32],
                bends: NDArray[np.float64], k: NDArray[np.int64]) -> tuple[NDArray[np.bool_], int]:
-        """Which paths meet nothing opaque, and the number of rays: each path's segments from x back to the light."""
+        """Return which paths meet nothing opaque, and the number of rays. Each path's segments are traced from x back
+        to the light.
+        """
         index = np.arange(len(row), dtype=np.int32)
         last = points(np.ascontiguousarray(bends[index, k - 1]))
         clear = ~self._opaque.occluded(x, row, last, index, normal, closed=False, kind="opaque",
@@ -152,9 +160,10 @@ class RefractedPaths:
 
     def straight(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None = None,
                  beyond: int = 0) -> NDArray[np.float64]:
-        """Π t (n,3) of all that the straight way from a light to points x (n,3) crosses, 0 where it would bend.
+        """Return Π t (n,3) of everything that the straight way from a light to points x (n,3) crosses; 0 if it would
+        bend.
 
-        beyond > 0: not 0 where it would bend so often and more. Opaque surfaces are not looked at.
+        If `beyond` > 0, it is not 0 where the way would bend `beyond` times or more. Opaque surfaces are ignored.
         """
         s = self._source(light)
         local = np.ascontiguousarray((x - self._centre) / self._scale)
@@ -166,10 +175,12 @@ class RefractedPaths:
 
     def straight_on(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None,
                     ) -> NDArray[np.float64] | None:
-        """What of the light comes straight to points x (n,3) though bending surfaces stand there; None: nothing.
+        """Return the light that reaches points x (n,3) straight although surfaces that bend stand in the way; None if
+        there is none.
 
-        That is Π t (n,3), 0 behind opaque surfaces, where they do not bend it: a body of index 1 outside of other
-        glass. And where there are so many of them that the light was not followed through all.
+        This is Π t (n,3), 0 behind opaque surfaces. It has two sources: surfaces that do not bend this light (a body of
+        index 1 outside of other glass), and light that was not followed through all of the surfaces because there are
+        too many.
         """
         beams = self.beams(light)
         if not beams.cut and not self._hollow:

@@ -1,1 +1,1 @@
-"""Rays and triangles: the camera's rays, the triangles in the tracer's frame, and Embree, which only `tracer` knows."""
+"""Rays and triangles: camera rays, the triangles in the tracer's frame, and Embree, which only `tracer` uses."""

@@ -1,7 +1,7 @@
-/* A tree over boxes, cut where the surface area heuristic says (boxes.py). A box is low x, y, z, high x, y, z. */
+/* Builds a tree over boxes, split by the surface area heuristic (boxes.py). A box is low x, y, z, high x, y, z. */
 #include "boxes.h"
 
-static const f64 PAD = 1e-9;  /* boxes are so much larger than what they hold: rounding loses nothing */
+static const f64 PAD = 1e-9;  /* boxes are enlarged by this much, so that rounding cannot put anything outside */
 
 static f64 area(const f64 *box) {
     f64 x = box[3] - box[0], y = box[4] - box[1], z = box[5] - box[2];
@@ -19,7 +19,8 @@ static void include(f64 *box, const f64 *other) {
     }
 }
 
-/* Where boxes of order[first..end] are spread out most, by their centres. */
+/* The axis along which the centres of the boxes order[first..end] are spread out most, and the scale to bins along
+   it. */
 typedef struct {
     int axis;
     f64 low, factor, width;
@@ -45,23 +46,26 @@ static int bin_of(Spread s, const f64 *box) {
     return k < BINS - 1 ? k : BINS - 1;
 }
 
-/* The first bin of the right half, 0: no cut leaves boxes on both sides. */
+/* Returns the first bin of the right half; 0 if every split leaves one half empty. */
 static int best_cut(Spread s, const f64 *item, const i64 *order, i64 first, i64 end) {
     i64 count[BINS] = {0}, total = 0, n = end - first;
     f64 bin[BINS][6], side[6], left[BINS], best = INFINITY;
     int cut = 0;
+    /* Sort the boxes into bins */
     for (int k = 0; k < BINS; k++) clear(bin[k]);
     for (i64 i = first; i < end; i++) {
         int k = bin_of(s, item + 6 * order[i]);
         count[k]++;
         include(bin[k], item + 6 * order[i]);
     }
+    /* From the left: the cost of the boxes left of each split */
     clear(side);
     for (int k = 0; k < BINS - 1; k++) {
         total += count[k];
         include(side, bin[k]);
         left[k] = total ? (f64)total * area(side) : 0.0;
     }
+    /* From the right: add the cost of the boxes on the right, and keep the cheapest split */
     total = 0;
     clear(side);
     for (int k = BINS - 1; k > 0; k--) {
@@ -82,6 +86,7 @@ i64 boxes_build(i64 n, i64 m, const f64 *item, i64 *order, f64 *box, i64 *child)
     while (top) {
         top--;
         i64 node = stack[top].node, first = stack[top].first, end = stack[top].end, depth = stack[top].depth;
+        /* The node's box */
         clear(box + 6 * node);
         for (i64 i = first; i < end; i++) include(box + 6 * node, item + 6 * order[i]);
         for (int j = 0; j < 3; j++) box[6 * node + j] -= PAD, box[6 * node + j + 3] += PAD;
@@ -89,6 +94,7 @@ i64 boxes_build(i64 n, i64 m, const f64 *item, i64 *order, f64 *box, i64 *child)
             child[2 * node] = first, child[2 * node + 1] = end - first;
             continue;
         }
+        /* Split: reorder `order` so that the left half comes first */
         Spread s = spread_of(item, order, first, end);
         i64 cut = first;
         if (s.width > 0.0 && depth < STACK / 2) {
@@ -102,7 +108,9 @@ i64 boxes_build(i64 n, i64 m, const f64 *item, i64 *order, f64 *box, i64 *child)
                 }
             }
         }
-        if (cut == first || cut == end) cut = (first + end) / 2;  /* all in one place, or too deep: halves keep it short */
+        /* all boxes coincide, or the tree is too deep: split in halves to keep it short */
+        if (cut == first || cut == end) cut = (first + end) / 2;
+        /* The two children */
         child[2 * node] = nodes, child[2 * node + 1] = 0;
         stack[top].node = nodes, stack[top].first = first, stack[top].end = cut, stack[top].depth = depth + 1;
         stack[top + 1].node = nodes + 1, stack[top + 1].first = cut, stack[top + 1].end = end;

@@ -1,9 +1,10 @@
 /* Camera rays (camera.py). */
 #include "native.h"
 
-/* Rays of the pixels x0..x1, y0..y1 (box; rows bottom-up), sample after sample within a pixel, from depth `near` on.
-   stretch: length along the ray for a depth of 1. A sample passes its point of the lens, and goes sideways by its tilt
-   less for a depth of 1, so that all that aim at one place meet in focus. */
+/* Computes the rays of the pixels x0..x1, y0..y1 (box; bottom row first), with all samples of a pixel in sequence,
+   starting at depth `near`. stretch: the length along the ray for a depth of 1. A sample starts at its point on the
+   lens, and per unit of depth its direction is shifted sideways by its tilt, so that all samples that aim at the
+   same place meet where the camera is focused. */
 KERNEL(camera_rays_of,
        "matrix f64[4,4]  window f64[4]  perspective i64  near f64  width i64  height i64  box i64[4]  offsets f64[s,2]  "
        "lens f64[s,2]  tilt f64[s,2]  origin f64[n,3]!  direction f64[n,3]!  stretch f64[n]!")

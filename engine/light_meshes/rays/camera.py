@@ -1,4 +1,4 @@
-"""Camera rays: where in a pixel's filter they go, and through which point of the lens."""
+"""Camera rays: where they pass through a pixel's filter, and through which point of the lens."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..support.native import kernel
 
 
 def coarser(camera: Camera, divisor: int) -> Camera:
-    """The camera with `divisor` times fewer pixels each way, of exactly what it sees."""
+    """Return the camera with 1/`divisor` of the pixels in each direction. It sees exactly the same."""
     if divisor == 1:
         return camera
     x0, y0, x1, y1 = camera.crop or (0, 0, camera.width, camera.height)
@@ -25,12 +25,12 @@ def coarser(camera: Camera, divisor: int) -> Camera:
 
 
 def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
-    """Offsets (n,2) from a pixel's centre, in pixels, distributed as a Blackman-Harris filter of that size.
+    """Return offsets (n,2) from a pixel's centre, in pixels, distributed as a Blackman-Harris filter of that size.
 
-    As in Cycles the filter ends `filter_size` from the centre: its window is twice as wide.
-    The same n for every pixel: a picture without noise. n = 1 is the centre. Latin hypercube strata (van der
-    Corput's order) through the filter's inverse distribution; all samples weigh the same, as in Cycles. The first
-    is the one nearest to the centre.
+    As in Cycles the filter ends `filter_size` from the centre: its window is twice as wide. Every pixel has the same n
+    offsets, so the picture has no noise; for n = 1 it is the centre. The offsets are Latin hypercube strata (in van der
+    Corput's order), mapped by the inverse distribution of the filter. All samples have the same weight, as in Cycles.
+    The first sample is the one nearest to the centre.
     """
     stratum = (np.arange(samples) + 0.5) / samples
     corput = np.zeros(samples)
@@ -42,23 +42,24 @@ def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
     density = 0.35875 - 0.48829 * np.cos(a) + 0.14128 * np.cos(2 * a) - 0.01168 * np.cos(3 * a)
     share = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)])
     inverse = np.interp(stratum, share / share[-1], x)
-    inverse = (inverse - inverse[::-1]) / 2  # the filter is symmetric; so is the table, to the last bit
+    inverse = (inverse - inverse[::-1]) / 2  # the filter is symmetric, so make the table symmetric to the last bit
     offsets = 2 * filter_size * np.stack([inverse, inverse[order]], axis=1)
     return offsets[np.argsort((offsets**2).sum(1), kind="stable")]
 
 
 _rays = kernel("camera_rays_of")
 GOLDEN = (5**0.5 - 1) / 2
-ORDERS = 16  # of the lens's points that are tried
+ORDERS = 16  # how many orders of the lens points are tried
 
 
 def lens_points(camera: Camera, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n,2) of the lens that a pixel's n samples look through, in scene units from its centre, x right, y up.
+    """Return points (n,2) on the lens for the n samples of a pixel, in scene units from its centre, x to the right, y
+    up.
 
-    The same for every pixel, as the samples' `offsets`: a point out of focus becomes n points, with the variance of
-    the whole lens. A sunflower spiral (Vogel 1979) fills the disk evenly, seen from any side; a lens with blades has
-    the same spiral, each circle drawn out to the polygon (its form as in Cycles). The first sample looks through the
-    point nearest to the centre, a single one through the centre.
+    They are the same for every pixel, like the samples' `offsets`. So a point out of focus becomes n points, with the
+    same variance as the whole lens. A sunflower spiral (Vogel 1979) fills the disk evenly in all directions. A lens
+    with blades has the same spiral, with each circle stretched to the polygon (which has the same form as in Cycles).
+    The first sample uses the point nearest to the centre; a single sample uses the centre.
     """
     n = len(offsets)
     if camera.lens_radius == 0 or n == 1:
@@ -68,15 +69,16 @@ def lens_points(camera: Camera, offsets: NDArray[np.float64]) -> NDArray[np.floa
     if camera.lens_blades < 3:
         outline = np.stack([np.cos(angle), np.sin(angle)])
     else:
-        # A share of the circle becomes the same share of the polygon's outline: equal areas stay equal.
+        # An angle, as a share of the circle, becomes the same share of the polygon's outline, so equal areas stay
+        # equal.
         sector = 2 * np.pi / camera.lens_blades
         blade, along = np.divmod(angle / sector, 1)
         a, b = (np.stack([np.cos(v), np.sin(v)]) for v in (
             (blade + side) * sector + camera.lens_rotation for side in (-0.5, 0.5)))
         outline = a + along * (b - a)
     points = camera.lens_radius * (np.sqrt((k + 0.5) / n) * outline).T / [camera.lens_ratio, 1]
-    # Place in the filter and place in the lens must have little to do with each other: of some orders, each by steps
-    # around the spiral that meet every point, the one in which they are least correlated.
+    # The place in the filter and the place on the lens must be almost independent. Each order that is tried goes around
+    # the spiral by equal steps that meet every point; the least correlated one is used.
     steps = [m for m in range(-(-n // 4), n) if math.gcd(m, n) == 1]
     orders = [k * m % n for m in steps[::-(-len(steps) // ORDERS)]]
     return points[min(orders, key=lambda order: np.linalg.norm(offsets.T @ points[order]))]
@@ -85,7 +87,9 @@ def lens_points(camera: Camera, offsets: NDArray[np.float64]) -> NDArray[np.floa
 def camera_rays(
     camera: Camera, box: tuple[int, int, int, int], offsets: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Origins, unit directions (n,3) and reach (n,) of the rays through the pixels of `box` (x0, y0, x1, y1)."""
+    """Return origins (n,3), unit directions (n,3) and reach (n,) of the rays through the pixels of `box` (x0, y0, x1,
+    y1).
+    """
     x0, y0, x1, y1 = box
     n = (x1 - x0) * (y1 - y0) * len(offsets)
     origin, direction, stretch = np.empty((n, 3)), np.empty((n, 3)), np.empty(n)
@@ -97,7 +101,7 @@ def camera_rays(
 
 
 def depth(camera: Camera, P: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Depth (n,) of world points along the camera's axis, as Cycles' Depth pass has it."""
+    """Return the depth (n,) of world points along the camera's axis, as in Cycles' Depth pass."""
     axis = camera.matrix[:3, 2]
     return -((P[:, 0] - camera.matrix[0, 3]) * axis[0] + (P[:, 1] - camera.matrix[1, 3]) * axis[1]
              + (P[:, 2] - camera.matrix[2, 3]) * axis[2])

@@ -1,10 +1,11 @@
-/* What the tracer's frame depends on (frame.py). */
+/* Data from which the tracer's frame is computed (frame.py). */
 #include "native.h"
 
 static const f64 FAR = 0x1p38;  /* the farthest that triangles may be in the frame */
 enum { CORNERS = 9 };
 
-/* The part of a polygon of `count` corners on one side of a plane, into out; returns its number of corners. */
+/* Clips a polygon of `count` corners at a plane, and writes the part on one side to `out`. Returns its number of
+   corners. */
 static int clip(f64 polygon[][3], int count, const f64 *side, f64 out[][3]) {
     int n = 0;
     for (int k = 0; k < count; k++) {
@@ -19,13 +20,16 @@ static int clip(f64 polygon[][3], int count, const f64 *side, f64 out[][3]) {
     return n;
 }
 
-/* Depth at which the view begins: of the nearest part of a triangle in it. Infinity: nothing is in view. */
+/* Computes the depth at which the view begins: the smallest depth of the visible part of any triangle. Infinity if
+   no triangle is in view. */
 KERNEL(frame_first,
        "world f64[v,3]  triangles i32[t,3]  seen bool[t]  matrix f64[4,4]  window f64[4]  perspective i64  near f64  "
        "first f64[1]!")
 i64 frame_first(i64 v, i64 t, const f64 *world, const i32 *triangles, const u8 *seen, const f64 *matrix,
                 const f64 *window, i64 perspective, f64 near, f64 *first) {
-    f64 side[5][4] = {{0}}, best = INFINITY;  /* x, y, depth and 1 times these are at least 0 within the view */
+    /* the products of these with (x, y, depth, 1) are at least 0 inside the view */
+    /* The planes of the view */
+    f64 side[5][4] = {{0}}, best = INFINITY;
     (void)v;
     for (int k = 0; k < 4; k++) {
         f64 sign = k % 2 ? -1.0 : 1.0;
@@ -33,6 +37,7 @@ i64 frame_first(i64 v, i64 t, const f64 *world, const i32 *triangles, const u8 *
     }
     side[4][2] = 1.0, side[4][3] = -near;
     for (i64 own = 0; own < t; own++) {
+        /* The triangle in the camera's space */
         f64 a[CORNERS][3], b[CORNERS][3], nearest = INFINITY;
         int finite = 1, count = 3;
         if (!seen[own]) continue;
@@ -46,6 +51,7 @@ i64 frame_first(i64 v, i64 t, const f64 *world, const i32 *triangles, const u8 *
             nearest = z < nearest ? z : nearest;
             finite &= z == z;
         }
+        /* Its part within the view */
         if (!finite || !(nearest < best)) continue;
         for (int k = 0; k < 5 && count; k++) {
             count = clip(k % 2 ? b : a, count, side[k], k % 2 ? a : b);
@@ -56,7 +62,8 @@ i64 frame_first(i64 v, i64 t, const f64 *world, const i32 *triangles, const u8 *
     return 0;
 }
 
-/* Whether an edge is longer than 1 and than its way past the centre; the same for (b, a). */
+/* Returns whether an edge is longer than 1 and longer than its distance from the centre. The result is the same for
+   (b, a). */
 static int long_edge(const f64 *a, const f64 *b) {
     int swap = a[0] > b[0] || (a[0] == b[0] && (a[1] > b[1] || (a[1] == b[1] && a[2] > b[2])));
     const f64 *begin = swap ? b : a, *end = swap ? a : b;
@@ -72,7 +79,7 @@ static int long_edge(const f64 *a, const f64 *b) {
     return length > distance;
 }
 
-/* Marks triangles that have an edge to halve. */
+/* Marks triangles that have an edge that must be halved. */
 KERNEL(frame_too_large, "local f64[v,3]  triangles i32[t,3]  out bool[t]!")
 i64 frame_too_large(i64 v, i64 t, const f64 *local, const i32 *triangles, u8 *out) {
     (void)v;
@@ -86,7 +93,8 @@ i64 frame_too_large(i64 v, i64 t, const f64 *local, const i32 *triangles, u8 *ou
     return 0;
 }
 
-/* Marks the edges to halve, from corner k to k + 1, of triangles with five numbers a corner, of which three are its place. */
+/* Marks the edges to halve, from corner k to k + 1. A corner of a triangle has five numbers; the first three are its
+   place. */
 KERNEL(frame_long_edges, "todo f64[n,3,5]  out bool[n,3]!")
 i64 frame_long_edges(i64 n, const f64 *todo, u8 *out) {
     for (i64 t = 0; t < n; t++)

@@ -1,8 +1,10 @@
-"""The tracer's frame: where float32 has its digits, and huge triangles cut into pieces that have them there too.
+"""The tracer's frame: coordinates in which float32 is precise where it matters. Huge triangles are cut into pieces that
+are precise as well.
 
-A float32 is as fine as it is near 0. Where the whole scene is not much larger than what is in view, the frame is its
-box. Else its centre is where the view begins: what is seen, in mirrors too, is then as fine as it is near. A triangle
-is only as fine as its farthest vertex; so edges that pass the centre nearer than they are long are halved.
+float32 is most precise near 0. If the whole scene is not much larger than the visible part, the frame is the scene's
+box. Otherwise the centre of the frame is where the view begins, so what is seen, also in mirrors, is more precise the
+nearer it is. A triangle is only as precise as its farthest vertex. So an edge that passes the centre at a distance less
+than its length is halved.
 """
 
 from __future__ import annotations
@@ -18,25 +20,28 @@ from ..support.native import kernel
 
 _first, _too_large, _long_edges = kernel("frame_first"), kernel("frame_too_large"), kernel("frame_long_edges")
 
-VIEWS = 16.0  # widths of the view: a scene with half a box of so many has its box as frame
-FAR = 2.0**38  # the farthest that triangles may be in the frame: products of three lengths are float32 in Embree
-PIECES = 4_000_000  # triangles are not cut into more
+VIEWS = 16.0  # widths of the view: if half the scene's box is not larger than this many, the box is the frame
+# the farthest that triangles may be in the frame, because Embree computes products of three lengths in float32
+FAR = 2.0**38
+PIECES = 4_000_000  # triangles are not cut into more pieces than this
 
 
 class Frame(NamedTuple):
-    """Recentred and scaled in float64, so that all triangles lie in [−reach, reach]."""
+    """A shift and a scale, in float64, so that all triangles are in [−reach, reach]."""
 
     centre: NDArray[np.float64]  # (3,) world
     scale: float  # world lengths of one unit of the frame; a power of two, so that scaling is exact
-    reach: float  # 1: the frame is the scene's box
+    reach: float  # 1 if the frame is the scene's box
 
     def to_frame(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """World points (n,3) in the frame, float64."""
+        """Return world points (n,3) in the frame, float64."""
         return (world - self.centre) / self.scale
 
 
 def frame(world: NDArray[np.float64], triangles: NDArray[np.int32], seen: NDArray[np.bool_], camera: Camera) -> Frame:
-    """The frame for triangles (T,3) of points `world` (V,3). seen (T,): what the camera may see."""
+    """Return the frame for triangles (T,3) of points `world` (V,3). `seen` (T,) says which triangles the camera may
+    see.
+    """
     used = np.zeros(len(world), np.bool_)
     used[triangles] = True
     finite = world[used & np.isfinite(world).all(1)]
@@ -53,11 +58,11 @@ def frame(world: NDArray[np.float64], triangles: NDArray[np.int32], seen: NDArra
     depth = float(first[0])
     width = max(abs(right - left), abs(top - bottom)) * (depth if camera.perspective else 1.0)
     if not np.isfinite(depth) or not half > VIEWS * width > 0.0:
-        # 2 % of room, so that rounding leaves nothing outside.
+        # 2 % larger, so that rounding leaves no vertex outside.
         return Frame(low / 2 + high / 2, 2.0 ** np.ceil(np.log2(max(half, 1e-150) * 1.02)), 1.0)
-    if half / (FAR / 4) < 30 * width:  # rather a little coarser than without what is far
+    if half / (FAR / 4) < 30 * width:  # a little less precision is better than dropping what is far
         width = max(width, half / (FAR / 4))
-    # In large steps: a view that moves a little keeps its frame, and so its accelerator.
+    # Use large steps, so that a view that moves a little keeps its frame, and so its accelerator.
     scale = 4.0 ** np.ceil(np.log2(2.0 * width) / 2)
     middle = np.array([(left + right) / 2, (bottom + top) / 2]) * (depth if camera.perspective else 1.0)
     begin = camera.matrix[:3, 3] + camera.matrix[:3, :3] @ np.array([*middle, -depth])
@@ -67,16 +72,18 @@ def frame(world: NDArray[np.float64], triangles: NDArray[np.int32], seen: NDArra
 
 
 def too_large(local: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Which triangles (T,3) of points `local` (V,3) in the frame have an edge to halve."""
+    """Return which triangles (T,3) of points `local` (V,3) in the frame have an edge that must be halved."""
     out = np.zeros(len(triangles), np.bool_)
     _too_large(local, triangles, out)
     return out
 
 
 def cut(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Triangles (n,3,3) in the frame in pieces: their corners (m,3,3), where these are (m,3,2: u, v), and in which.
+    """Cut triangles (n,3,3) in the frame into pieces. Returns their corners (m,3,3), these as u, v on the whole
+    triangle (m,3,2), and the row of that triangle (m,).
 
-    Which edges are halved depends on nothing but their ends: pieces of neighbours fit. What is beyond FAR is lost.
+    Whether an edge is halved depends only on its ends, so pieces of neighbours fit together. Triangles beyond FAR are
+    dropped.
     """
     whole = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
     todo = np.concatenate([corners, np.broadcast_to(whole, (len(corners), 3, 2))], axis=2)
@@ -95,7 +102,7 @@ def cut(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.f
         parts, owners = [], []
         for number, first in ((1, long.argmax(1)), (2, (long.argmin(1) + 1) % 3), (3, np.zeros(len(todo), np.intp))):
             rows = np.flatnonzero(edges == number)
-            turned = (first[rows, None] + np.arange(3)) % 3  # the long edges come first
+            turned = (first[rows, None] + np.arange(3)) % 3  # put the long edges first
             a, b, c = np.take_along_axis(todo[rows], turned[:, :, None], axis=1).transpose(1, 0, 2)
             ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
             if number == 1:

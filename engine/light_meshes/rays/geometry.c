@@ -12,7 +12,7 @@ i64 geometry_place(i64 n, const f32 *vertices, const f64 *matrix, f64 *out) {
     return 0;
 }
 
-/* Marks triangles that have an area; those with a vertex that is not finite fail the comparison too. */
+/* Marks triangles that have an area. The comparison is also false if a vertex is not finite. */
 KERNEL(geometry_usable, "vertices f32[v,3]  triangles i32[t,3]  out bool[t]!")
 i64 geometry_usable(i64 v, i64 t, const f32 *vertices, const i32 *triangles, u8 *out) {
     (void)v;
@@ -26,8 +26,8 @@ i64 geometry_usable(i64 v, i64 t, const f32 *vertices, const i32 *triangles, u8 
     return 0;
 }
 
-/* Fills P … front for the triangles that rays hit; u, v are Embree's, in float32. The crossing is computed again in
-   float64 (Möller and Trumbore, 1997) and held to the triangle, so that P lies in its plane and on the ray. */
+/* Fills P … front for the triangles that rays hit; u, v are Embree's, in float32. The intersection is computed again
+   in float64 (Möller and Trumbore, 1997) and clamped to the triangle, so that P lies in its plane and on the ray. */
 KERNEL(geometry_surface,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  instance i32[T]  source i32[T]  "
        "normal_matrix f64[I,3,3]  mirrored bool[I]  corner_normals f32[s,3,3]  uvs f32[x,3,2]  materials i32[s]  "
@@ -45,21 +45,26 @@ i64 geometry_surface(i64 V, i64 T, i64 I, i64 s, i64 x, i64 y, i64 z, i64 n, con
         const f64 *d = direction + 3 * k;
         Edges edge = edges_of(vertices, triangles + 3 * t);
         f64 q[3], p[3], r[3], normal[3], shading[3], local[3];
+
+        /* The intersection, again in float64 */
         for (int j = 0; j < 3; j++) q[j] = (origin[3 * k + j] - centre[j]) / scale - edge.a[j];
         cross(d, edge.f, p), cross(q, edge.e, r);
         f64 determinant = dot(edge.e, p), ui = dot(q, p) / determinant, vi = dot(d, r) / determinant;
-        if (!(fabs(ui) <= 2.0 && fabs(vi) <= 2.0)) ui = u[k], vi = v[k];  /* the ray lies in the plane */
+        /* the ray lies in the plane of the triangle */
+        if (!(fabs(ui) <= 2.0 && fabs(vi) <= 2.0)) ui = u[k], vi = v[k];
         ui = ui < 0.0 ? 0.0 : ui > 1.0 ? 1.0 : ui;
         vi = vi < 0.0 ? 0.0 : vi > 1.0 ? 1.0 : vi;
         f64 sum = ui + vi;
         if (sum > 1.0) ui = ui / sum, vi = vi / sum;
         f64 wi = 1.0 - ui - vi;
+        /* The point and the geometric normal */
         for (int j = 0; j < 3; j++) P[3 * k + j] = centre[j] + scale * (edge.a[j] + ui * edge.e[j] + vi * edge.f[j]);
         cross(edge.e, edge.f, normal);
         f64 length = sqrt(dot(normal, normal)), sign = mirrored[i] ? -1.0 : 1.0;
-        f64 turn = sign * dot(normal, d) > 0.0 ? -1.0 : 1.0;  /* seen from behind both normals are turned */
+        f64 turn = sign * dot(normal, d) > 0.0 ? -1.0 : 1.0;  /* seen from behind, both normals are turned around */
         for (int j = 0; j < 3; j++) Ng[3 * k + j] = sign * turn * normal[j] / length;
-        if (y && piece[t] >= 0) {  /* from here on of the scene's triangle */
+        /* The shading normal and the UVs */
+        if (y && piece[t] >= 0) {  /* convert to coordinates on the scene's whole triangle */
             const f64 *b = cut + 6 * (i64)piece[t];
             f64 whole_u = wi * b[0] + ui * b[2] + vi * b[4];
             vi = wi * b[1] + ui * b[3] + vi * b[5], ui = whole_u;
@@ -69,7 +74,7 @@ i64 geometry_surface(i64 V, i64 T, i64 I, i64 s, i64 x, i64 y, i64 z, i64 n, con
         for (int j = 0; j < 3; j++) local[j] = wi * c[j] + ui * c[3 + j] + vi * c[6 + j];
         for (int j = 0; j < 3; j++) shading[j] = dot(normal_matrix + 9 * i + 3 * j, local);
         length = sqrt(dot(shading, shading));
-        int usable = length > 0.0 && length < INFINITY;  /* else the mesh has no usable normal here */
+        int usable = length > 0.0 && length < INFINITY;  /* otherwise the mesh has no usable normal here */
         for (int j = 0; j < 3; j++) Ns[3 * k + j] = usable ? turn * shading[j] / length : Ng[3 * k + j];
         for (int j = 0; j < 2 && x; j++) {
             const f32 *corner = uvs + 6 * of;

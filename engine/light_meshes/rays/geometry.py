@@ -1,4 +1,4 @@
-"""All instances as one soup of triangles in the tracer's frame, and the surface at a hit."""
+"""All instances as one list of triangles in the tracer's frame, and the surface at a hit."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ _place, _usable, _surface = kernel("geometry_place"), kernel("geometry_usable"),
 
 
 class Surfaces(NamedTuple):
-    """What the kernels need of the geometry; every array is indexed by triangle unless said otherwise."""
+    """The geometry in the form that the kernels need. Arrays are indexed by triangle unless stated otherwise."""
 
-    centre: NDArray[np.float64]  # (3,), scale and reach: see `frame`
+    centre: NDArray[np.float64]  # (3,); centre, scale and reach: see `frame`
     scale: float
     reach: float
-    vertices: NDArray[np.float32]  # (V,3) in the frame, instance by instance
+    vertices: NDArray[np.float32]  # (V,3) in the frame, sorted by instance
     triangles: NDArray[np.int32]  # (T,3)
     instance: NDArray[np.int32]  # (T,) ascending
-    source: NDArray[np.int32]  # (T,) row in the scene's per-triangle arrays
+    source: NDArray[np.int32]  # (T,) row in the scene's arrays of triangles
     normal_matrix: NDArray[np.float64]  # (I,3,3) local normals to world
-    mirrored: NDArray[np.bool_]  # (I,) negative scale: windings are turned round
+    mirrored: NDArray[np.bool_]  # (I,) the scale is negative, so the winding is reversed
     corner_normals: NDArray[np.float32]  # (scene triangles,3,3) local
     uvs: NDArray[np.float32]  # (scene triangles,3,2), or (0,3,2)
     materials: NDArray[np.int32]  # (scene triangles,)
-    piece: NDArray[np.int32]  # (T,) row of `cut`, −1: whole; (0,): all are
-    cut: NDArray[np.float64]  # (pieces,3,2) u, v of a piece's corners on the scene's triangle
+    piece: NDArray[np.int32]  # (T,) row of `cut`, −1 if the triangle is whole; (0,) if all are
+    cut: NDArray[np.float64]  # (pieces,3,2) u, v of the corners of a piece on the scene's triangle
 
     def at_corners(self, values: NDArray, triangle: NDArray) -> NDArray[np.float64]:
-        """Values (n,3,k) at the corners of triangles (n,); `values` (scene triangles,3,k) are those of the scene's."""
+        """Return values (n,3,k) at the corners of triangles (n,). `values` (scene triangles,3,k) are for the scene's
+        triangles; pieces of cut triangles are interpolated.
+        """
         out = values[self.source[triangle]].astype(np.float64)
         if len(self.piece):
             rows = np.flatnonzero(self.piece[triangle] >= 0)
@@ -46,7 +48,7 @@ class Surfaces(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Surface points, structure of arrays. Normals are turned to the side that the ray came from."""
+    """Surface points as arrays. The normals point to the side from which the ray came."""
 
     P: NDArray[np.float64]  # (n,3) world
     Ng: NDArray[np.float64]  # (n,3) unit, geometric
@@ -54,15 +56,15 @@ class Hits(NamedTuple):
     uv: NDArray[np.float32]  # (n,2)
     material: NDArray[np.int32]  # (n,)
     triangle: NDArray[np.int32]  # (n,)
-    front: NDArray[np.bool_]  # (n,) the ray came from the side that the winding calls outside
+    front: NDArray[np.bool_]  # (n,) whether the ray came from the outside, as given by the winding
 
     def at(self, rows: Any) -> Hits:
-        """These hits only."""
+        """Return only these hits."""
         return Hits(*(a[rows] for a in self))
 
 
 class Placed(NamedTuple):
-    """All instances' triangles in the world."""
+    """The triangles of all instances in the world."""
 
     world: NDArray[np.float64]  # (V,3)
     triangles: NDArray[np.int32]  # (T,3)
@@ -103,16 +105,16 @@ def _frame(scene: Scene, placed: Placed, camera: Camera) -> Frame:
 
 
 def same_frame(surfaces: Surfaces, scene: Scene, camera: Camera) -> bool:
-    """Whether surfaces made of this scene have the frame that suits the camera."""
+    """Return whether these surfaces of the scene have the frame that suits the camera."""
     new = _frame(scene, _placed(scene), camera)
     return (new.scale, new.reach) == (surfaces.scale, surfaces.reach) and bool((new.centre == surfaces.centre).all())
 
 
 def flatten(scene: Scene, camera: Camera | None = None) -> tuple[Surfaces, list[str]]:
-    """World-space triangles of all instances in the tracer's frame, and a warning an object with bad triangles.
+    """Return the triangles of all instances in the tracer's frame, and one warning for each object with bad triangles.
 
-    Left out are triangles without an area, or with a vertex that is not finite, or of objects that no ray may meet.
-    camera: that looks, where it is not the scene's.
+    Triangles are left out if they have no area, if a vertex is not finite, or if no ray may hit their object. `camera`
+    is the camera to use instead of the scene's.
     """
     g, placed = scene.geometry, _placed(scene)
     frame = _frame(scene, placed, camera or scene.camera)
@@ -144,7 +146,9 @@ def flatten(scene: Scene, camera: Camera | None = None) -> tuple[Surfaces, list[
 
 def _in_pieces(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int32], instance: NDArray[np.int32],
                source: NDArray[np.int32], large: NDArray[np.bool_]) -> tuple[NDArray, ...]:
-    """Vertices (float32), triangles, instance, source, piece and cut, with large (T,) triangles in pieces."""
+    """Return vertices (float32), triangles, instance, source, piece and cut, with large triangles (T,) cut into
+    pieces.
+    """
     pieces, uv, of = cut(local[triangles[large]])
     whole, count = ~large, np.count_nonzero(~large)
     g = scene.geometry
@@ -168,7 +172,9 @@ def _in_pieces(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.i
 
 
 def _cofactors(m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Determinants and cofactor matrices (I,3,3): det·M⁻ᵀ, which carries normals and needs no inverse."""
+    """Return the determinants and the cofactor matrices (I,3,3). These are det·M⁻ᵀ; they transform normals and need no
+    inverse.
+    """
     a, b, c = m[:, 0], m[:, 1], m[:, 2]
     cofactor = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     determinant = (a * cofactor[:, 0]).sum(1)
@@ -177,7 +183,9 @@ def _cofactors(m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.
 
 def _lost(scene: Scene, vertices: NDArray[np.float32], triangles: NDArray[np.int32],
           instance: NDArray[np.int32]) -> list[str]:
-    """One sentence an object whose triangles have vertices that are not finite (no area is no fault)."""
+    """Return one sentence for each object whose triangles have vertices that are not finite. (Triangles without area
+    are no error.)
+    """
     broken = ~np.isfinite(vertices[triangles]).all((1, 2))
     owner = scene.geometry.instance_object[instance[broken]]
     objects, counts = np.unique(owner, return_counts=True)
@@ -189,18 +197,18 @@ def _lost(scene: Scene, vertices: NDArray[np.float32], triangles: NDArray[np.int
 
 def _beyond(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int32],
             instance: NDArray[np.int32]) -> list[str]:
-    """One sentence an object that reaches farther than the tracer does."""
+    """Return one sentence for each object that reaches farther than the tracer can."""
     far = ((np.abs(local) > FAR) & np.isfinite(local)).any(1)[triangles].any(1)
     objects = np.unique(scene.geometry.instance_object[instance[far]])
-    return [f"object '{scene.objects[o].name}': what of it is more than a hundred thousand million views away is left "
-            "out: look for a mistyped location or scale" for o in objects.tolist()]
+    return [f"object '{scene.objects[o].name}': parts of it are more than a hundred thousand million views away and "
+            "are left out: look for a mistyped location or scale" for o in objects.tolist()]
 
 
 def surface(s: Surfaces, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],
             origin: NDArray[np.float64], direction: NDArray[np.float64], hits: Hits) -> None:
     """Fill `hits` for the triangles (n,) that rays hit; u, v (n,) are Embree's, in float32.
 
-    The crossing is computed again in float64 (Möller and Trumbore, 1997) and held to the triangle, so that P lies in
-    its plane and on the ray.
+    The intersection is computed again in float64 (Möller and Trumbore, 1997) and clamped to the triangle, so that P
+    lies in its plane and on the ray.
     """
     _surface(s.centre, s.scale, *s[3:], triangle, u, v, origin, direction, *hits)

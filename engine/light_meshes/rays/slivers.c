@@ -4,8 +4,8 @@
 static f64 least(f64 a, f64 b) { return b < a ? b : a; }
 static f64 most(f64 a, f64 b) { return b > a ? b : a; }
 
-/* Adds up, for each object, the surface of the boxes of its slivers, counts them, and widens its box low, high. thin: a
-   sliver's box has so many times the surface of its triangle. */
+/* For each object: adds up the surface of the boxes of its slivers, counts them, and enlarges the object's box low,
+   high. A sliver's box has more than `thin` times the surface of its triangle. */
 KERNEL(slivers_needless,
        "vertices f32[v,3]  triangles i32[t,3]  owner i32[t]  thin f64  area f64[o]!  count i64[o]!  low f64[o,3]!  "
        "high f64[o,3]!")

@@ -1,4 +1,4 @@
-/* Surfaces in one place with sheets (stacks.py). */
+/* Surfaces that coincide with sheets (stacks.py). */
 #include "boxes.h"
 #include "triangles.h"
 
@@ -6,7 +6,7 @@ static const f64 NEAR = 64 * 0x1p-23, SAME = 1e-12, STEEP = 0.1;
 static const f64 SIDE[3] = {0.5773, 0.3821, 0.7216};
 enum { SHEET, OPAQUE, BENDS };
 
-/* The triangles, and the partners of each: partner[first[t]..first[t+1]]. nature: SHEET, OPAQUE or BENDS. */
+/* The triangles, and the partners of each: partner[first[t]..first[t+1]]. nature is SHEET, OPAQUE or BENDS. */
 typedef struct {
     const f32 *vertices;
     const i32 *triangles, *instance;
@@ -16,7 +16,7 @@ typedef struct {
     const u8 *nature;
 } Stacks;
 
-/* Corners of a triangle as seen from somewhere, and its normal, of any length. */
+/* The corners of a triangle relative to a point, and its normal, which is not normalised. */
 typedef struct {
     f64 corner[3][3], normal[3];
 } Seen;
@@ -33,7 +33,7 @@ static Seen seen_from(const f32 *vertices, const i32 *triangle, const f64 *origi
     return s;
 }
 
-/* Whether q is on one side of p's plane, farther than `near`. */
+/* Returns whether all corners of q are on one side of p's plane, farther away than `near`. */
 static int apart(const Seen *p, const Seen *q, f64 length, f64 near) {
     f64 low = INFINITY, high = -INFINITY;
     for (int k = 0; k < 3; k++) {
@@ -44,7 +44,8 @@ static int apart(const Seen *p, const Seen *q, f64 length, f64 near) {
     return low > near || high < -near;
 }
 
-/* Whether an edge of p separates p and q, as seen along an axis; touching is beside. */
+/* Returns whether an edge of p separates p and q in the projection along an axis. Triangles that only touch are
+   separated. */
 static int beside(const Seen *p, const Seen *q, int axis) {
     int a = (axis + 1) % 3, b = (axis + 2) % 3;
     for (int k = 0; k < 3; k++) {
@@ -58,7 +59,7 @@ static int beside(const Seen *p, const Seen *q, int axis) {
     return 0;
 }
 
-/* Whether triangles t and u overlap, seen along a normal, and touch or nearly do. */
+/* Returns whether triangles t and u are nearly parallel, overlap in the projection along a normal, and nearly touch. */
 static int in_one_place(const f32 *vertices, const i32 *triangles, i64 t, i64 u) {
     f64 origin[3], far = 1.0, pp = 0.0, qq = 0.0, pq = 0.0;
     for (int j = 0; j < 3; j++) {
@@ -78,14 +79,15 @@ static int in_one_place(const f32 *vertices, const i32 *triangles, i64 t, i64 u)
     return !(beside(&p, &q, axis) || beside(&q, &p, axis));
 }
 
-/* Every (triangle, sheet) in one place, into `found` as far as it has room; returns how many there are. box, child: a
-   tree over the sheets (boxes.py). */
+/* Finds every pair (triangle, sheet) that coincides. Writes as many to `found` as there is room for; returns how
+   many there are. box, child: a tree over the sheets (boxes.py). */
 KERNEL(stacks_pairs, "vertices f32[v,3]  triangles i32[t,3]  sheets i32[s]  box f64[b,6]  child i64[b,2]  found i32[f,2]!")
 i64 stacks_pairs(i64 v, i64 t, i64 s, i64 b, i64 f, const f32 *vertices, const i32 *triangles, const i32 *sheets,
                  const f64 *box, const i64 *child, i32 *found) {
     i64 stack[STACK], count = 0;
     (void)v, (void)s, (void)b;
     for (i64 own = 0; own < t; own++) {
+        /* The box of the triangle */
         f32 low[3], high[3];
         for (int j = 0; j < 3; j++) {
             low[j] = INFINITY, high[j] = -INFINITY;
@@ -94,6 +96,7 @@ i64 stacks_pairs(i64 v, i64 t, i64 s, i64 b, i64 f, const f32 *vertices, const i
                 low[j] = x < low[j] ? x : low[j], high[j] = x > high[j] ? x : high[j];
             }
         }
+        /* Walk down the tree to the sheets whose boxes overlap it */
         i64 top = 1;
         stack[0] = 0;
         while (top) {
@@ -117,8 +120,8 @@ i64 stacks_pairs(i64 v, i64 t, i64 s, i64 b, i64 f, const f32 *vertices, const i
     return count;
 }
 
-/* d·(p × q): on which side of an edge a ray from the origin passes. Exactly the negative for (q, p); never 0. So of two
-   triangles at an edge one has the ray that meets it. */
+/* Computes d·(p × q): the sign says on which side of an edge a ray from the origin passes. The result for (q, p) is
+   exactly the negative, and it is never 0. So a ray that meets an edge hits exactly one of its two triangles. */
 static f64 edge(const f64 *p, const f64 *q, const f64 *d) {
     f64 x = d[0] * (p[1] * q[2] - p[2] * q[1]) + d[1] * (p[2] * q[0] - p[0] * q[2]) + d[2] * (p[0] * q[1] - p[1] * q[0]);
     if (x != 0.0) return x;
@@ -127,8 +130,8 @@ static f64 edge(const f64 *p, const f64 *q, const f64 *d) {
     return 1e-300;
 }
 
-/* Where a line meets the plane of a triangle: the line's length, u, v, and what of the length hangs on roundings of this
-   and another triangle; whether that is within the triangle; the triangle's normal. */
+/* The intersection of a line with the plane of a triangle: the line's length, u, v; the possible rounding error of
+   the length, from this and another triangle; whether it is inside the triangle; and the triangle's normal. */
 typedef struct {
     f64 length, u, v, rounded, normal[3];
     int within;
@@ -152,7 +155,7 @@ static Meeting meet(const Stacks *s, i64 t, const f64 *o, const f64 *d) {
     return m;
 }
 
-/* d·N of a triangle's normal to the outside, of any length. */
+/* Returns d·N for the outward normal of a triangle, which is not normalised. */
 static f64 outward(const Stacks *s, i64 t, const f64 *d) {
     const f64 origin[3] = {0};
     Seen p = seen_from(s->vertices, s->triangles + 3 * t, origin);
@@ -162,10 +165,11 @@ static f64 outward(const Stacks *s, i64 t, const f64 *d) {
 
 static f64 same_place(f64 t) { return SAME * (fabs(t) > 1.0 ? fabs(t) : 1.0); }
 
-/* Whether a ray along d meets triangle i at ti before k at tk; m: of one of them. */
+/* Returns whether a ray along d hits triangle i at ti before k at tk; m belongs to one of them. */
 static int before(const Stacks *s, i64 i, f64 ti, i64 k, f64 tk, const Meeting *m, const f64 *d) {
     const u8 *nature = s->nature;
-    int sheets = nature[i] == SHEET && nature[k] == SHEET;  /* an order of all, as rays go from one to the next */
+    /* sheets need a strict order, because rays go from one to the next */
+    int sheets = nature[i] == SHEET && nature[k] == SHEET;
     if (fabs(ti - tk) > same_place(tk) + (sheets ? 0.0 : m->rounded)) return ti < tk;
     if (nature[i] == SHEET && nature[k] != SHEET) return nature[k] == OPAQUE || outward(s, k, d) < 0.0;
     if (nature[k] == SHEET && nature[i] != SHEET) return nature[i] == BENDS && outward(s, i, d) > 0.0;
@@ -173,7 +177,7 @@ static int before(const Stacks *s, i64 i, f64 ti, i64 k, f64 tk, const Meeting *
     return (i < k) == (along * side < 0.0);
 }
 
-/* Whether a ray that met or leaves triangle k at tk meets i at ti next. */
+/* Returns whether a ray that hit or leaves triangle k at tk hits i at ti after it. */
 static int behind(const Stacks *s, i64 i, f64 ti, i64 k, f64 tk, const Meeting *m, const f64 *d) {
     if (s->nature[k] == OPAQUE && fabs(ti - tk) <= same_place(tk) + m->rounded)
         return s->nature[i] == SHEET;  /* the ray comes back from k */
@@ -187,8 +191,9 @@ static int behind(const Stacks *s, i64 i, f64 ti, i64 k, f64 tk, const Meeting *
     const f32 *vertices, const i32 *triangles, const i32 *instance, const u8 *mirrored, const i64 *first,          \
         const i32 *partner, const u8 *nature, const u8 *seen
 
-/* Puts the first surface of those in one place where Embree found one (triangle, −1: none), or where a ray goes on. start,
-   direction: where rays began, world; last: the triangle that they met or left last, −1: none. seen: what they may meet. */
+/* Replaces Embree's hits (triangle, −1: none) by the first of the triangles that coincide there, or that coincide
+   with the triangle that the ray left. start, direction: where the rays began, in the world; last: the triangle that
+   they hit or left last, −1 if none. seen: the triangles that they may hit. */
 KERNEL(stacks_first_of_all,
        "centre f64[3]  scale f64  " STACKS
        "start f64[n,3]  direction f64[n,3]  last i32[n]  triangle i32[n]!  u f32[n]!  v_of f32[n]!")
@@ -201,11 +206,13 @@ i64 stacks_first_of_all(i64 v, i64 t, i64 I, i64 e, i64 p, i64 n, const f64 *cen
         if (!((found >= 0 && first[found + 1] > first[found]) || (passed >= 0 && first[passed + 1] > first[passed])))
             continue;
         const f64 *d = direction + 3 * k;
+        /* Where the ray meets the triangle that Embree found and the one that it left */
         f64 o[3], at = INFINITY, left = 0.0;
         for (int j = 0; j < 3; j++) o[j] = (start[3 * k + j] - centre[j]) / scale;
         i64 best = found;
         if (best >= 0) at = meet(&s, best, o, d).length;
         if (passed >= 0) left = meet(&s, passed, o, d).length;
+        /* The partners of both: the first one that comes next replaces Embree's hit */
         for (int which = 0; which < 2; which++) {
             if (both[which] < 0) continue;
             for (i64 c = first[both[which]]; c < first[both[which] + 1]; c++) {
@@ -216,7 +223,8 @@ i64 stacks_first_of_all(i64 v, i64 t, i64 I, i64 e, i64 p, i64 n, const f64 *cen
                 int new = m.length > 0.0;
                 if (passed >= 0) {
                     new = behind(&s, other, m.length, passed, left, &m, d);
-                    if (nature[other] == OPAQUE && fabs(m.length) <= SAME + m.rounded) new = 0;  /* the ray began there */
+                    /* the ray began on it */
+                    if (nature[other] == OPAQUE && fabs(m.length) <= SAME + m.rounded) new = 0;
                 }
                 if (!new || (best >= 0 && !before(&s, other, m.length, best, at, &m, d))) continue;
                 best = other, at = m.length;
@@ -227,9 +235,9 @@ i64 stacks_first_of_all(i64 v, i64 t, i64 I, i64 e, i64 p, i64 n, const f64 *cen
     return 0;
 }
 
-/* The partners of `triangle`, −1: none, that segments start..end (frame) cross from shares done to until. leaving: the
-   triangles are those that the segments leave, and what lies on them counts from there. Fills row, other, u, v_of as far
-   as they have room; returns how many there are. */
+/* Finds the partners of `triangle` (−1: none) that the segments start..end (in the frame) cross between the shares
+   done and until. leaving: the segments begin on these triangles, and partners on the side to which they go count.
+   Fills row, other, u, v_of as far as there is room; returns how many partners there are. */
 KERNEL(stacks_also_crossed,
        STACKS "triangle i32[n]  start f64[n,3]  end f64[n,3]  leaving i64  done f64[n]  until f64[n]  row i32[r]!  "
               "other i32[r]!  u f32[r]!  v_of f32[r]!")
@@ -258,7 +266,7 @@ i64 stacks_also_crossed(i64 v, i64 t, i64 I, i64 e, i64 p, i64 n, i64 r, OF_STAC
     return count;
 }
 
-/* Shares of segments start..end (frame) at which they meet the planes of triangles. */
+/* Computes the shares of the segments start..end (in the frame) at which they cross the planes of triangles. */
 KERNEL(stacks_place_of, "vertices f32[v,3]  triangles i32[t,3]  triangle i32[n]  start f64[n,3]  end f64[n,3]  out f64[n]!")
 i64 stacks_place_of(i64 v, i64 t, i64 n, const f32 *vertices, const i32 *triangles, const i32 *triangle,
                     const f64 *start, const f64 *end, f64 *out) {

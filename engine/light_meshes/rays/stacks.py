@@ -1,10 +1,11 @@
-"""Sheets in one place: cut-outs, films and what lies on them, nearer to each other than a ray leaves a surface.
+"""Sheets that coincide: cut-outs, films and the surfaces on which they lie, nearer to each other than the distance by
+which a ray leaves a surface.
 
-Embree gives one surface of those that are in one place, and a ray that goes on leaves all of them behind. So the
-triangles that lie in a sheet's place are known beforehand, as its partners, and rays that meet one of them look at all
-in float64. Where rounded vertices do not tell which is in front, a sheet lies on an opaque surface, on either side of
-it, and on the outside of one that bends light. Of two sheets in exactly one place the first of the scene lies on the
-side of SIDE.
+Where surfaces coincide, Embree reports only one of them, and a ray that continues leaves all of them behind. So the
+triangles that coincide with a sheet are found in advance (its partners), and a ray that hits one of them tests all of
+them in float64. If rounded vertices do not tell which one is in front, these rules apply. A sheet lies on an opaque
+surface, on both sides of it, and on the outside of a surface that bends light. If two sheets coincide exactly, the
+first one in the scene lies on the side of SIDE.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from .geometry import Surfaces
 _pairs, place_of = kernel("stacks_pairs"), kernel("stacks_place_of")
 _first_of_all, _also_crossed = kernel("stacks_first_of_all"), kernel("stacks_also_crossed")
 
-NEAR = 64 * 2.0**-23  # in the frame's box: four times as far as a ray leaves its surface
+NEAR = 64 * 2.0**-23  # relative to the frame's box: four times the distance by which a ray leaves its surface
 SHEET, OPAQUE, BENDS = np.uint8(0), np.uint8(1), np.uint8(2)
 
 
@@ -34,19 +35,22 @@ class Stacks(NamedTuple):
 
     def first_of_all(self, s: Surfaces, seen: NDArray[np.bool_], start: NDArray, direction: NDArray,
                      last: NDArray[np.int32], triangle: NDArray[np.int32], u: NDArray, v: NDArray) -> None:
-        """Put the first surface of those in one place where Embree found one, or where a ray goes on.
+        """Replace Embree's hits by the first of the surfaces that coincide there, or that coincide with the surface
+        that a ray leaves.
 
-        start, direction (n,3): where rays began, world. last (n,): the triangle that they met or left last, −1: none.
-        seen (T,): what they may meet. triangle (n,), −1: none, and u, v are Embree's, and changed.
+        `start`, `direction` (n,3): where the rays began, in the world. `last` (n,): the triangle that each ray hit or
+        left last, −1 if none. `seen` (T,): the triangles that the rays may hit. `triangle` (n,), −1 if none, and u, v
+        are Embree's result and are changed.
         """
         _first_of_all(s.centre, s.scale, *self._of(s), seen, start, direction, last, triangle, u, v)
 
     def also_crossed(self, s: Surfaces, seen: NDArray[np.bool_], triangle: NDArray[np.int32], start: NDArray,
                      end: NDArray, leaving: bool, done: NDArray, until: NDArray, *found: NDArray) -> int:
-        """The partners of `triangle` (n,), −1: none, that segments start..end (n,3; frame) cross from done to until.
+        """Find the partners of `triangle` (n,), −1 if none, that the segments start..end (n,3; in the frame) cross
+        between the shares `done` and `until`.
 
-        These are shares of the segments. leaving: the triangles are those that the segments leave, and what lies on
-        them counts from there. Fills row, partner, u, v of `found` as far as they have room; returns how many are.
+        `leaving`: the segments begin on these triangles, and partners on the side to which they go count. Fills row,
+        partner, u, v of `found` as far as there is room. Returns how many partners there are.
         """
         return _also_crossed(*self._of(s), seen, triangle, start, end, leaving, done, until, *found)
 
@@ -55,9 +59,10 @@ class Stacks(NamedTuple):
 
 
 def stacks(surfaces: Surfaces, passes: NDArray[np.bool_], bends: NDArray[np.bool_]) -> Stacks | None:
-    """What lies in the place of sheets, or a sheet in its; None: nothing does.
+    """Return the triangles that coincide with sheets; None if there are none.
 
-    passes (T,): what lets light through; bends (T,): and bends it. Sheets are those that only let it through.
+    `passes` (T,): triangles that let light through; `bends` (T,): those of them that bend it. Sheets are those that
+    pass light without bending it.
     """
     sheets = passes & ~bends
     index = np.flatnonzero(sheets).astype(np.int32)

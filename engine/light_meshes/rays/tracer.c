@@ -1,10 +1,11 @@
-/* Rays for Embree, built in float64 and rounded last; and which of its hits are crossings (tracer.py). */
+/* Builds rays for Embree in float64 and rounds them last; decides which of its hits are crossings (tracer.py). */
 #include "tracer.h"
 #include "triangles.h"
 
-static const f64 LIGHT_END = 1 - 1e-5;  /* a ray to a light stops short of it: a light on a surface is not shadowed */
+/* a ray to a light ends a little before it, so that a light on a surface is not shadowed by it */
+static const f64 LIGHT_END = 1 - 1e-5;
 
-/* Moves points x in the frame off their surface. */
+/* Moves points x in the frame away from their surface. */
 KERNEL(tracer_leave, "x f64[n,3]!  normal f64[n,3]")
 i64 tracer_leave(i64 n, f64 *x, const f64 *normal) {
     for (i64 k = 0; k < n; k++) {
@@ -14,7 +15,8 @@ i64 tracer_leave(i64 n, f64 *x, const f64 *normal) {
     return 0;
 }
 
-/* Rays without an end, or one at `length` (world): origins, directions and ends for Embree. reach: of the frame. */
+/* Builds rays without an end, or with an end at `length` (in the world): origins, directions and ends for Embree.
+   reach: of the frame. */
 KERNEL(tracer_rays,
        "centre f64[3]  scale f64  reach f64  origin f64[n,3]  direction f64[n,3]  normal f64[n,3]?  length f64[n]?  "
        "o f32[n,3]!  d f32[n,3]!  t f32[n]!")
@@ -28,7 +30,7 @@ i64 tracer_rays(i64 n, const f64 *centre, f64 scale, f64 reach, const f64 *origi
             f64 off = reach > 1.0 ? clearance(x[0], x[1], x[2]) : ULPS;
             for (int j = 0; j < 3; j++) x[j] += normal[3 * k + j] * off;
         }
-        /* A far origin has no float32 digits left at the scene: start where the ray nears it. */
+        /* float32 is not precise at a far origin, so start where the ray comes near the scene. */
         if (x[0] * x[0] + x[1] * x[1] + x[2] * x[2] > 16.0 * reach * reach) {
             start = most(0.0, -(x[0] * way[0] + x[1] * way[1] + x[2] * way[2]) - 2.0 * reach);
             for (int j = 0; j < 3; j++) x[j] = x[j] + start * way[j];
@@ -40,8 +42,8 @@ i64 tracer_rays(i64 n, const f64 *centre, f64 scale, f64 reach, const f64 *origi
     return 0;
 }
 
-/* Rays from origin[origin_of] to position[target_of], or towards a directional target. closed: what touches the target
-   counts, too. */
+/* Builds rays from origin[origin_of] to position[target_of], or towards a directional target. closed: a surface that
+   touches the target counts too. */
 KERNEL(tracer_segments,
        "centre f64[3]  scale f64  reach f64  origin f64[m,3]  normal f64[m,3]?  origin_of i32[n]  position f64[q,3]  "
        "directional bool[q]  target_of i32[n]  closed i64  o f32[n,3]!  d f32[n,3]!  t f32[n]!")
@@ -60,10 +62,11 @@ i64 tracer_segments(i64 m, i64 n, i64 q, const f64 *centre, f64 scale, f64 reach
             start[j] = (f32)x[j];
         }
         if (directional[target_of[k]]) {
-            /* Everything lies in [−reach, reach]³: this length passes it from wherever the ray starts. */
+            /* Everything lies in [−reach, reach]³, so a ray of this length passes all of it, wherever it starts. */
             f64 length = 4.0 * reach + fabs((f64)start[0]) + fabs((f64)start[1]) + fabs((f64)start[2]);
             t[k] = 1.0f;
-            if (reach > 1.0) t[k] = (f32)length, length = 1.0;  /* long directions would leave float32 in its products */
+            /* with long directions products would exceed the range of float32 */
+            if (reach > 1.0) t[k] = (f32)length, length = 1.0;
             for (int j = 0; j < 3; j++) way[j] = (f32)(length * to[j]);
             continue;
         }
@@ -79,7 +82,7 @@ i64 tracer_segments(i64 m, i64 n, i64 q, const f64 *centre, f64 scale, f64 reach
     return 0;
 }
 
-/* Whether direction d runs along the normal of triangle k. */
+/* Returns whether direction d runs along the normal of triangle k. */
 static int facing(const f32 *vertices, const i32 *triangle, const f32 *d) {
     Edges s = edges_of(vertices, triangle);
     f64 normal[3];
@@ -87,9 +90,10 @@ static int facing(const f32 *vertices, const i32 *triangle, const f32 *d) {
     return normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2] > 0.0;
 }
 
-/* Tells real crossings from an edge's second triangle, and moves the rays behind them (t = 0: at the end). A ray that
-   runs within a surface meets it again and again: after some such crossings its steps grow. until: the share of the
-   segment that is then behind them, and a little more, as the rays' starts are rounded. */
+/* Decides which hits are new crossings and not the second triangle at an edge, and moves the rays behind their hits
+   (t = 0: the segment ends). A ray that runs inside a surface hits it again and again, so after some such hits its
+   steps grow. until: the share of the segment behind which the ray then is, plus a little, because the starts of
+   rays are rounded. */
 KERNEL(tracer_cross,
        "vertices f32[v,3]  triangles i32[t,3]  instance i32[t]  triangle i32[n]  start f64[n,3]  end f64[n,3]  o f32[n,3]!  "
        "d f32[n,3]!  length f32[n]!  passed f64[n]!  last i32[n]!  near i32[n]!  new bool[n]!  until f64[n]!")
@@ -101,6 +105,7 @@ i64 tracer_cross(i64 v, i64 t, i64 n, const f32 *vertices, const i32 *triangles,
         i64 hit = triangle[k], before = last[k];
         const f64 *from = start + 3 * k, *to = end + 3 * k;
         f32 *here = o + 3 * k, *way = d + 3 * k;
+        /* How far the hit is from the start of the segment */
         f64 distance = 0.0, whole = 0.0;
         for (int j = 0; j < 3; j++) {
             f64 x = (f64)here[j] + (f64)way[j] * length[k] - from[j];
@@ -108,12 +113,14 @@ i64 tracer_cross(i64 v, i64 t, i64 n, const f32 *vertices, const i32 *triangles,
             whole += square(to[j] - from[j]);
         }
         distance = sqrt(distance), whole = sqrt(whole);
+        /* Is it a new crossing? */
         f64 off = clearance(here[0], here[1], here[2]);
         int close = before >= 0 && distance - passed[k] < 16 * off;
         new[k] = 1;
         if (before >= 0 && instance[before] == instance[hit])
             new[k] = before != hit && !(close && facing(vertices, triangles + 3 * hit, way) ==
                                                      facing(vertices, triangles + 3 * before, way));
+        /* Move the ray behind the hit */
         near[k] = close ? near[k] + 1 : 0;
         passed[k] = most(passed[k], distance);
         last[k] = (i32)hit;

@@ -1,10 +1,9 @@
-"""Rays against triangles, in three verbs: `closest`, `occluded` and `transmittance`.
+"""Ray tracing with three functions: `closest`, `occluded` and `transmittance`. No other module of the engine uses
+`embree.py`, the only one that uses Embree.
 
-Nothing else in the engine uses `embree.py`, which knows Embree.
-
-Precision (float32 inside Embree): the scene stands recentred and scaled (`frame`); rays are built in float64, leave a
-surface by a few ulps of its place along its geometric normal (`clearance`), aim from the *rounded* origin at the
-target, and are cast last. Points are float64 in world space on this side of the module.
+Precision (Embree uses float32): the scene is shifted and scaled (`frame`). Rays are built in float64. They start a few
+ulps of their place away from their surface, along the geometric normal (`clearance`), are aimed from the *rounded*
+origin at the target, and are converted to float32 last. Outside of this module points are float64 in world space.
 """
 
 from __future__ import annotations
@@ -22,40 +21,43 @@ from .embree import Accelerator, accelerator, room_for
 from .geometry import Surfaces
 from .stacks import Stacks, place_of
 
-CHUNK = 16384  # rays that glass is followed for at once
-ULPS = 16 * 2.0**-23  # how far a ray leaves its surface and how far a closed end reaches, in the frame's box
+CHUNK = 16384  # rays that are followed through glass at once
+# relative to the frame's box: how far a ray starts from its surface, and how far beyond a closed end it goes
+ULPS = 16 * 2.0**-23
 BUILD_BYTES = 300  # a triangle, while Embree builds its tree. It crashes or hangs where it does not get them
 
 _segments, _cross, leave = kernel("tracer_segments"), kernel("tracer_cross"), kernel("tracer_leave")
 
 
 class Targets(NamedTuple):
-    """Where rays go: a point, or for a sun the way towards it."""
+    """Where rays go: to a point, or in the direction of a sun."""
 
     position: NDArray[np.float64]  # (m,3) world; for a directional one the unit vector towards the light
     directional: NDArray[np.bool_]  # (m,)
 
 
 def points(position: NDArray[np.float64]) -> Targets:
-    """Targets that are all points."""
+    """Return targets that are all points."""
     return Targets(position, np.zeros(len(position), np.bool_))
 
 
 class Tracer:
-    """The triangles of a scene, ready to be traced; one Embree scene for each distinct set of visible objects.
+    """The triangles of a scene, ready to be traced. There is one Embree scene for each distinct set of visible objects.
 
-    `kind` is who looks: "camera", "reflection" (and refraction) or "shadow"; shadow casters come apart as "opaque"
-    and "glass" (those that let light through), and as "stops" and "sheets" (those that let it through unbent). These
-    four also come for each set of `casters`: only triangles in it count. 0: all.
+    `kind` says which rays: "camera", "reflection" (and refraction) or "shadow". Shadow casters are divided into
+    "opaque" and "glass" (those that let light through), and also into "stops" and "sheets" (those that let it through
+    unbent). These four kinds exist for each set of `casters`; only triangles in the set count. Set 0 holds all
+    triangles.
     """
 
     def __init__(self, scene: Scene, surfaces: Surfaces, glass: NDArray[np.bool_] | None = None,
                  bending: NDArray[np.bool_] | None = None, casters: Sequence[NDArray[np.bool_]] = (),
                  old: Tracer | None = None, stacks: Stacks | None = None) -> None:
-        """glass (T,): triangles that shadow rays may pass; bending (T,): that refract them. None: none do.
+        """`glass` (T,): triangles through which shadow rays may pass; `bending` (T,): triangles that refract them.
+        None: no triangle does.
 
-        stacks: which triangles are in one place. casters: sets of triangles (T,), of which the first stands for all.
-        old: a tracer of the same surfaces; its Embree scenes are used again.
+        `stacks`: the triangles that coincide. `casters`: sets of triangles (T,); the first one stands for all
+        triangles. `old`: a tracer of the same surfaces, whose Embree scenes are used again.
         """
         glass = np.zeros(len(surfaces.triangles), np.bool_) if glass is None else glass
         bending = np.zeros(len(surfaces.triangles), np.bool_) if bending is None else bending
@@ -92,11 +94,12 @@ class Tracer:
         normal: NDArray[np.float64] | None = None, reach: NDArray[np.float64] | None = None, casters: int = 0,
         passed: tuple[NDArray[np.float64], NDArray[np.int32]] | None = None,
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
-        """First triangle along each ray (−1: none) and its barycentrics u, v.
+        """Return the first triangle along each ray (−1: none) and its barycentrics u, v.
 
-        origin, direction: (n,3), unit directions. normal (n,3): of the surface a ray leaves, on its side.
-        reach (n,): hits beyond this world length do not count. passed: where rays began (n,3), if they went on straight
-        since, and the triangle (n,) that each met or left last, −1: none; for what is in one place with it.
+        `origin`, `direction`: (n,3), unit directions. `normal` (n,3): of the surface that a ray leaves, on the ray's
+        side. `reach` (n,): hits beyond this world length are ignored. `passed`: where the rays began (n,3), if they
+        have gone straight since then, and the triangle (n,) that each hit or left last, −1 if none. It is needed for
+        triangles that coincide.
         """
         embree, original = self._embree[kind, casters]
         n = len(origin)
@@ -114,11 +117,11 @@ class Tracer:
         target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool, kind: str = "shadow",
         casters: int = 0,
     ) -> NDArray[np.bool_]:
-        """Whether anything that casts shadows lies between origin[origin_of[k]] and targets[target_of[k]].
+        """Return whether anything that casts shadows lies between origin[origin_of[k]] and targets[target_of[k]].
 
-        normal (len(origin),3): surface normals by which rays leave their surface; None: origins are free points
-        and what touches them blocks. closed: what touches the target blocks too (lattice nodes); otherwise the
-        ray ends just before it (lights).
+        `normal` (len(origin),3): surface normals along which rays leave their surface. None: the origins are free
+        points, and a surface that touches them blocks. `closed`: a surface that touches the target blocks too (for
+        lattice nodes); otherwise the ray ends just before the target (for lights).
         """
         embree, _ = self._embree[kind, casters]
         return embree.occluded_of(*self._frame, origin, normal, origin_of, *targets, target_of, closed)
@@ -129,11 +132,11 @@ class Tracer:
         factor: Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]],
         unbent: bool = False, casters: int = 0, triangle: NDArray[np.int32] | None = None,
     ) -> NDArray[np.float32]:
-        """Π t (n,3) of the surfaces crossed on the straight segments of `occluded`; 0 behind an opaque one.
+        """Return Π t (n,3) of the surfaces crossed on the straight segments of `occluded`; 0 behind an opaque one.
 
-        factor(triangle, u, v) -> (n,3) is what a crossing lets through. Each crossing counts once: at an edge Embree
-        may report both its triangles. unbent: a surface that would bend the ray stops it. triangle
-        (len(origin),): that the origins are on; what lies on it counts.
+        factor(triangle, u, v) -> (n,3) is the share of light that a crossing lets through. Each crossing counts once,
+        although Embree may report both triangles at an edge. `unbent`: a surface that would bend the ray stops it.
+        `triangle` (len(origin),): the triangles on which the origins lie; sheets on these count.
         """
         through = np.ones((len(origin_of), 3), np.float32)
         blocked = self.occluded(origin, origin_of, targets, target_of, normal, closed,
@@ -184,7 +187,9 @@ class Tracer:
     def _together(self, kind: str, casters: int, triangle: NDArray[np.int32], start: NDArray, end: NDArray,
                   leaving: bool, done: NDArray, until: NDArray, alive: NDArray, factor: Callable,
                   through: NDArray[np.float32]) -> None:
-        """Multiply through[alive] by what segments cross in one place with `triangle`; see `Stacks.also_crossed`."""
+        """Multiply through[alive] by the sheets that the segments cross together with `triangle`; see
+        `Stacks.also_crossed`.
+        """
         assert self.stacks is not None
         room = len(triangle)
         while True:
@@ -200,11 +205,12 @@ class Tracer:
 
 
 def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[Accelerator, NDArray[np.int32] | None]:
-    """An Embree scene of the triangles in `seen`, and their original numbers (None where all are in)."""
+    """Return the accelerator of the triangles in `seen`, and their original numbers (None if it contains all)."""
     original = None if seen.all() else np.flatnonzero(seen).astype(np.int32)
     triangles = surfaces.triangles if original is None else surfaces.triangles[original]
     try:
-        np.empty(BUILD_BYTES * len(triangles) + 2**25, np.uint8)  # can so much be had? Embree would not ask
+        # test whether this much memory is available, because Embree does not
+        np.empty(BUILD_BYTES * len(triangles) + 2**25, np.uint8)
         return accelerator(surfaces.vertices, triangles), original
     except MemoryError as e:
         raise SceneError(f"out of memory while building the accelerator of {len(triangles):,} triangles") from e

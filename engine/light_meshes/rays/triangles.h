@@ -2,7 +2,7 @@
 #pragma once
 #include "native.h"
 
-/* A corner, and the edges from it, in float64. */
+/* A corner and the two edges from it, in float64. */
 typedef struct {
     f64 a[3], e[3], f[3];
 } Edges;

@@ -1,1 +1,3 @@
-"""What a scene is, and the same as a folder, which is not trusted."""
+"""The scene: its description as dataclasses, and reading and writing it as a folder (a snapshot), which is not
+trusted.
+"""

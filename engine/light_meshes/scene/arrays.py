@@ -1,8 +1,9 @@
-"""The arrays of a snapshot: where their files lie, whether they are what they should be, and whether they fit together.
+"""The arrays of a snapshot: where their files are, and the checks of their types, their values and whether they fit
+together.
 
-A whole snapshot has all of them beside `scene.json`. With `"blocks": ["mesh-1", "mesh-4"]` in it the meshes are those
-of these subfolders, one after the other, so that successive scenes share what has not changed; triangles name
-materials of the scene. `"instances": "instances-12"` names the subfolder of the instance arrays.
+A snapshot without blocks has all arrays beside `scene.json`. If it says `"blocks": ["mesh-1", "mesh-4"]`, the meshes
+are those of these subfolders, in this order, so that successive scenes share meshes that did not change; triangles
+refer to materials of the scene. `"instances": "instances-12"` names the subfolder with the arrays of the instances.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ _MESHES = tuple(name for name in ARRAYS if name not in _INSTANCES)
 
 
 def read_geometry(folder: Path, blocks: Any, instances: Any, mapped: bool) -> Geometry:
-    """The arrays in `folder`, each of the right kind; `check_geometry` says whether they fit together."""
+    """Read the arrays of the snapshot in `folder`, and check the type of each. `check_geometry` checks whether they fit
+    together.
+    """
     top = "" if instances is None else _plain_name(instances, "instances")
     arrays = {name: _read_array(folder, top, name, mapped) for name in _INSTANCES}
     if blocks is None:
@@ -50,7 +53,7 @@ def read_geometry(folder: Path, blocks: Any, instances: Any, mapped: bool) -> Ge
 
 
 def _plain_name(name: Any, where: str) -> str:
-    """`name`, if it is one of a folder right here."""
+    """Return `name` if it names a folder directly in the snapshot's folder; raise SceneError otherwise."""
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*", name):
         raise SceneError(f"scene.json: {where} names {quoted(name)}, which is no plain name of a folder: letters, "
                          "digits, '_', '-' and '.' only, and no '.' in front")
@@ -58,7 +61,9 @@ def _plain_name(name: Any, where: str) -> str:
 
 
 def _read_block(folder: Path, block: str) -> dict[str, np.ndarray]:
-    """The mesh arrays of a block, which fit together: joined to others they could not be told apart any more."""
+    """Read the mesh arrays of a block and check that they fit together; after blocks are joined this cannot be checked
+    any more.
+    """
     arrays = {name: _read_array(folder, block, name, True) for name in _MESHES}
     try:
         _check_meshes(arrays)
@@ -68,7 +73,7 @@ def _read_block(folder: Path, block: str) -> dict[str, np.ndarray]:
 
 
 def _joined(blocks: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Mesh arrays of all blocks as one set. Blocks without uvs get zeros where others have some."""
+    """Join the mesh arrays of all blocks into one set. Blocks without uvs get zeros if others have some."""
     textured = any(len(b["uvs"]) for b in blocks)
     vertices = triangles = 0
     for b in blocks:
@@ -86,9 +91,9 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
     shown = f"{block}/{name}.npy" if block else f"{name}.npy"
     dtype, tail = ARRAYS[name]
     try:
-        if not path.is_file():  # a pipe, say, would keep us waiting
+        if not path.is_file():  # reading a pipe, for example, would block
             raise FileNotFoundError("there is no such file")
-        # An empty array cannot be mapped.
+        # An empty file cannot be mapped.
         with path.open("rb") as f:
             version = np.lib.format.read_magic(f)
             header = np.lib.format.read_array_header_1_0 if version == (1, 0) \
@@ -102,7 +107,7 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
             raise SceneError(f"{shown} is {found} {quoted(shape)}; needed: {dtype} (n, {str(tail)[1:]}")
         if path.stat().st_size - start != size:
             raise SceneError(f"{shown} is cut short: {path.stat().st_size - start} of {size} bytes")
-        # "c": mapped, and like an array in memory to the kernels; nothing is ever written to the file.
+        # "c": mapped, but kernels may treat it like an array in memory; nothing is ever written to the file.
         return np.asarray(np.load(path, mmap_mode="c" if size and mapped else None, allow_pickle=False))
     except SceneError:
         raise
@@ -115,7 +120,7 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
 
 
 def check_geometry(g: Geometry, objects: int, materials: int) -> None:
-    """Raise SceneError unless all arrays fit together, for a scene of so many objects and materials."""
+    """Raise SceneError unless all arrays fit together, for a scene with this many objects and materials."""
     _check_meshes({f.name: getattr(g, f.name) for f in dataclasses.fields(g)})
     _check_rows(g.instance_object, "instance_object", len(g.instance_mesh))
     _check_rows(g.instance_matrix, "instance_matrix", len(g.instance_mesh))

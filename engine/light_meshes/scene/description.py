@@ -1,7 +1,7 @@
-"""The one description of a scene: immutable, with units and shapes.
+"""The description of a scene: immutable dataclasses, with units and shapes.
 
-Lengths are in scene units (metres in an untouched Blender file), colours are scene-linear RGB, matrices act
-on column vectors, angles are in radians. Nothing here knows of Blender, of files or of Embree.
+Lengths are in scene units (metres in an untouched Blender file), colours are scene-linear RGB, matrices act on column
+vectors, angles are in radians. This module does not use Blender, files or Embree.
 """
 
 from __future__ import annotations
@@ -42,33 +42,35 @@ class Settings:
     shadows: str = "LIGHT_MESHES"
     h: float = 0.05  # step of the lattice, scene units
     kI: float = 3.0  # r = h·kI is the radius of the interpolation ball
-    auto_h: bool = False  # h from what the camera sees, finer where a light's r needs it; `h` is then ignored
-    measured_h: float = 0.0  # auto_h: what the camera sees asks for, as measured before; 0: measured now
-    weights: str = "UNIFORM"  # of the nodes in the ball: all the same (paper), or SMOOTH: falling to 0 at r
-    samples: int = 4  # camera rays a pixel
-    max_depth: int = 4  # mirror reflections after the first hit
+    auto_h: bool = False  # choose h from what the camera sees, finer if a light's r needs it; `h` is then ignored
+    # for auto_h: the h that was measured before from what the camera sees; 0 means measure it now
+    measured_h: float = 0.0
+    weights: str = "UNIFORM"  # weights of the nodes in the ball: UNIFORM (paper), or SMOOTH, falling to 0 at r
+    samples: int = 4  # camera rays per pixel
+    max_depth: int = 4  # how many mirror reflections follow the first hit
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour
-    filter_size: float = 1.5  # of the Blackman-Harris pixel filter, pixels; it ends so far from the centre
-    refraction: str = "VIEW"  # which rays bend in glass: M1 NONE, M2 VIEW rays, M3 FULL: shadow paths too (eq. 6)
-    glass: str = "BOUNDED"  # nodes behind glass: BOUNDED leaves them out, PAPER weighs them as eq. (7)
+    filter_size: float = 1.5  # size of the Blackman-Harris pixel filter: it ends this many pixels from the centre
+    refraction: str = "VIEW"  # which rays glass bends: M1 NONE, M2 VIEW rays, M3 FULL: shadow paths too (eq. 6)
+    glass: str = "BOUNDED"  # nodes behind glass: BOUNDED drops them, PAPER weights them as in eq. (7)
     caustics: str = "PAPER"  # energy of refracted paths: Σ Π t, or FOCUS: Σ Π t·J
-    leak_free: bool = False  # end of paper §5: ξ for each path by its first segment
-    shadow_rate: int = 1  # light meshes' light at points so many pixels apart, interpolated between; 1: at each sample
-    light_samples: int = 64  # shadow rays a light, AREA_SAMPLING only
-    seed: int = 0  # of AREA_SAMPLING
-    mist_start: float = 0.0  # of the pass Mist: the distance at which it is 0, scene units,
-    mist_depth: float = 100.0  # how much farther it is 1,
-    mist_falloff: str = "LINEAR"  # and how it rises: LINEAR, QUADRATIC, INVERSE_QUADRATIC
+    leak_free: bool = False  # end of paper §5: use ξ of the first segment for each path
+    # compute light meshes' light only at points this many pixels apart and interpolate; 1: at each sample
+    shadow_rate: int = 1
+    light_samples: int = 64  # shadow rays per light, only for AREA_SAMPLING
+    seed: int = 0  # for AREA_SAMPLING
+    mist_start: float = 0.0  # for the pass Mist: the distance at which it is 0, in scene units
+    mist_depth: float = 100.0  # how much farther away it is 1
+    mist_falloff: str = "LINEAR"  # how it rises: LINEAR, QUADRATIC, INVERSE_QUADRATIC
     film_transparent: bool = False  # alpha 0 where nothing is hit
-    lattice_rotation: bool = True  # False: nodes on multiples of h (for tests; artists' walls lie there)
+    lattice_rotation: bool = True  # False: nodes are at multiples of h (for tests; artists' walls are often there)
     lattice_origin: RGB = (0.0, 0.0, 0.0)
-    uniform_skip: bool = True  # exact shortcut of method §5; off only to measure or test it
+    uniform_skip: bool = True  # exact shortcut of method §5; switch it off only to measure or test it
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Perspective or orthographic; looks down its local −z, y up, as Blender's and OpenGL's."""
+    """A perspective or orthographic camera. It looks along its local −z, with y up, as in Blender and OpenGL."""
 
     matrix: NDArray[np.float64]  # (4,4) camera to world, rigid
     window: tuple[float, float, float, float]  # left, right, bottom, top of the whole frame,
@@ -76,14 +78,14 @@ class Camera:
     width: int  # of the whole frame, pixels
     height: int
     perspective: bool = True
-    clip_start: float = 1e-3  # depth along −z
+    clip_start: float = 1e-3  # smallest depth along −z
     clip_end: float = 1e30
-    lens_radius: float = 0.0  # scene units; 0 is a pinhole, all is in focus
-    focus_distance: float = 1.0  # depth that is in focus
-    lens_blades: int = 0  # corners of the lens; below 3 it is round
-    lens_rotation: float = 0.0  # of the middle of a blade, counter-clockwise from x
-    lens_ratio: float = 1.0  # above 1 the lens is narrower along x, as anamorphic ones
-    crop: tuple[int, int, int, int] | None = None  # x0, y0, x1, y1 in pixels, y up, ends excluded; None: all
+    lens_radius: float = 0.0  # in scene units; 0 is a pinhole, everything is in focus
+    focus_distance: float = 1.0  # the depth that is in focus
+    lens_blades: int = 0  # corners of the lens; with less than 3 it is round
+    lens_rotation: float = 0.0  # angle of the middle of a blade, counter-clockwise from x
+    lens_ratio: float = 1.0  # above 1 the lens is narrower along x, like anamorphic ones
+    crop: tuple[int, int, int, int] | None = None  # x0, y0, x1, y1 in pixels, y up, ends excluded; None: everything
 
     @classmethod
     def look_at(cls, eye: Sequence[float], target: Sequence[float], degrees: float, width: int, height: int,
@@ -122,36 +124,38 @@ def _check_pixels(width: int, height: int) -> None:
 
 @dataclass(frozen=True)
 class Light:
-    """A point source (or a direction), with what shadows and AREA_SAMPLING need of its size."""
+    """A point source (or a direction). Shadows and AREA_SAMPLING also use its size."""
 
     name: str
     type: str
     intensity: RGB  # I_i: kd·Od·I·cos·f_att is the radiance that a diffuse surface returns (so 1/π is in it);
     #                 f_att = 1/d² but for SUN, where it is 1. AREA: on its axis, with a further cosine.
     position: RGB = (0.0, 0.0, 0.0)  # ignored for SUN
-    direction: RGB = (0.0, 0.0, -1.0)  # unit; the way the light travels: SUN, SPOT axis, AREA normal
+    # unit; the direction in which the light travels: SUN, axis of a SPOT, normal of an AREA
+    direction: RGB = (0.0, 0.0, -1.0)
     spot_angle: float = np.pi / 4  # full cone
     spot_blend: float = 0.0  # 0 hard edge .. 1
-    spread: float = np.pi  # AREA: full angle outside which nothing is sent
-    # Of lamps that are scaled unevenly or sheared, None: of no others. The light that such a lamp sends along ω is
-    # that of a plain one, which looks along the third of its own axes, along (ω·a₁, ω·a₂, ω·a₃): SPOT as it is,
-    # AREA as Cycles has it (see `shading`).
+    spread: float = np.pi  # AREA: the full angle of its cone of light
+    # Axes of a lamp that is scaled unevenly or sheared, otherwise None. Along the direction ω such a lamp sends the
+    # same light as a regular lamp that looks along the third of its own axes sends along (ω·a₁, ω·a₂, ω·a₃). This holds
+    # for SPOT; for AREA it is as in Cycles (see `shading`).
     axes: tuple[RGB, RGB, RGB] | None = None
-    diffuse: bool = True  # lights matt surfaces
-    glossy: bool = True  # gives highlights
-    radius: float = 0.0  # AREA_SAMPLING and LIGHT_SIZE: of the sphere (POINT, SPOT), scene units
-    angle: float = 0.0  # the same: full apparent angle of a SUN
-    area_u: RGB = (0.0, 0.0, 0.0)  # the same: half-axes of the rectangle or ellipse
+    diffuse: bool = True  # whether it lights matt surfaces
+    glossy: bool = True  # whether it gives highlights
+    radius: float = 0.0  # for AREA_SAMPLING and LIGHT_SIZE: radius of the sphere (POINT, SPOT), scene units
+    angle: float = 0.0  # for the same: full apparent angle of a SUN
+    area_u: RGB = (0.0, 0.0, 0.0)  # for the same: half-axes of the rectangle or ellipse
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
-    softness: str = "SCENE"  # this light's r: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE 1.12·ρ·a/(L − a) (method §2)
-    soft_radius: float = 0.0  # RADIUS: r, scene units
-    reference_distance: float = 0.0  # LIGHT_SIZE: a, from the caster of a shadow to its receiver; 0: measured
+    softness: str = "SCENE"  # how r is set: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE 1.12·ρ·a/(L − a) (method §2)
+    soft_radius: float = 0.0  # for RADIUS: r, scene units
+    # for LIGHT_SIZE: a, the distance from the caster of a shadow to its receiver; 0: measure it
+    reference_distance: float = 0.0
     receivers: tuple[int, ...] | None = None  # objects that it lights; None: all
     blockers: tuple[int, ...] | None = None  # objects that cast shadows in its light; None: all
-    shadow_pass: int = -1  # the pass "Shadow N" shows what is seen of the lights that have this N; -1: none
+    shadow_pass: int = -1  # the pass "Shadow N" shows the visibility of the lights that have this N; -1: no pass
 
 
 @dataclass(frozen=True)
@@ -165,20 +169,20 @@ class Material:
     ks: float = 0.0
     Os: RGB = (1.0, 1.0, 1.0)
     nShiny: float = 50.0
-    mirror: RGB = (0.0, 0.0, 0.0)  # ks of the recursive term, coloured; 0 for a surface that is only glossy
+    mirror: RGB = (0.0, 0.0, 0.0)  # ks of the recursive term, coloured; 0 for a surface with only highlights
     emission: RGB = (0.0, 0.0, 0.0)  # radiance
-    kt: RGB = (0.0, 0.0, 0.0)  # kt·Ot: what each crossing lets through
-    ior: float = 1.0  # bends rays at closed meshes only; an open sheet has none
-    priority: int = 0  # of overlapping media the one with the highest is there
-    fresnel: bool = False  # mirror and kt by Fresnel's equations instead of constant
-    alpha: float = 1.0  # 1 − share of the surface that is not there: no bending, no shading
+    kt: RGB = (0.0, 0.0, 0.0)  # kt·Ot: the factor for light at each crossing
+    ior: float = 1.0  # acts only at closed meshes; an open sheet does not bend rays
+    priority: int = 0  # where media overlap, the one with the highest priority counts
+    fresnel: bool = False  # compute mirror and kt from Fresnel's equations
+    alpha: float = 1.0  # the share of the surface that is there; the rest is a hole that neither bends nor shades
     alpha_image: int = -1  # index of the image whose alpha channel multiplies alpha; -1: none
     transparent_shadow: bool = True  # False: casts the shadow of an opaque surface
     image: int = -1  # index of the image that replaces Od; -1: none
-    cast_soft_shadows: bool = True  # False: its shadows are sharp (method §4b)
-    receive_soft_shadows: bool = True  # False: shadows on it are sharp (method §4c)
-    index: int = 0  # the artist's number, for the Material Index pass
-    cryptomatte: int = 0  # its name's, for Cryptomatte
+    cast_soft_shadows: bool = True  # False: the shadows that it casts are sharp (method §4b)
+    receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp (method §4c)
+    index: int = 0  # the artist's number for the Material Index pass
+    cryptomatte: int = 0  # the number of its name for Cryptomatte
 
 
 @dataclass(frozen=True)
@@ -187,36 +191,38 @@ class Image:
 
     name: str
     path: str
-    colorspace: str = "sRGB"  # sRGB | LINEAR | one of the OpenColorIO configuration `ocio`
+    colorspace: str = "sRGB"  # sRGB | LINEAR | a space of the OpenColorIO configuration `ocio`
     interpolation: str = "LINEAR"  # LINEAR | CLOSEST
     extension: str = "REPEAT"  # REPEAT | EXTEND | CLIP | MIRROR
     matrix: tuple[RGB, RGB, RGB] = IDENTITY  # from the linear light of sRGB or LINEAR to the scene's
-    ocio: str = ""  # the configuration's file
-    working_space: str = "scene_linear"  # the scene's linear light, as `ocio` calls it
-    alpha: str = "KEEP"  # colours as the file has them; or MULTIPLIED by alpha, or STRAIGHT; IGNORED: and alpha is 1
-    stored: str = "FILE"  # how the file has them: as it says itself, or MULTIPLIED or STRAIGHT
+    ocio: str = ""  # the file of the configuration
+    working_space: str = "scene_linear"  # the name of the scene's linear light in `ocio`
+    alpha: str = "KEEP"  # KEEP: colours as in the file; MULTIPLIED or STRAIGHT: by alpha; IGNORED: alpha is 1
+    stored: str = "FILE"  # how the file stores colours: as it says itself (FILE), or MULTIPLIED or STRAIGHT
 
 
 @dataclass(frozen=True)
 class Object:
-    """What the artist calls an object; several instances may belong to one."""
+    """An object as the artist sees it; it may have several instances."""
 
     name: str
     visible_camera: bool = True
     visible_reflection: bool = True  # seen in mirrors
     visible_shadow: bool = True  # casts shadows
-    cast_soft_shadows: bool = True  # False: its shadows are sharp; a surface is soft where object and material say so
-    receive_soft_shadows: bool = True  # False: shadows on it are sharp
+    # False: the shadows that it casts are sharp; the object and the material must both allow soft ones
+    cast_soft_shadows: bool = True
+    receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp
     holdout: bool = False  # a hole in the picture: black, alpha 0
-    shadow_catcher: bool = False  # seen by the camera only by the shadows on it
-    # Of smooth surfaces, Cycles' and Blender's names (see `terminator`): cosine to a light below which shadow rays
-    # start above the facets, 0 never; by what length more; and by what share the light's edge moves towards the light.
+    shadow_catcher: bool = False  # the camera sees only the shadows on it
+    # For smooth surfaces, with the names of Cycles and Blender (see `terminator`): the cosine to a light below which
+    # shadow rays start above the facets (0: never); an additional height for this; and the share by which the edge of
+    # the light is moved towards the light.
     shadow_terminator_geometry_offset: float = 0.0
     shadow_terminator_normal_offset: float = 0.0
     shadow_terminator_shading_offset: float = 0.0
-    index: int = 0  # the artist's number, for the Object Index pass
-    cryptomatte: int = 0  # its name's, for Cryptomatte,
-    cryptomatte_asset: int = 0  # and that of what it hangs from
+    index: int = 0  # the artist's number for the Object Index pass
+    cryptomatte: int = 0  # the number of its name for Cryptomatte
+    cryptomatte_asset: int = 0  # and the number for its topmost parent
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,9 +242,9 @@ class Shape:
 
 @dataclass(frozen=True)
 class Geometry:
-    """All meshes in one set of arrays, and where they stand.
+    """All meshes in one set of arrays, and their instances.
 
-    Mesh m owns vertices[v0 : v0+nv] and triangles[t0 : t0+nt], with (v0, nv, t0, nt) = meshes[m].
+    Mesh m has vertices[v0 : v0+nv] and triangles[t0 : t0+nt], with (v0, nv, t0, nt) = meshes[m].
     """
 
     vertices: NDArray[np.float32]  # (V,3) local
@@ -304,10 +310,10 @@ class Scene:
     materials: tuple[Material, ...] = (Material("default"),)
     images: tuple[Image, ...] = ()
     objects: tuple[Object, ...] = ()
-    world_color: RGB = (0.0, 0.0, 0.0)  # radiance; background and ambient light Ia
+    world_color: RGB = (0.0, 0.0, 0.0)  # radiance, for background and ambient light Ia
     settings: Settings = field(default_factory=Settings)
-    to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # from the scene's linear light to that of sRGB, which PNGs are in
-    warnings: tuple[str, ...] = ()  # what the exporter could not translate, one sentence each
+    to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # from the scene's linear light to that of sRGB, which PNGs use
+    warnings: tuple[str, ...] = ()  # one sentence for each thing that the exporter could not translate
 
     @classmethod
     def from_shapes(cls, shapes: Sequence[Shape], camera: Camera, lights: Sequence[Light] = (),
@@ -358,5 +364,5 @@ def _check_shape(shape: Shape, n: int) -> None:
 
 
 def names_of(cls: type) -> dict[str, Any]:
-    """Field name → default of a description class, in order."""
+    """Return field name → default of a description class, in order."""
     return {f.name: f.default for f in fields(cls)}

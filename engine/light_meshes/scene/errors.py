@@ -1,4 +1,4 @@
-"""What is wrong with what was given: the scene, or how the command was called."""
+"""Errors in the input: in the scene, or in the arguments of the command."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from ..support.text import shown
 
 
 class SceneError(ValueError):
-    """Bad input: the message says what was wrong, where, and what to do. In one line, whatever names it quotes."""
+    """The input is wrong. The message says what is wrong, where, and what to do; it is one line, whatever names it
+    quotes.
+    """
 
     def __str__(self) -> str:
         return shown(super().__str__())[:600]
 
 
 class UsageError(Exception):
-    """The command was called wrongly: exit code 2."""
+    """The arguments of the command are wrong; the exit code is 2."""

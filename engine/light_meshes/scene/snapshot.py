@@ -1,8 +1,9 @@
-"""A scene as a folder: `scene.json` and one `.npy` an array, so that it can be kept, mailed and rendered again.
+"""A scene as a folder: `scene.json` and one `.npy` file for each array, so that it can be kept, sent and rendered
+again.
 
-The folder is untrusted: everything is checked here, once, and a `SceneError` says what is wrong and where.
-Writer and reader are the same list of fields as `scene.py`; the add-on writes the same layout on its own.
-`snapshot_arrays` says where the arrays lie. Several scene files may stand in one folder and share them.
+The folder is not trusted: everything is checked here, once, and a `SceneError` says what is wrong and where. Writer and
+reader both use the list of fields in `description.py`; the add-on writes the same layout with its own code. `arrays.py`
+says where the arrays are. One folder may hold several scene files that share arrays.
 """
 
 from __future__ import annotations
@@ -61,8 +62,8 @@ _CHOICES = {
     (Image, "interpolation"): ("LINEAR", "CLOSEST"),
     (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
 }
-_LARGEST = 1e30  # what single precision takes with some room
-# Smallest and largest sensible value; outside is a mistake and is said so.
+_LARGEST = 1e30  # the largest number that single precision can handle with a safe margin
+# The smallest and the largest sensible value; a value outside is an error.
 _RANGES = {
     (Settings, "h"): (1e-30, 1e30),
     (Settings, "kI"): (0.5, 8.0),
@@ -102,7 +103,9 @@ _RANGES = {
 
 
 def write(scene: Scene, folder: Path) -> None:
-    """Write `scene` into `folder`, which is made if need be. scene.json comes last: with it, all is there."""
+    """Write `scene` into `folder`, which is made if necessary. scene.json is written last: if it exists, the snapshot
+    is complete.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for name, (dtype, _) in ARRAYS.items():
         np.save(folder / f"{name}.npy", np.ascontiguousarray(getattr(scene.geometry, name), dtype))
@@ -128,7 +131,7 @@ def _plain(item: Any) -> dict[str, Any]:
 
 
 def scene_file(path: Path) -> Path:
-    """The scene file of a snapshot: `path` names it, or its folder."""
+    """Return the scene file of a snapshot; `path` is this file or its folder."""
     file = path / "scene.json" if path.is_dir() else path
     if file.suffix != ".json" or not file.is_file():
         raise SceneError(f"{path} is no snapshot: it has no scene.json")
@@ -136,9 +139,9 @@ def scene_file(path: Path) -> Path:
 
 
 def read(path: Path, mapped: bool = True) -> Scene:
-    """Read and check a snapshot: its folder, or one of the scene files there. Raises SceneError.
+    """Read and check a snapshot; `path` is its folder, or one of the scene files there. Raises SceneError.
 
-    mapped: arrays stay in their files where they can, which must not change as long as the scene is in use.
+    `mapped`: map arrays from their files where possible. Then the files must not change as long as the scene is in use.
     """
     file = scene_file(path)
     folder = file.parent
@@ -179,7 +182,7 @@ def read(path: Path, mapped: bool = True) -> Scene:
 
 
 def camera(data: Any) -> Camera:
-    """A checked camera from its JSON object. Raises SceneError."""
+    """Return a checked camera from its JSON object. Raises SceneError."""
     made: Camera = built(Camera, data, "camera")
     left, right, bottom, top = made.window
     if left == right or bottom == top:
@@ -231,7 +234,7 @@ def built(cls: type, data: Any, where: str) -> Any:
 
 
 def with_setting(settings: Settings, key: str, text: str) -> Settings:
-    """`settings` with one more set from text, as `--set key=value` gives it; h given by hand turns auto_h off."""
+    """Return `settings` with one setting changed, from text as in `--set key=value`. Setting h turns auto_h off."""
     if key not in names_of(Settings):
         raise SceneError(f"there is no setting '{key}'; there are {', '.join(names_of(Settings))}")
     try:
@@ -243,7 +246,7 @@ def with_setting(settings: Settings, key: str, text: str) -> Settings:
     return dataclasses.replace(settings, **changed)
 
 
-_SAMPLES: dict[tuple[type, str], Any] = {  # what a field without a default, or with None, looks like
+_SAMPLES: dict[tuple[type, str], Any] = {  # an example value for fields without a default, or with default None
     (Camera, "matrix"): None,
     (Camera, "window"): (0.0,) * 4,
     (Camera, "width"): 1,
@@ -288,7 +291,7 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
 
 
 def _value(where: str, name: str, sample: Any, value: Any) -> Any:
-    """`value` as the type of `sample`, or a SceneError."""
+    """Return `value` converted to the type of `sample`, or raise SceneError."""
     if isinstance(sample, tuple):
         if not isinstance(value, list | tuple) or len(value) != len(sample):
             raise SceneError(f"{where}: {name} must be {len(sample)} numbers")
@@ -309,7 +312,7 @@ def _value(where: str, name: str, sample: Any, value: Any) -> Any:
 
 
 def check(scene: Scene) -> None:
-    """Raise SceneError unless all indices of `scene` fit together. Vertex values are not looked at."""
+    """Raise SceneError unless all indices of `scene` are valid. The values of vertices are not checked."""
     g = scene.geometry
     check_geometry(g, len(scene.objects), len(scene.materials))
     for material in scene.materials:

@@ -1,1 +1,1 @@
-"""What every room uses: the call of kernels, sets of bits, counts and times."""
+"""Tools that every room uses: calls of kernels, bit sets, counts and times."""

@@ -1,4 +1,6 @@
-"""What the command says to a terminal, a pipe or a file, whatever these can show, and whether or not they take it."""
+"""Print what the command says to a terminal, a pipe or a file, whatever characters they support, and even if they are
+closed or full.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +14,18 @@ from typing import TextIO
 
 from ..support.text import shown
 
-# As libraries and the system's loader say it.
+# Texts of libraries and of the system's loader.
 OUT_OF_MEMORY = re.compile(r"out of memory|MemoryError|bad_alloc|cannot allocate memory|failed to map segment|"
                            r"can't start new thread", re.IGNORECASE)
 _PLAINER = {"×": "x", "…": "...", "█": "#", "░": ".", "²": "^2", "−": "-", "→": "->", "Ψ": "Psi", "Π": "Pi", "Σ": "sum"}
-lost: OSError | None = None  # why something that was said did not arrive
+lost: OSError | None = None  # the reason why some output was lost
 
 
 def prepare() -> None:
-    """Have all standard streams there, and none of them refuse a character."""
+    """Make sure that all standard streams exist, and that none of them rejects a character."""
     with contextlib.suppress(OSError):
-        while (number := os.open(os.devnull, os.O_RDWR)) < 3:  # closed: the next file would be it, also to children
+        # a closed stream: otherwise the next file that is opened would get its number, also in child processes
+        while (number := os.open(os.devnull, os.O_RDWR)) < 3:
             os.set_inheritable(number, True)
         os.close(number)
     codecs.register_error("plainer", _plainer)
@@ -35,7 +38,7 @@ def prepare() -> None:
 
 
 def _plainer(e: UnicodeError) -> tuple[str, int]:
-    """Characters that the stream cannot show, in ones that all can."""
+    """Replace characters that the stream cannot encode by ASCII characters."""
     if not isinstance(e, UnicodeEncodeError):
         raise e
     text = e.object[e.start:e.end]
@@ -43,12 +46,12 @@ def _plainer(e: UnicodeError) -> tuple[str, int]:
 
 
 def say(text: str, stream: TextIO | None = None) -> None:
-    """Print lines on stdout, or another stream; what a name holds beside letters is shown as escapes."""
+    """Print lines on stdout, or another stream. Characters in names that cannot be printed are escaped."""
     write("\n".join(map(shown, text.split("\n"))) + "\n", stream or sys.stdout)
 
 
 def write(text: str, stream: TextIO) -> None:
-    """Write text as it is. That a stream does not take it must not end a render: `lost` tells."""
+    """Write text unchanged. If the stream fails, the render goes on and `lost` keeps the error."""
     global lost
     try:
         stream.write(text)
@@ -60,7 +63,9 @@ def write(text: str, stream: TextIO) -> None:
 
 
 def _silence(stream: TextIO) -> None:
-    """Nothing more goes there: Python would try again at its end, and make its exit code 120."""
+    """Discard everything that is written there from now on. Otherwise Python would try again when it exits, and end
+    with exit code 120.
+    """
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

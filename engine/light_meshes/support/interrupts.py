@@ -1,4 +1,6 @@
-"""The signals that end the command, and moments in which they wait: what is made then is known before it must go."""
+"""Handle the signals that end the command, and delay them in critical moments, so that files and processes that are
+being made can be cleaned up.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +13,18 @@ _came = False
 
 
 def listen() -> None:
-    """From now on Ctrl-C, a farm's cancel and a closed terminal raise KeyboardInterrupt; nohup has the last ignored."""
+    """From now on Ctrl-C, the cancel signal of a farm, and a closed terminal raise KeyboardInterrupt. With nohup a
+    closed terminal is ignored.
+    """
     for each in _signals():
         signal.signal(each, _interrupt)
 
 
 @contextlib.contextmanager
 def waiting() -> Iterator[None]:
-    """Signals that come meanwhile raise at the end. Use it inside of the `try` that clears away what is made in it."""
+    """Delay signals: those that arrive meanwhile raise at the end. Use it inside the `try` that cleans up what is made
+    in it.
+    """
     global _waits
     _waits += 1
     try:
@@ -44,6 +50,6 @@ def _interrupt(*_: object) -> None:
 def _raise() -> None:
     global _came
     _came = False
-    for each in _signals():  # once is enough: what is left behind is cleared away now
+    for each in _signals():  # one signal is enough: the cleaning up must not be interrupted
         signal.signal(each, signal.SIG_IGN)
     raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-/* Which sources this library was compiled from, and what the processor can do. */
+/* The hash of the sources from which this library was compiled, and what the processor can do. */
 #include "native.h"
 
 #ifndef SOURCES
@@ -10,7 +10,8 @@ EXPORT const char sources_digest[] = SOURCES;
 #if defined(__x86_64__)
 #include <cpuid.h>
 
-/* Whether processor and system allow AVX2, and what comes with it in x86-64-v3: FMA, BMI, LZCNT, MOVBE, F16C. */
+/* Returns whether processor and system support AVX2 and the other features of x86-64-v3: FMA, BMI, LZCNT, MOVBE,
+   F16C. */
 static int avx2(void) {
     u32 a, b, c, d, low, high;
     u32 wanted = bit_FMA | bit_OSXSAVE | bit_AVX | bit_MOVBE | bit_F16C, more = bit_AVX2 | bit_BMI | bit_BMI2;
@@ -24,6 +25,6 @@ static int avx2(void) {
 static int avx2(void) { return 0; }
 #endif
 
-/* 1 where the library for processors with AVX2 can be used. */
+/* Returns 1 if the library for processors with AVX2 can be used. */
 KERNEL(processor_has_avx2, "")
 i64 processor_has_avx2(void) { return avx2(); }

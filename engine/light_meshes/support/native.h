@@ -1,9 +1,10 @@
-/* What all kernels share: short names of types, and how a kernel tells Python what it takes.
+/* Definitions for all kernels: short names of types, and the declaration of a kernel's arguments for Python.
 
-   KERNEL(name, "P f64[n,3]  h f64  S f32[n,L]!") precedes i64 name(…). native.py reads the text from the library and
-   checks every call by it: names, types, shapes (a letter is one length wherever it stands), ! for what is written,
-   ? for an array that may be None. The function takes first the lengths, in the order in which their letters appear,
-   as i64, and then the arguments in order, arrays as pointers to contiguous memory. It returns an i64. */
+   KERNEL(name, "P f64[n,3] h f64 S f32[n,L]!") precedes i64 name(…). native.py reads this text from the library and
+   checks every call against it: names, types and shapes (a letter is the same length wherever it occurs). ! marks an
+   array that is written, ? an array that may be None. The function takes first the lengths, as i64, in the order in
+   which their letters first appear, and then the arguments in order, arrays as pointers to contiguous memory. It
+   returns an i64. */
 #pragma once
 #include <math.h>
 #include <stdint.h>
@@ -30,7 +31,7 @@ typedef double f64;
 #define TAKES(name) JOINED(name, _takes)
 #define KERNEL(name, takes) EXPORT const char TAKES(name)[] = takes; EXPORT
 
-/* Sets of lights as words of 64 bits: light i is bit i & 63 of word i >> 6 (bits.py). */
+/* Sets of lights as 64-bit words: light i is bit i & 63 of word i >> 6 (bits.py). */
 static inline u64 has(const u64 *words, i64 i) { return words[i >> 6] >> (i & 63) & 1; }
 static inline u64 bit(i64 i) { return (u64)1 << (i & 63); }
 static inline int lowest(u64 word) { return __builtin_ctzll(word); }

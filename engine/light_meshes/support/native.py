@@ -1,8 +1,8 @@
-"""The native kernels: compiled C that came with the package, called with numpy arrays.
+"""The native kernels: compiled C that comes with the package and is called with numpy arrays.
 
-`kernel("name")` is the function of that name. What it takes stands above it in its C source (`native.h` says how) and
-is checked at every call, so that a wrong call is a TypeError or a ValueError here and no crash there. While a kernel
-runs, other Python threads run too.
+`kernel("name")` returns the function of that name. The comment above it in its C source declares its arguments
+(`native.h` explains the format). They are checked at every call, so that a wrong call is a TypeError or a ValueError
+here and not a crash in C. While a kernel runs, other Python threads can run too.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ _ARGUMENT = re.compile(r"(\w+) (\w+)(?:\[([\w,]+)\])?([!?]*)")
 
 
 def _load() -> ctypes.CDLL:
-    """The library that suits the processor. LIGHT_MESHES_KERNELS=kernels takes the one for all."""
+    """Load the library that suits the processor. LIGHT_MESHES_KERNELS=kernels chooses the one that runs on every
+    processor.
+    """
     found = _open("kernels")
     level = os.environ.get("LIGHT_MESHES_KERNELS")
     if level is None and found.processor_has_avx2() and (_PACKAGE / library(sys.platform, "kernels-avx2")).is_file():
@@ -42,7 +44,7 @@ def _open(level: str) -> ctypes.CDLL:
         found = ctypes.CDLL(str(_PACKAGE / library(sys.platform, level)))
     except OSError as e:
         raise KernelError(f"the engine's kernels cannot be loaded: {e}. To have them built, {again}") from e
-    if sources(_PACKAGE):  # a checkout: they may have been edited since
+    if sources(_PACKAGE):  # this is a checkout, where the sources may have been edited since
         built = ctypes.string_at(ctypes.addressof(ctypes.c_char.in_dll(found, "sources_digest"))).decode()
         if built != digest(_PACKAGE):
             raise KernelError(f"the engine's kernels are older than their C sources: {again}")
@@ -56,13 +58,13 @@ _NEEDED, _WRITTEN = 0x101, 0x501  # of flags.num: contiguous and aligned; writab
 
 
 def _knows_arrays() -> bool:
-    """Whether arrays are laid out as they have been in all releases of numpy so far, on this Python."""
+    """Whether arrays have the memory layout that all releases of numpy so far have."""
     some = np.zeros(3)
     return all(ctypes.c_void_p.from_address(id(a) + _DATA).value == a.ctypes.data for a in (some, some[1:], some[2:]))
 
 
 class Kernel:
-    """A compiled function. `takes` says what, as its C source does."""
+    """A compiled function. `takes` declares its arguments, as in its C source."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -77,7 +79,9 @@ class Kernel:
         self.fast = self._compiled() if _knows_arrays() else self.checked
 
     def _argument(self, name: str, kind: str, shape: str, marks: str) -> tuple:
-        """(name, kind, lengths, dtype, written, optional) of one argument; a length is a number or an index."""
+        """Parse the declaration of one argument into (name, kind, lengths, dtype, written, optional). A length is a
+        number or an index.
+        """
         if not shape:
             return name, kind, None, None, False, False
         lengths: list[tuple[bool, int]] = []
@@ -91,16 +95,17 @@ class Kernel:
         return name, kind, tuple(lengths), np.dtype(_TYPES[kind]), "!" in marks, "?" in marks
 
     def __call__(self, *arguments: Any) -> int:
-        """What the kernel returns; arrays are read and written where they lie."""
+        """Call the kernel and return its result. Arrays are passed without copies, and the kernel may write into
+        them.
+        """
         try:
             return self.fast(*arguments)  # type: ignore[no-any-return]
         except TypeError:  # the number of arguments
             return self.checked(*arguments)
 
     def _compiled(self) -> Any:
-        """A function that checks as `checked` does, unrolled for these arguments: 1 µs an array instead of 3.
-
-        Whatever it does not expect it leaves to `checked`, which has the sentences.
+        """Return a function that makes the same checks as `checked`, unrolled for this kernel's arguments, in a third
+        of the time. It calls `checked` for all that is not as expected, which raises the error.
         """
         names = [f"a{n}" for n in range(len(self._arguments))]
         otherwise = f"return checked({', '.join(names)})"
@@ -133,7 +138,7 @@ class Kernel:
         return space["fast"]
 
     def checked(self, *arguments: Any) -> int:
-        """The same as a call, in a loop over the arguments; it raises what a wrong call deserves."""
+        """Do the same as a call, in a loop over the arguments. A wrong call raises TypeError or ValueError."""
         if len(arguments) != len(self._arguments):
             raise TypeError(f"kernel {self.name} takes {len(self._arguments)} arguments, not {len(arguments)}: "
                             f"{self.takes}")
@@ -165,11 +170,11 @@ def _what(value: Any) -> str:
 
 
 def kernel(name: str) -> Kernel:
-    """The compiled function of this name."""
+    """Return the compiled function with this name."""
     return Kernel(name)
 
 
 def needs_memory(failed: int) -> None:
-    """Raise MemoryError where a kernel says, by returning 1, that it got no memory to work in."""
+    """Raise MemoryError if a kernel returned 1, which means that it could not allocate its working memory."""
     if failed:
         raise MemoryError("out of memory in a kernel")

@@ -1,4 +1,4 @@
-"""How many threads this process uses: as many as it was told, else as it has processors."""
+"""How many threads this process uses: the number that it was told, or otherwise the number of its processors."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-MOST = 1024  # as many as Blender takes
+MOST = 1024  # Blender's maximum
 _told: int | None = None
 
 
 def tell(threads: int | None) -> None:
-    """Use so many from now on; None: as many as there are processors."""
+    """Use this many threads from now on; None means as many as there are processors."""
     global _told
     _told = threads
 
 
 def count() -> int:
-    """How many threads to use: a farm gives a task a part of its machine, by processors or by their time."""
+    """Return how many threads to use. On a farm, a task may be given only a part of the machine: some processors, or a
+    share of their time.
+    """
     if _told is not None:
         return _told
     there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -42,9 +44,9 @@ def each(work: Callable[[int], object], parts: int) -> None:
 
 
 def allowed(groups: str, root: Path = Path("/sys/fs/cgroup")) -> Iterator[float]:
-    """Processors whose time the control groups around a process may take, where they have a limit.
+    """Return how many processors' time the control groups of a process allow, or None if there is no limit.
 
-    groups: /proc/PID/cgroup.
+    `groups` is the content of /proc/PID/cgroup.
     """
     for line in groups.splitlines():
         _, kinds, path = line.split(":", 2)
@@ -57,7 +59,7 @@ def allowed(groups: str, root: Path = Path("/sys/fs/cgroup")) -> Iterator[float]
             continue
         group = top / path.lstrip("/")
         for folder in (group, *group.parents):
-            with contextlib.suppress(OSError, ValueError):  # none, or not to be seen from a container
+            with contextlib.suppress(OSError, ValueError):  # there is none, or a container hides it
                 quota, period = map(int, " ".join((folder / name).read_text() for name in files).split())
                 if quota > 0 and period > 0:
                     yield quota / period

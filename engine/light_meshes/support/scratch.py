@@ -1,8 +1,9 @@
-"""Temporary folders that nobody leaves behind, however a process ends.
+"""Temporary folders that are always removed in the end, however a process ends.
 
-Each is locked by the process that made it. The system takes the lock back when that process ends, also when it is
-killed, so a folder of ours without a lock is of a dead process, and the next start removes it. Where folders cannot be
-locked (Windows, some network drives) none is removed: nobody there can tell a dead process from a living one.
+Each folder is locked by the process that made it. The system releases the lock when that process ends, even if it is
+killed. So one of our folders without a lock belongs to a process that has ended, and the next start removes it. Where
+folders cannot be locked (Windows, some network drives) none is removed, because it is not known whether its process
+still runs.
 """
 
 from __future__ import annotations
@@ -22,21 +23,24 @@ from . import interrupts
 
 try:
     import fcntl
-except ImportError:  # Windows
+except ImportError:  # on Windows
     fcntl = None  # type: ignore[assignment]
 
-# This machine's: what another one that shares the disk has locked may look free from here. Older releases locked none.
+# Names of folders made on this machine: folders that another machine has locked on a shared disk may look unlocked
+# here. Older releases did not lock folders.
 _PREFIX = f"light-meshes-of-{re.sub('[^A-Za-z0-9]', '', socket.gethostname())[:40]}-"
 _held: dict[Path, int] = {}  # the locks of this process
 
 
 def make(parent: Path, hidden: bool = False) -> Path:
-    """A new folder in `parent`, locked as long as this process lives; what dead processes left there goes."""
+    """Make a new folder in `parent`, locked as long as this process runs. Folders of ended processes there are
+    removed.
+    """
     sweep(parent)
     while True:
         folder = Path(tempfile.mkdtemp(prefix="." * hidden + f"{_PREFIX}{os.getpid()}-", dir=parent))
         lock = _lock(folder, wait=True)
-        if lock is not None and not folder.is_dir():  # somebody swept in between
+        if lock is not None and not folder.is_dir():  # another process removed it meanwhile as unlocked
             os.close(lock)
             continue
         if lock is not None:
@@ -46,7 +50,7 @@ def make(parent: Path, hidden: bool = False) -> Path:
 
 def remove(folder: Path) -> None:
     """Remove a folder of this process."""
-    for _ in range(20):  # what still writes into it may be about to end
+    for _ in range(20):  # a process that still writes into it may be about to end
         shutil.rmtree(folder, ignore_errors=True)
         if not folder.exists():
             break
@@ -57,7 +61,7 @@ def remove(folder: Path) -> None:
 
 @contextlib.contextmanager
 def made(parent: Path, hidden: bool = False) -> Iterator[Path]:
-    """As `make`, and removed at the end."""
+    """Do the same as `make`, and remove the folder at the end."""
     folder = None
     try:
         with interrupts.waiting():
@@ -69,7 +73,7 @@ def made(parent: Path, hidden: bool = False) -> Iterator[Path]:
 
 
 def sweep(parent: Path) -> None:
-    """Remove what dead processes of this user and machine left in `parent`."""
+    """Remove the folders in `parent` that ended processes of this user on this machine left behind."""
     for folder in _ours(parent):
         lock = _lock(folder)
         if lock is not None:
@@ -78,14 +82,16 @@ def sweep(parent: Path) -> None:
 
 
 def end_owners(parent: Path, patience: float = 10.0) -> None:
-    """Wait until all processes have ended that made folders in `parent`; those that do not are killed."""
+    """Wait until all processes that made folders in `parent` have ended; kill those that do not end within `patience`
+    seconds.
+    """
     end = time.monotonic() + patience
     for folder in _ours(parent):
         while (lock := _lock(folder)) is None and folder.exists():
             if fcntl is None or folder in _held:
                 return
             if time.monotonic() > end:
-                with contextlib.suppress(OSError):  # it holds the lock, so the number is still its own
+                with contextlib.suppress(OSError):  # it holds the lock, so the process number still belongs to it
                     os.kill(int(folder.name.rsplit("-", 2)[1]), signal.SIGKILL)
             time.sleep(0.02)
         if lock is not None:
@@ -93,7 +99,7 @@ def end_owners(parent: Path, patience: float = 10.0) -> None:
 
 
 def _ours(parent: Path) -> list[Path]:
-    """Folders made by this user's processes here."""
+    """Return the folders here that processes of this user made."""
     found = []
     with contextlib.suppress(OSError), os.scandir(parent) as entries:
         for entry in entries:
@@ -105,7 +111,9 @@ def _ours(parent: Path) -> list[Path]:
 
 
 def _lock(folder: Path, wait: bool = False) -> int | None:
-    """The lock, to be closed; None where another process has it, or where there are no locks."""
+    """Return the lock as a file descriptor, to be closed later; None if another process has it, or if there are no
+    locks.
+    """
     if fcntl is None:
         return None
     lock = -1

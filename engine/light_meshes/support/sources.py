@@ -1,7 +1,8 @@
-"""The kernels' C sources: which there are, for which platforms they are compiled, and what the libraries are called.
+"""The C sources of the kernels: the list of files, the platforms for which they are compiled, and the names of the
+libraries.
 
-Both the build (`setup.py`) and the engine (`native.py`) use it, so it imports nothing of the package, and loads no
-kernels.
+Both the build (`setup.py`) and the engine (`native.py`) use this module, so it imports nothing from the package and
+loads no kernels.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ class KernelError(RuntimeError):
 
 
 class Target(NamedTuple):
-    """A platform that kernels are built for."""
+    """A platform for which kernels are built."""
 
     system: str  # sys.platform
-    zig: str  # what the compiler calls it; of Linux with the oldest C library
-    wheel: str  # the tag in a wheel's name
-    levels: dict[str, list[str]]  # library → flags: one for every processor, and one for those with AVX2
+    zig: str  # its name for the compiler; for Linux with the oldest supported C library
+    wheel: str  # the platform tag in a wheel's name
+    # library → compiler flags: one library for every processor, and one for processors with AVX2
+    levels: dict[str, list[str]]
 
 
 _X86 = {"kernels": ["-mcpu=x86_64_v2"], "kernels-avx2": ["-mcpu=x86_64_v3"]}
@@ -35,12 +37,12 @@ TARGETS = {
 
 
 def sources(package: Path) -> list[Path]:
-    """The C files below `package`."""
+    """Return the C files below `package`."""
     return sorted(package.rglob("*.c"))
 
 
 def digest(package: Path) -> str:
-    """A name for these very sources, headers included."""
+    """Return a hash of the sources, headers included, which identifies exactly this version of them."""
     found = hashlib.sha256()
     for path in [*sources(package), *sorted(package.rglob("*.h"))]:
         found.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
@@ -48,5 +50,5 @@ def digest(package: Path) -> str:
 
 
 def library(system: str, level: str = "kernels") -> str:
-    """The file name of a library on a system (sys.platform)."""
+    """Return the file name of a library for a system (a value of sys.platform)."""
     return level + {"win32": ".dll", "darwin": ".dylib"}.get(system, ".so")

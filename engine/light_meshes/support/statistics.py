@@ -1,4 +1,4 @@
-"""Counts and stage times of a render, added up over threads."""
+"""Counts and stage times of a render, summed over threads."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Statistics:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time the enclosed work as part of stage `name`."""
+        """Measure the time of the enclosed work as part of stage `name`."""
         start = time.perf_counter()
         try:
             yield
@@ -38,13 +38,13 @@ class Statistics:
 
 
 def peak_memory() -> int | None:
-    """Largest memory this process has held, bytes; None where the system does not tell."""
-    with suppress(OSError, StopIteration):  # Linux: getrusage also counts what started this process
+    """Return the largest memory in bytes that this process has used; None if the system does not report it."""
+    with suppress(OSError, StopIteration):  # on Linux, getrusage also counts the program that started this process
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:")) * 1024
     try:
         import resource
-    except ImportError:  # Windows
+    except ImportError:  # on Windows
         return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024

@@ -1,4 +1,6 @@
-"""Names and values from outside, as messages show them: in one line, short, and without what steers a terminal."""
+"""Format names and values from outside for messages: in one line, short, and without characters that control a
+terminal.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,9 @@ from typing import Any
 
 
 def shown(text: str) -> str:
-    """`text` in one line, what is no letter or sign of it as escapes: they could steer a terminal, or turn its text."""
+    """Return `text` as one line. Characters that cannot be printed are escaped, because they could control a terminal
+    or reverse the text.
+    """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
@@ -16,6 +20,6 @@ _short.maxstring = _short.maxother = 80
 
 
 def quoted(value: Any) -> str:
-    """A value from outside as a message quotes it: in one line, and short whatever it is."""
+    """Return a value from outside as a message quotes it: on one line, and shortened."""
     text = _short.repr(value)
     return text if len(text) <= 100 else f"{text[:97]}..."

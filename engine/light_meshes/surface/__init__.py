@@ -1,1 +1,1 @@
-"""What a surface returns of the light that arrives: Ω, and textures."""
+"""How a surface reflects arriving light: Ω, and textures."""

@@ -1,21 +1,21 @@
-/* Ω, what light i brings to a receiver where nothing stands between (shading.py), for receivers side by side.
+/* Ω, the light that light i brings to a receiver if nothing stands between (shading.py), for several receivers at once.
 
-   Loops over the receivers of a block have no branch that depends on one, so that compilers make vectors of them. Each
-   is written once for all types of light: the type is a constant wherever `arriving` stands, and what others need of it
-   is left out. */
+   The loops over the receivers of a block have no branch that depends on the receiver, so that compilers can
+   vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
+   inlined, so code that only other types need is removed. */
 #include "native.h"
 
-enum { POINT, SUN, SPOT, AREA, SKEWED_SPOT, SKEWED_AREA };  /* the last two have axes of their own */
-enum { SIDE = 32 };  /* receivers that are lit side by side */
+enum { POINT, SUN, SPOT, AREA, SKEWED_SPOT, SKEWED_AREA };  /* the last two are lamps with uneven or sheared axes */
+enum { SIDE = 32 };  /* how many receivers are lit at once */
 #define INLINE static inline __attribute__((always_inline))
 
-/* Receivers side by side. Bits 0..2 of `returns`: channels in which matt is not 0, 3..5 those of gloss. */
+/* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for gloss. */
 typedef struct {
     f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
     u64 returns[SIDE];
 } Block;
 
-/* All lights and materials, and the hits of rays with `direction`, as shading.py has them. */
+/* All lights and materials, and the hits of rays with `direction`, as in shading.py. */
 typedef struct {
     const i8 *type;
     const f64 *position, *direction, *intensity, *edge, *slope, *axes;
@@ -59,7 +59,8 @@ static Source source_of(const Lights *l, i64 i) {
                     {c[0], c[1], c[2]}, l->axes + 9 * i};
 }
 
-/* Takes the receivers from `first` on; the last also fills the places that are left. Returns whether any shines. */
+/* Loads the receivers from `first` on; the last receiver also fills places that are left over. Returns whether any
+   of them has gloss. */
 static int fill(Block *b, i64 first, const Materials *materials, const Receivers *hits) {
     int glossy = 0;
     for (int k = 0; k < SIDE; k++) {
@@ -79,14 +80,15 @@ static int fill(Block *b, i64 first, const Materials *materials, const Receivers
     return glossy;
 }
 
-/* What of a light arrives at a receiver: ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both times |L − P|.
-   `lit` is as wide as the numbers: vectors of both have the same length. */
+/* What arrives from a light at a receiver: whether ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both multiplied
+   by |L − P|. `lit` has the width of the numbers, so that the compiler need not convert vectors. */
 typedef struct {
     i64 lit;
     f64 power, inverse, cosine, lobe;
 } Arriving;
 
 INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
+    /* The direction to the light, and the distance */
     f64 x, y, z, inverse = 1.0, power = 1.0;
     i64 lit = 1;
     if (kind == SUN) {
@@ -96,8 +98,9 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
         f64 square = x * x + y * y + z * z;
         inverse = 1.0 / sqrt(square);
         power = inverse * inverse;
-        lit = square > 0.0;  /* else the light is on the very point */
+        lit = square > 0.0;  /* otherwise the light is exactly at the point */
     }
+    /* The angle to the lamp's axis, for a skewed lamp in its own axes */
     f64 axis = -(x * s->u + y * s->v + z * s->w) * inverse;
     if (kind == SKEWED_SPOT || kind == SKEWED_AREA) {
         const f64 *a = s->axes, *c = s->axes + 3, *e = s->axes + 6;
@@ -106,7 +109,8 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
         if (kind == SKEWED_SPOT) {
             axis = -r * turned;
         } else {
-            /* Cycles samples a rectangle as if its axes were perpendicular: the light comes from another direction. */
+            /* Cycles samples a rectangle as if its axes were perpendicular, so the light comes from another
+               direction. */
             lit &= axis > 0.0;
             x = p * a[0] + q * c[0] + r * e[0], y = p * a[1] + q * c[1] + r * e[1], z = p * a[2] + q * c[2] + r * e[2];
             inverse = 1.0 / sqrt(x * x + y * y + z * z);
@@ -115,6 +119,7 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
             lit &= power > 0.0;
         }
     }
+    /* The cone of a spot, the cosine and the spread of an area light */
     if (kind == SPOT || kind == SKEWED_SPOT) {
         f64 t = (axis - s->edge) * s->slope;
         t = t > 0.0 ? t : 0.0;
@@ -127,17 +132,18 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
         f64 sine = 1.0 - axis * axis;
         f64 spread = (s->edge - sqrt(sine > 0.0 ? sine : 0.0) / axis) * s->slope;
         spread = s->slope > 0.0 ? spread : 1.0;
-        lit &= (axis > 0.0) & (spread > 0.0);  /* else behind the lamp, or beside its spread */
+        lit &= (axis > 0.0) & (spread > 0.0);  /* otherwise the point is behind the lamp or outside of its spread */
         power *= spread > 0.0 ? spread : 0.0;
     }
+    /* The receiver's side: ξ, N·L and R·V with R = 2(N·L)N − L */
     lit &= b->Ng[0][k] * x + b->Ng[1][k] * y + b->Ng[2][k] * z > 0.0;
     f64 cosine = b->Ns[0][k] * x + b->Ns[1][k] * y + b->Ns[2][k] * z;
-    /* R·V with R = 2(N·L)N − L */
+
     f64 lobe = 2.0 * cosine * b->facing[k] - (x * b->eye[0][k] + y * b->eye[1][k] + z * b->eye[2][k]);
     return (Arriving){lit, power, inverse, cosine, lobe};
 }
 
-/* `what` for the light's type, which thereby is a constant in it. */
+/* Calls `what` with the light's type as a constant. */
 #define FOR_KIND(what, kind, ...)                      \
     switch (kind) {                                    \
     case POINT: what(POINT, __VA_ARGS__); break;       \
@@ -148,7 +154,7 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
     default: what(SKEWED_AREA, __VA_ARGS__);           \
     }
 
-/* Sets the light's bit of the receivers that it reaches. */
+/* Sets the light's bit for the receivers that it reaches. */
 INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, const Block *b, u64 *bits) {
     u64 matt_colour = s->diffuse ? colour : 0, gloss_colour = s->glossy ? colour << 3 : 0;
     for (int k = 0; k < SIDE; k++) {
@@ -159,8 +165,8 @@ INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, cons
     }
 }
 
-/* Fills active: the bits of ξ_i·Ω_i ≠ 0. unlit: lights that reach P (ξ_i·I_i·f_att ≠ 0) count even where the material
-   returns nothing (the shadow passes want them). */
+/* Fills active with the bits of the lights for which ξ_i·Ω_i ≠ 0. unlit: also sets the bits of lights that reach P
+   (ξ_i·I_i·f_att ≠ 0) but from which the material reflects nothing; the shadow passes need these. */
 KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
 i64 shading_reaching(i64 L, i64 M, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
     GATHERED;
@@ -212,8 +218,8 @@ INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int
     }
 }
 
-/* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour; to matt and gloss, where there are any, its two terms. S is 0
-   where ξ_i·Ω_i is, which is not asked again. */
+/* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
+   must be 0 where ξ_i·Ω_i is 0; this is not checked again. */
 KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
 i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour, f64 *matt, f64 *gloss) {
     GATHERED;
@@ -248,7 +254,8 @@ i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour,
     return 0;
 }
 
-/* Adds to one, matt and gloss, what a light would give a white surface if it were seen; most: S where that is above 1. */
+/* Adds to one (matt and gloss) what a light would give a white surface if it were visible; most: S if that is above
+   1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
     Arriving a = arriving(s->kind, s, b, k);
     f64 power = a.power * (most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])));
@@ -256,10 +263,11 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
     if (s->glossy && b->returns[k] > 7 && a.lobe > 0.0 && a.cosine > 0.0) one[1] += power * lobe_power(a, nShiny);
 }
 
-/* By how much the light of a white surface may change nearby: by the share `jump` of lights seen in part, by `step` of all
-   others. order: lights whose numbers in `group` are equal stand side by side. They stand together in the scene and count
-   as one, in part where one is; groups go their own ways, and so the root of their squares' sum counts. Where S > 1,
-   focused light, S times that. */
+/* Computes how much the light of a white surface may change nearby. A light that is partly visible changes by the
+   share `jump`, all others by `step`. order: sorts lights so that those with equal numbers in `group` follow each
+   other. Lights of a group are close together in the scene and count as one, which is partly visible if one of them
+   is. Different groups are independent, so the root of the sum of their squares is used. Where S > 1 (focused
+   light), the value is multiplied by S. */
 KERNEL(shading_steps,
        LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  jump f64  step f64  matt f64[n]!  gloss f64[n]!")
 i64 shading_steps(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, const i64 *group, const i64 *order, f64 jump,
@@ -267,8 +275,8 @@ i64 shading_steps(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, const i64 *gr
     GATHERED;
     Block block;
     for (i64 first = 0; first < n; first += SIDE) {
-        f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of a group, and the squares' sum: matt and gloss */
-        int some[SIDE] = {0};                            /* a light of the group is seen in part */
+        f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of the group, and the sum of squares: matt and gloss */
+        int some[SIDE] = {0};  /* whether a light of the group is partly visible */
         fill(&block, first, &materials, &hits);
         for (i64 at = 0; at < L; at++) {
             i64 i = order[at];
@@ -294,7 +302,7 @@ i64 shading_steps(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, const i64 *gr
     return 0;
 }
 
-/* Emission + Ia·ka·Od, and the second term alone. */
+/* Computes emission + Ia·ka·Od, and separately only the second term. */
 KERNEL(shading_unlit,
        "ka f64[M]  emission f64[M,3]  material i32[n]  Ia f64[3]  Od f64[n,3]  colour f64[n,3]!  ambient f64[n,3]!")
 i64 shading_unlit(i64 M, i64 n, const f64 *ka, const f64 *emission, const i32 *material, const f64 *Ia, const f64 *Od,
@@ -319,7 +327,8 @@ i64 shading_unlink(i64 o, i64 W, i64 n, const u64 *linked, const i32 *owner, u64
     return 0;
 }
 
-/* R = d − 2(d·N)N by the shading normal; by the geometric one where that would enter the surface. */
+/* Computes R = d − 2(d·N)N with the shading normal, or with the geometric one if R would otherwise enter the
+   surface. */
 KERNEL(shading_mirrored, "way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  out f64[n,3]!")
 i64 shading_mirrored(i64 n, const f64 *way, const f64 *Ng, const f64 *Ns, f64 *out) {
     for (i64 p = 0; p < n; p++) {

@@ -1,4 +1,4 @@
-"""Ω(i,P): local illumination by light i without visibility (method §1), and the sums over lights."""
+"""Ω(i,P), the local illumination by light i without visibility (method §1), and the sums over lights."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..scene.description import LIGHT_TYPES, Light, Material, Scene
 from ..support.native import kernel
 
 POINT, SUN, SPOT, AREA = range(len(LIGHT_TYPES))
-SKEWED_SPOT, SKEWED_AREA = range(len(LIGHT_TYPES), len(LIGHT_TYPES) + 2)  # those with axes of their own
+SKEWED_SPOT, SKEWED_AREA = range(len(LIGHT_TYPES), len(LIGHT_TYPES) + 2)  # lamps with uneven or sheared axes
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 
 
 class Lights(NamedTuple):
-    """All lights, structure of arrays; see scene.Light for the units."""
+    """All lights as arrays; see scene.Light for the units."""
 
     type: NDArray[np.int8]  # (L,) index into LIGHT_TYPES, or SKEWED_…
     position: NDArray[np.float64]  # (L,3)
@@ -32,20 +32,20 @@ class Lights(NamedTuple):
     glossy: NDArray[np.bool_]  # (L,)
 
     def targets(self) -> Targets:
-        """Where shadow rays go."""
+        """Return the targets of shadow rays."""
         sun = self.type == SUN
         return Targets(np.where(sun[:, None], -self.direction, self.position), sun)
 
 
 def light_arrays(lights: tuple[Light, ...]) -> Lights:
-    """Scene lights as arrays."""
+    """Return the scene's lights as arrays."""
     edge, slope = np.zeros(len(lights)), np.zeros(len(lights))
     for i, light in enumerate(lights):
         if light.type == "SPOT":
             edge[i] = np.cos(light.spot_angle / 2)
             slope[i] = 1 / max((1 - edge[i]) * light.spot_blend, 1e-9)
         elif light.type == "AREA" and light.spread < np.pi - 1e-4:
-            # As Cycles: what leaves is weighted by tan(spread/2) − tan(angle), the power kept.
+            # As in Cycles: the light that leaves is weighted by tan(spread/2) − tan(angle), with the power unchanged.
             half = max(light.spread / 2, 1e-4)
             edge[i], slope[i] = np.tan(half), 1 / (np.tan(half) - half)
     direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
@@ -63,7 +63,7 @@ def light_arrays(lights: tuple[Light, ...]) -> Lights:
 
 
 class Materials(NamedTuple):
-    """All materials, structure of arrays; see scene.Material."""
+    """All materials as arrays; see scene.Material."""
 
     Od: NDArray[np.float64]  # (M,3)
     ka: NDArray[np.float64]  # (M,)
@@ -77,7 +77,7 @@ class Materials(NamedTuple):
 
 
 def material_arrays(materials: tuple[Material, ...]) -> Materials:
-    """Scene materials as arrays."""
+    """Return the scene's materials as arrays."""
     def column(name: str) -> NDArray[np.float64]:
         return np.array([getattr(m, name) for m in materials], np.float64)
 
@@ -91,7 +91,7 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
 
 
 class Lit(NamedTuple):
-    """What the sums over lights want to know of a batch of receivers: hits of rays with `direction`."""
+    """A batch of receivers for the sums over lights: the hits of rays with `direction`."""
 
     lights: Lights
     materials: Materials
@@ -101,36 +101,37 @@ class Lit(NamedTuple):
 
     @property
     def taken(self) -> tuple[NDArray, ...]:
-        """What the kernels in `shading.c` take of it, in their order."""
+        """Return the arguments for the kernels in `shading.c`, in their order."""
         m, h = self.materials, self.hits
         return (*self.lights, m.kd, m.ks, m.Os, m.nShiny, h.P, h.Ng, h.Ns, self.direction, self.Od, h.material)
 
 
 def reaching(lit: Lit, unlit: bool, active: NDArray[np.uint64]) -> None:
-    """Fill active (n,W): the bits of the lights with ξ_i·Ω_i ≠ 0.
+    """Fill active (n,W) with the bits of the lights for which ξ_i·Ω_i ≠ 0.
 
-    unlit: lights that reach P (ξ_i·I_i·f_att ≠ 0) count even where the material returns nothing; the shadow passes want
-    them.
+    `unlit`: also set the bits of lights that reach P (ξ_i·I_i·f_att ≠ 0) but from which the material reflects nothing;
+    the shadow passes need these.
     """
     _reaching(*lit.taken, unlit, active)
 
 
 def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: NDArray[np.float64] | None = None,
            gloss: NDArray[np.float64] | None = None) -> None:
-    """Add U = Σ_i S_i·Ω_i, eqs. (2), (4) and (7), to colour (n,3); and its two terms to matt and gloss (n,3).
+    """Add U = Σ_i S_i·Ω_i, eqs. (2), (4) and (7), to colour (n,3), and its two terms to matt and gloss (n,3).
 
-    S is (n,L,C): one number a light, or RGB. It is 0 where ξ_i·Ω_i is, which is not asked again.
+    S is (n,L,C): one number for each light, or RGB. S must be 0 where ξ_i·Ω_i is 0; this is not checked again.
     """
     _gather(*lit.taken, S, colour, matt, gloss)
 
 
 def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], jump: float, step: float,
           matt: NDArray[np.float64], gloss: NDArray[np.float64]) -> None:
-    """Fill matt and gloss (n,): by how much the light of a white surface may change nearby.
+    """Fill matt and gloss (n,) with how much the light of a white surface may change nearby.
 
-    It changes by the share `jump` of lights that are seen in part, and by `step` of all others. group (L,): lights of
-    one number stand together and count as one, in part where one is. Groups go their own ways, and so the root of their
-    squares' sum counts. Where S > 1, which is focused light, it is S times that.
+    A light that is partly visible changes by the share `jump`, all others by `step`. group (L,): lights with the same
+    number are close together and count as one, which is partly visible if one of them is. Different groups are
+    independent, so the root of the sum of their squares is used. Where S > 1 (focused light), the value is multiplied
+    by S.
     """
     group = np.asarray(group, np.int64)
     _steps(*lit.taken, S, group, np.argsort(group, kind="stable"), jump, step, matt, gloss)
@@ -138,12 +139,12 @@ def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], jump: floa
 
 def unlit(materials: Materials, material: NDArray[np.int32], Ia: NDArray[np.float64], Od: NDArray[np.float64],
           colour: NDArray[np.float64], ambient: NDArray[np.float64]) -> None:
-    """Fill colour (n,3) with emission + Ia·ka·Od, and ambient (n,3) with the second term alone."""
+    """Fill colour (n,3) with emission + Ia·ka·Od, and ambient (n,3) with only the second term."""
     _unlit(materials.ka, materials.emission, material, Ia, Od, colour, ambient)
 
 
 def linked(scene: Scene) -> NDArray[np.uint64] | None:
-    """(objects, W) bits of the lights that light each object; None where all light all."""
+    """Return bits (objects, W) of the lights that light each object; None if all lights light all objects."""
     if all(light.receivers is None for light in scene.lights):
         return None
     lit = np.full((len(scene.objects), (len(scene.lights) + 63) // 64), ~np.uint64(0))

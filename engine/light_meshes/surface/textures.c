@@ -3,7 +3,7 @@
 
 enum { REPEAT, EXTEND, CLIP, MIRROR };
 
-/* The texel's index at x, or −1 outside of a clipped image. */
+/* Returns the index of the texel at x, or −1 outside of a clipped image. */
 static i64 wrap(i64 x, i64 size, i64 extension) {
     switch (extension) {
     case REPEAT:
@@ -17,16 +17,17 @@ static i64 wrap(i64 x, i64 size, i64 extension) {
     return x < 0 ? 0 : x < size ? x : size - 1;
 }
 
-/* How texels become colours. They are indices into `linear`, or where that is empty linear themselves. first, step: the
-   channels of the colours; a grey image has one channel for all. weighing: the channel (in numbers as `straight` has
-   them) that weighs texels which are blended, −1: none; divides: by the sum of the weights. matrix: NULL for none. */
+/* How texels become colours. Texels are indices into `linear`, or, if that is empty, linear values themselves.
+   first, step: the channels of the colours; a grey image uses one channel for all. weighing: the channel that
+   weights texels when they are blended, converted by `straight`, −1 if none; divides: whether to divide by the sum
+   of the weights. matrix: NULL if none. */
 typedef struct {
     i64 height, width, channels, first, step, weighing, divides, closest, extension;
     const f32 *linear, *straight;
     const f64 *matrix;
 } Look;
 
-/* Where a texture is looked up: its texel below, and the shares of the next ones. */
+/* Where a texture is looked up: the index of its lower texel, and the shares of the next texels. */
 typedef struct {
     i64 x, y;
     f64 fx, fy;
@@ -40,7 +41,7 @@ static Place place_of(const Look *look, const f32 *uv) {
     return (Place){(i64)floor(x), (i64)floor(y), x - floor(x), y - floor(y)};
 }
 
-/* Colours by the matrix, if there is one, and none below 0: as outside of the scene's gamut, or not a number. */
+/* Applies the matrix, if there is one, and replaces values below 0 (outside of the scene's gamut) and NaNs by 0. */
 static void finish(const Look *look, i64 count, f64 *colour) {
     if (look->matrix) {
         f64 r = colour[0], g = colour[1], b = colour[2];

@@ -1,4 +1,4 @@
-"""Image textures: read by OpenImageIO, looked up in linear light."""
+"""Image textures: read by OpenImageIO, and looked up in linear light."""
 
 from __future__ import annotations
 
@@ -22,38 +22,38 @@ _EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
 _KINDS = {oiio.UINT8: np.uint8, oiio.UINT16: np.uint16}  # kept as they are; all others become float32
 _LOOK = {np.dtype(kind): kernel(f"textures_look_{name}")
          for kind, name in ((np.uint8, "u8"), (np.uint16, "u16"), (np.float32, "f32"))}
-_SYSTEM = ("/proc", "/sys", "/dev")  # what looks like a file there is none
-_CONVERTED = 1 << 22  # texels at once: OpenColorIO takes its time to begin
+_SYSTEM = ("/proc", "/sys", "/dev")  # files there are not real files
+_CONVERTED = 1 << 22  # texels at once, because each call of OpenColorIO has a large fixed cost
 
 
 class Layout(NamedTuple):
-    """What is kept of a file."""
+    """How the pixels of a file are stored."""
 
     width: int
     height: int
-    kind: Any  # of its numbers: np.uint8, np.uint16, np.float32
-    first: int  # channel of the colours,
-    colours: int  # and how many there are: 3, or 1 of a grey image
-    alpha: int  # channel of alpha; -1: it has none, or nobody asks
+    kind: Any  # type of its numbers: np.uint8, np.uint16, np.float32
+    first: int  # first channel of the colours
+    colours: int  # number of their channels: 3, or 1 for a grey image
+    alpha: int  # channel of alpha; -1 if it has none, or if it is not needed
     straight: bool  # colours are not multiplied by alpha
-    divided: bool  # they are to be divided by it before they are converted
+    divided: bool  # colours must be divided by alpha before they are converted
 
     @property
     def channels(self) -> int:
-        """How many channels are read."""
+        """Return how many channels are read."""
         return max(self.first + self.colours, self.alpha + 1)
 
     @property
     def bytes(self) -> int:
-        """What its texels take."""
+        """Return how many bytes the texels need."""
         return self.width * self.height * self.channels * np.dtype(self.kind).itemsize
 
 
 class Texture:
-    """One image: texels as the file has them (8 or 16 bits, or float32) and the way to linear light."""
+    """One image: its texels as in the file (8 or 16 bits, or float32), and the conversion to linear light."""
 
     def __init__(self, image: Image, alpha: bool = True) -> None:
-        """alpha: whether anybody asks for its alpha."""
+        """`alpha`: whether its alpha is needed."""
         self.key = _key(image, alpha)
         with _opened(image) as source:
             layout = _layout(image, source.spec(), alpha)
@@ -85,11 +85,12 @@ class Texture:
 
     def _associate(self, image: Image, layout: Layout, white: int,
                    convert: Callable[[NDArray[np.float32]], NDArray[np.float32]] | None) -> None:
-        """Convert the colours, and multiply or divide them by alpha, as the image wants it. white: alpha that is 1.
+        """Convert the colours, and multiply or divide them by alpha, as the image needs it. `white` is the value of
+        alpha that means 1.
 
-        As Cycles: colours that are converted are so without alpha; sRGB alone is multiplied before it is made linear.
+        As in Cycles, colours are converted without alpha; only sRGB is multiplied by alpha before it is made linear.
         """
-        self._weight, self._divides = -1, False  # the channel that weighs texels which are blended
+        self._weight, self._divides = -1, False  # the channel that weights texels when they are blended
         has = image.alpha in ("STRAIGHT", "MULTIPLIED") and layout.alpha >= 0 and bool(
             (self._texels[:, :, layout.alpha] != white).any())
         straight = layout.straight or not has
@@ -104,12 +105,12 @@ class Texture:
             self._weight, self._divides = layout.alpha, image.alpha == "STRAIGHT"
         elif white == 1:
             self._each(layout, lambda colour, alpha: colour * alpha)
-        else:  # in the file's own numbers
+        else:  # with the numbers of the file
             self._each(layout, lambda colour, alpha: (
                 (colour.astype(np.uint32) * alpha + white // 2) // white).astype(colour.dtype))
 
     def _each(self, layout: Layout, change: Callable[[NDArray, NDArray], NDArray], strip: int = 1 << 18) -> None:
-        """Replace all colours by change(colours (n,w,3 or 1), alpha (n,w,1)), about so many texels at a time."""
+        """Replace all colours by change(colours (n,w,3 or 1), alpha (n,w,1)), about `strip` texels at a time."""
         rows = max(1, strip // max(1, layout.width))
         of_colours = slice(layout.first, layout.first + layout.colours)
         for y in range(0, layout.height, rows):
@@ -117,13 +118,13 @@ class Texture:
             part[:, :, of_colours] = change(part[:, :, of_colours], part[:, :, max(layout.alpha, 0), None])
 
     def lookup(self, uv: NDArray[np.float32], rows: NDArray[np.int64], colour: NDArray[np.float64]) -> None:
-        """colour[rows] = the texture at uv[rows]; v points up."""
+        """Set colour[rows] to the texture at uv[rows]; v points up."""
         _LOOK[self._texels.dtype](
             self._texels, self._first, self._step, self._linear, self._weight, self._divides, self._straight,
             self._matrix, self._closest, self._extension, np.ascontiguousarray(uv), rows, colour)
 
     def alpha(self, uv: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Its alpha (n,) at uv (n,2); 1 where it has none."""
+        """Return its alpha (n,) at uv (n,2); 1 if it has none."""
         alpha = np.ones((len(uv), 1))
         if self._alpha >= 0:
             _LOOK[self._texels.dtype](
@@ -133,15 +134,16 @@ class Texture:
 
 
 def alphas(scene: Scene) -> set[int]:
-    """Of which images the alpha is asked for."""
+    """Return the images whose alpha is needed."""
     return {material.alpha_image for material in scene.materials}
 
 
 def load(images: Sequence[Image], asked: Collection[int], threads: int,
          old: Sequence[Texture | None] = ()) -> tuple[list[Texture | None], list[str]]:
-    """Textures, None with a sentence for those that cannot be read. Those of `old` are used again where they can.
+    """Return the textures, with None for those that cannot be read, and a sentence for each of these. Textures of `old`
+    are used again if possible.
 
-    asked: see `alphas`.
+    `asked`: see `alphas`.
     """
     ready = {texture.key: texture for texture in old if texture}
 
@@ -162,20 +164,22 @@ def load(images: Sequence[Image], asked: Collection[int], threads: int,
 
 
 def layouts(images: Sequence[Image], asked: Collection[int]) -> list[tuple[Image, Layout]]:
-    """What will be kept of each image that can be opened. Only the beginnings of the files are read."""
+    """Return the layout of each image that can be opened. Only the beginnings of the files are read."""
     found = []
     for i, image in enumerate(images):
         try:
             with _opened(image) as source:
                 found.append((image, _layout(image, source.spec(), i in asked)))
-        except OSError:  # reading it will say so
+        except OSError:  # reading the file will report it
             continue
     return found
 
 
 @contextmanager
 def _opened(image: Image) -> Iterator[Any]:
-    """The image's file. Raises OSError also for what is no file on a disk: a pipe, say, would keep us waiting."""
+    """Open the image's file. Raises OSError also if it is not a file on a disk, because reading a pipe, for example,
+    could block.
+    """
     _check_file(Path(image.path))
     asked = oiio.ImageSpec()  # colours as they are stored, not multiplied by alpha
     asked.attribute("oiio:UnassociatedAlpha", 1)
@@ -194,7 +198,7 @@ def _check_file(path: Path) -> None:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError) as e:
         raise OSError("there is no such file") from e
-    except (RuntimeError, ValueError) as e:  # links in a circle; a NUL
+    except (RuntimeError, ValueError) as e:  # a circle of links; a NUL in the name
         raise OSError("there is no such file") from e
     if not stat.S_ISREG(mode) or str(path).startswith(tuple(f"{folder}/" for folder in _SYSTEM[:2])):
         raise OSError("it is a folder" if stat.S_ISDIR(mode) else "it is no file on a disk")
@@ -218,10 +222,12 @@ def _layout(image: Image, spec: Any, alpha: bool) -> Layout:
 
 
 def _converter(image: Image) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
-    """Colours in the image's space → the scene's linear light, by the OpenColorIO configuration."""
+    """Return a function that converts colours from the image's space to the scene's linear light, by the OpenColorIO
+    configuration.
+    """
     _check_file(Path(image.ocio))
     config = oiio.ColorConfig(image.ocio)
-    missing = config.geterror()  # as where it is of a later version
+    missing = config.geterror()  # for example, if it was made for a later version
     names = {*config.getColorSpaceNames(), *config.getRoles()}
     if not missing and not {image.colorspace, image.working_space} <= names:
         missing = "there is no such conversion"
@@ -241,11 +247,11 @@ def _converter(image: Image) -> Callable[[NDArray[np.float32]], NDArray[np.float
 
 
 def _key(image: Image, alpha: bool) -> tuple:
-    """What a texture depends on."""
+    """Return everything on which a texture depends."""
     try:
         file = Path(image.path).stat()
-    except (OSError, ValueError):  # reading it will say what is wrong, if anything
-        return (object(),)  # equal to no other
+    except (OSError, ValueError):  # reading the file will report any error
+        return (object(),)  # equal to no other object
     return replace(image, name=""), alpha, file.st_mtime_ns, file.st_size
 
 

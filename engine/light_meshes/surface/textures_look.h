@@ -1,6 +1,6 @@
 /* The kernel of textures.c, included once for each type T of texels. */
 
-/* colour[rows] = the texture at uv[rows]. */
+/* Sets colour[rows] to the texture at uv[rows]. */
 KERNEL(NAME(textures_look),
        "texels " T_NAME "[h,w,c]  first i64  step i64  linear f32[l]  weighing i64  divides i64  straight f32[l]  "
        "matrix f64[3,3]?  closest i64  extension i64  uv f32[n,2]  rows i64[r]  colour f64[n,C]!")
@@ -12,6 +12,7 @@ i64 NAME(textures_look)(i64 h, i64 w, i64 c, i64 l, i64 n, i64 r, i64 C, const T
     for (i64 k = 0; k < r; k++) {
         f64 *out = colour + C * rows[k], total = 0.0;
         Place place = place_of(&look, uv + 2 * rows[k]);
+        /* Blend the four texels around the place */
         for (i64 j = 0; j < C; j++) out[j] = 0.0;
         for (int corner = 0; corner < 4; corner++) {
             int dx = corner & 1, dy = corner >> 1;
