@@ -22,7 +22,7 @@ from .integrator import radiance
 from .memory import LARGER
 from .prepared import Prepared
 
-BATCH = 32768  # camera rays a tile, about
+BATCH = 65536  # camera rays a tile, about
 
 
 class Cancelled(Exception):  # noqa: N818  (it is no error)
