@@ -1,1 +1,3 @@
-"""A picture, tile by tile: a scene made ready, what it needs and why, the wave of rays, what is kept for the next."""
+"""A picture, tile by tile: preparing a scene, deciding what it needs and why, tracing rays, and keeping data for the
+next picture.
+"""

@@ -1,8 +1,8 @@
-"""The automatic step: h from what the camera sees, finer where the radius of a light needs it.
+"""The automatic step: h from what the camera sees, finer if the radius of a light needs it.
 
-A small radius must not make the step so fine that a picture takes for ever: below a bound, the light's shadows are
-sharp, which nobody can tell from so narrow an edge. All this depends on the scene and its camera only, not on the size
-of the picture, on tiles, or on what was rendered before.
+A small radius must not make the step so fine that a picture takes for ever. Below a limit the light's shadows are drawn
+sharp; the edge would be so narrow that nobody can see the difference. The result depends only on the scene and its
+camera, not on the size of the picture, on tiles, or on earlier renders.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from ..support.bits import has, mask_of
 from .measured import Measured
 from .world import World
 
-SEEN = 70_000  # squares of such a step that a picture shows, about: 200 × 113, and what is seen at a slant
-NODES = 3_000_000  # no finer than what about so many nodes come to
-NODE = 24  # bytes of a node; where it has more, fewer can be held
-LEAST = 1.5**0.5  # steps: of a smaller radius some points of a plane find no node
-WIDE = 5  # steps: no finer than that makes the largest radius, unless the smallest needs it
-WIDEST = 8  # steps: no finer than that
+SEEN = 70_000  # about how many squares of such a step a picture shows: 200 × 113, and more on slanted surfaces
+NODES = 3_000_000  # the step gets no finer than about this many nodes allow
+NODE = 24  # bytes of a node; if a node has more, fewer nodes are allowed
+LEAST = 1.5**0.5  # in steps: with a smaller radius some points of a plane find no node
+WIDE = 5  # in steps: the step gets no finer than this part of the largest radius, unless the smallest one needs it
+WIDEST = 8  # in steps: the step never gets finer than this part of the largest radius
 
 
 class Step(NamedTuple):
-    """What is found for the lights with soft shadows."""
+    """The step for the lights with soft shadows."""
 
     h: float
     kI: float  # h·kI is the scene's r, whatever h is
-    sharp: dict[int, float]  # lights whose shadows are sharp as their r, scene units, is too small
-    reason: str  # why h is not what the camera alone would have; "" if it is
+    sharp: dict[int, float]  # lights whose shadows are sharp because their r (the value, scene units) is too small
+    reason: str  # why h is not the one that the camera alone would give; "" if it is
 
 
 def automatic(world: World, measured: Measured) -> Step:
@@ -72,7 +72,7 @@ def _bytes(world: World) -> float:
 
 
 def without(casters: Casters, lights: dict[int, float], count: int) -> Casters:
-    """`casters` with sharp shadows of `lights`, out of `count`."""
+    """Return `casters` in which the shadows of `lights`, out of `count`, are sharp."""
     if not lights:
         return casters
     others = ~mask_of(lights, count)

@@ -13,16 +13,16 @@ from ..rays.tracer import ULPS
 from ..scene.description import Material, Scene
 from .world import World
 
-BOXES = 64  # changed casters that are told apart; of more there is one box
-PAD = 64 * ULPS  # round each box: far more than rays and triangles are rounded by in the frame
+BOXES = 64  # the largest number of boxes for changed casters; if there are more casters, one box holds all
+PAD = 64 * ULPS  # margin around each box: far more than the rounding of rays and triangles in the frame
 
 
 class Footprints(NamedTuple):
     """The shadow casters of a scene, instance by instance."""
 
-    digest: list[bytes]  # of the triangles in the frame and of what they do to light; empty: casts no shadow
+    digest: list[bytes]  # a hash of the triangles in the frame and of what they do to light; empty: it casts no shadow
     box: NDArray[np.float64]  # (I,2,3) low, high in the frame
-    through: NDArray[np.bool_]  # (I,) lets light through somewhere
+    through: NDArray[np.bool_]  # (I,) some part of it lets light through
 
 
 def casting(scene: Scene) -> list[tuple[bool, bool]]:

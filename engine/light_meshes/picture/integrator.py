@@ -1,4 +1,4 @@
-"""The wave of rays: hit, see, shade, reflect and pass through, for all rays of a tile at once."""
+"""Tracing all rays of a tile at once, in waves: hit, shade, reflect and pass through."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..surface import shading
 from .prepared import Prepared
 from .wave import Rays, joined
 
-BENDS = 64  # at which a ray through glass bends; at more surfaces it goes straight on
+BENDS = 64  # a ray through glass bends at up to this many surfaces and then goes straight on
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
 
 # The passes of the first surface that a camera ray sees: (n, channels).
@@ -29,7 +29,7 @@ _AT_FIRST: dict[str, Callable[[Prepared, Hits], NDArray]] = {
 
 
 def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, NDArray]:
-    """All passes of the tile `box` (x0, y0, x1, y1): (height, width, channels)."""
+    """Return all passes of the tile `box` (x0, y0, x1, y1), each (height, width, channels)."""
     scene = ready.scene
     with ready.stats.stage("camera rays"):
         origin, direction, far = camera_rays(scene.camera, box, ready.offsets)
@@ -63,7 +63,9 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
 
 def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: Box | None,
           tile: Tile, check: Callable[[], None]) -> list[tuple[str, Rays]]:
-    """Trace and shade rays of one kind; returns the rays that go on, by kind. first: the tile, where it begins."""
+    """Trace and shade rays of one kind. Returns the rays that go on, by kind. `first` is the tile if these are its
+    camera rays.
+    """
     settings, plan = ready.scene.settings, ready.plan
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
@@ -113,7 +115,7 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
         _layer(ready, tile, rays, hits, there * (1 - behind))
         through = through._replace(left=rays.left * there * behind)
         rays = rays._replace(left=rays.left * (1 - there))
-    # What is not there: cut-outs, and interfaces inside a medium of higher priority.
+    # These surfaces have no effect: cut-outs, and interfaces inside a medium of higher priority.
     unseen = rays._replace(media=np.where(face.real[:, None], media, face.media))
     children += _going(ready, kind, unseen, hits, rays.weight - share, rays.direction, 0)
     straight = ~face.bends | (rays.depth >= BENDS)
@@ -121,7 +123,7 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
     children += _going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays.direction, 0)
     children += _going(ready, "reflection", through, hits, np.where(straight[:, None], 0, passed), face.refracted, 1)
     if ready.plan.reflections:
-        # Where nothing passes, light divides no further: only mirrors count then.
+        # If no light passes, light does not divide further, and only mirrors count for the depth.
         events = np.where(passed.any(1), rays.depth, mirrored)
         bounced = rays.seen_as(REFLECTED)._replace(clear=np.zeros_like(rays.clear))
         children += _mirrored(ready, bounced, hits, share * face.mirror, events)
@@ -130,7 +132,7 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
 
 def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, first: Box | None, tile: Tile,
            check: Callable[[], None]) -> dict[str, NDArray]:
-    """Add the light of surfaces that rays hit; returns the shadow passes there. first: as in `_wave`."""
+    """Add the light of the surfaces that rays hit. Returns the shadow passes there. `first` is as in `_wave`."""
     work = tile.work(len(weight))
     if first and ready.sparse:
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work)
@@ -143,9 +145,10 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
 
 def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
                check: Callable[[], None]) -> tuple[Rays, Hits, list[tuple[str, Rays]]]:
-    """Take out the camera rays that meet a holdout, and those that meet a shadow catcher, which go straight on, dimmed.
+    """Remove the camera rays that hit a holdout, and those that hit a shadow catcher; the latter go straight on,
+    dimmed.
 
-    Returns what is left, and the rays that go on.
+    Returns the remaining hits, and the rays that go on.
     """
     owner, alpha = ready.world.owner(hits.triangle), ready.glass.alpha(hits)[:, None]
     holdout = ready.numbers.holdout[owner]
@@ -159,7 +162,7 @@ def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
     gone = ready.numbers.holdout[owner] | ready.numbers.catcher[owner]
     if rays.left is not None:
         rays = rays._replace(left=np.where(holdout, rays.left * (1 - alpha[:, 0]), rays.left))
-    weight = rays.weight * (1 - alpha + alpha * dimmed)  # cut-outs let pass
+    weight = rays.weight * (1 - alpha + alpha * dimmed)  # cut-outs let light pass
     children = _going(ready, "camera", rays.at(gone), hits.at(gone), weight[gone], rays.direction[gone], 0)
     return rays.at(~gone), hits.at(~gone), children
 
@@ -200,7 +203,7 @@ def _from_surface(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, no
 
 
 def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dict[str, NDArray]) -> None:
-    """The passes of the first surface that a camera ray sees."""
+    """Fill the passes of the first surface that a camera ray sees."""
     tile.seen[pixel] = True
     for name, samples in tile.samples.items():
         if name in _AT_FIRST:
@@ -210,7 +213,7 @@ def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dic
 
 
 def _layer(ready: Prepared, tile: Tile, rays: Rays, hits: Hits, opacity: NDArray) -> None:
-    """Add what camera rays see, of which `opacity` is there, to the passes that look through surfaces."""
+    """Add what camera rays see, weighted by `opacity`, to the passes that look through surfaces."""
     if not tile.layers:
         return
     assert rays.left is not None

@@ -19,7 +19,7 @@ from ..surface import shading
 from .plan import Plan
 from .world import World
 
-SHADED = 1 << 22  # receivers × lights held at once, at most
+SHADED = 1 << 22  # the largest number of receivers × lights that are held at once
 
 
 class Sums(NamedTuple):
@@ -44,9 +44,10 @@ class Lighting:
 
     def light_visibility(self, P: NDArray[np.float64], N: NDArray[np.float64],
                          triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
-        """S_i (n,L,C) of all lights in front of receivers P with unit geometric normals N, both (n,3).
+        """Return S_i (n,L,C) of all lights in front of receivers P with unit geometric normals N, both (n,3).
 
-        triangle (n,): that they are on; None: on surfaces that every light lights and soft shadows fall on.
+        `triangle` (n,): the triangles on which they are. None: they are on surfaces that every light lights and that
+        receive soft shadows.
         """
         toward = self._targets
         away = np.where(toward.directional[None, :, None], toward.position[None], toward.position[None] - P[:, None])
@@ -61,17 +62,17 @@ class Lighting:
 
     def direct(self, hits: Hits, direction: NDArray, check: Check, parts: bool = False,
                first: bool = False, work: NDArray | None = None) -> Sums:
-        """Ia·ka·Od + Σ S·Ω + emission (n,3), of hits of rays with `direction`.
+        """Return Ia·ka·Od + Σ S·Ω + emission (n,3), for hits of rays with `direction`.
 
-        And its terms, by the passes that show them, where `parts`; and the shadow passes, (n,3), where `first`. work
-        (n,4): filled with what the debug passes show.
+        Also return its terms, by the passes that show them, if `parts`; and the shadow passes, (n,3), if `first`.
+        `work` (n,4) is filled with the values of the debug passes.
         """
         Od, sums = self.unshaded(hits, parts, first)
         self.add_light(hits, direction, Od, sums, check, work)
         return sums
 
     def unshaded(self, hits: Hits, parts: bool, first: bool) -> tuple[NDArray, Sums]:
-        """Od (n,3) of the hits, and what `direct` returns, without the light of lights."""
+        """Return Od (n,3) of the hits, and the results of `direct` without the light of lights."""
         m, settings = self._world.materials, self._world.scene.settings
         Od = m.Od.take(hits.material, axis=0)
         if self._world.textures:
@@ -87,7 +88,7 @@ class Lighting:
 
     def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Check,
                   work: NDArray | None = None, lights: NDArray[np.uint64] | None = None) -> None:
-        """Add the light of some lights (W,), None: of all, to what `direct` returns."""
+        """Add the light of some lights (W,), or of all (None), to the results of `direct`."""
         colour, terms, shadows = sums
         for part, lit, _, S in self.lit(self._surfaces(hits, direction, Od), bool(shadows), check, work, lights):
             with self._stats.stage("shading"):
@@ -99,9 +100,10 @@ class Lighting:
 
     def shadow_ratio(self, hits: Hits, direction: NDArray, check: Check,
                      work: NDArray | None = None) -> NDArray[np.float64]:
-        """(Σ S·Ω + Ia)/(Σ Ω + Ia) (n,3): what shadows leave of the light that a white matt surface returns.
+        """Return (Σ S·Ω + Ia)/(Σ Ω + Ia) (n,3): the share that shadows leave of the light that a white matt surface
+        reflects.
 
-        1 where no light comes. work: as in `direct`.
+        It is 1 if no light arrives. `work` is as in `direct`.
         """
         m = self._world.materials
         white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))

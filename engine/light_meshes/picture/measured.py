@@ -36,7 +36,9 @@ class Measured:
 
     @cached_property
     def own_radii(self) -> dict[int, float]:
-        """r, scene units, of lights (by number) that have one of their own; all others have the scene's, h·kI."""
+        """Return r, in scene units, of the lights (by number) that have their own; all others have the scene's,
+        h·kI.
+        """
         lights, weights = self._world.scene.lights, self._world.scene.settings.weights
         own = {i: light.soft_radius for i, light in enumerate(lights) if light.softness == "RADIUS"}
         sized = [i for i, light in enumerate(lights) if light.softness == "LIGHT_SIZE"]
@@ -69,12 +71,12 @@ def step(world: World) -> float:
     _, hits = world.coarse_view()
     left, right, bottom, top = camera.window
     width = max(abs(right - left), abs(top - bottom))
-    if len(hits.P) == 0:  # nothing in view
+    if len(hits.P) == 0:  # nothing is in view
         width = world.surfaces.scale
     elif camera.perspective:
         near = np.sort(depth(camera, hits.P))
         gaps = np.flatnonzero(near[1:] > 16 * near[:-1])
-        gaps = gaps[gaps >= len(near) // 20]  # what is before it is no blade of grass
+        gaps = gaps[gaps >= len(near) // 20]  # the things before the gap are more than a blade of grass
         width *= float(np.median(near[:gaps[0] + 1] if len(gaps) else near))
     return float(f"{max(width / ACROSS, 1e-30):.1e}")
 
@@ -116,6 +118,8 @@ def _magnifications(world: World, numbers: list[int]) -> list[float | None]:
 
 
 def _blockers(world: World, light: int) -> int | None:
-    """The casters of the light's soft shadows, of its shadows where none is soft; None where it has none."""
+    """Return the casters of the light's soft shadows, or of all its shadows if none is soft; None if it has no
+    shadows.
+    """
     groups = (*world.casters.soft, *world.casters.whole)
     return next((g.casters for g in groups if has(g.lights, light)), None)

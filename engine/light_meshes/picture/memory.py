@@ -1,7 +1,8 @@
-"""What a picture needs of memory, and what there is: a scene too large says so before it starts.
+"""How much memory a picture needs, and how much there is, so that a scene that is too large is refused before it
+starts.
 
-The bytes are measured (tests/support/load.py prints what was expected beside what it came to). An expectation may be
-wrong by a quarter; what is refused needs more than that.
+The bytes are measured (tests/support/load.py prints the expected and the real memory). An expectation may be wrong by a
+quarter, so a scene is refused only if it needs a quarter more than there is.
 """
 
 from __future__ import annotations
@@ -29,26 +30,29 @@ from .lighting import SHADED
 from .world import World
 
 BASE = 80 << 20  # Python and its libraries
-MESH = 60  # a triangle as the snapshot has it, once for all its instances; what nobody looks at stays in the file
-TRIANGLE, VERTEX = 60, 12  # of an instance
-ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again in each accelerator
-BATCH = 1 << 15  # camera rays of a tile, about: each thread has one under way
-LARGER = 4  # times as many where tiles compute the points at their edges twice (`sparse`)
-RAY, LIT, CANDIDATE = 700, 8, 24  # one of them; a receiver and a light; a receiver and a node
-NODE = 16  # beside its values
-DOUBT, CLOSE = 1.25, 0.8  # of what there is: from here on refused, or warned of
+MESH = 60  # for a triangle in the snapshot, once for all its instances; data that is not used stays in the file
+TRIANGLE, VERTEX = 60, 12  # for an instance
+ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
+BATCH = 1 << 16  # camera rays of a tile, about: each thread has one under way
+LARGER = 4  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
+RAY, LIT, CANDIDATE = 700, 8, 24  # for a ray; for a receiver and a light; for a receiver and a node
+NODE = 16  # for a node, in addition to its values
+# as shares of the available memory: above DOUBT a scene is refused, above CLOSE there is a warning
+DOUBT, CLOSE = 1.25, 0.8
 
 
 class Part(NamedTuple):
     """Something that takes memory."""
 
-    size: float  # bytes
+    size: float  # in bytes
     what: str
     remedy: str
 
 
-def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
-    """What is known before anything is made: all but the nodes."""
+def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
+    """Return the parts that are known before anything is made: all but the nodes. `copies` of the picture are counted:
+    2 if a parent process has one as well.
+    """
     x0, y0, x1, y1 = crop_of(scene)
     pixels, threads, lights = (x1 - x0) * (y1 - y0), processors.count(), len(scene.lights)
     glass = any(m.alpha < 1 or m.alpha_image >= 0 or any(m.kt) for m in scene.materials)
@@ -57,13 +61,13 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
     shaded = min(rays * lights, SHADED)
     work = rays * RAY + shaded * (LIT + 8 * glass)
     if KINDS[scene.settings.shadows].lattice:
-        near = above_a_plane(scene.settings.kI)  # nodes of a receiver; a batch shares most of them
+        near = above_a_plane(scene.settings.kI)  # nodes of a receiver; the receivers of a batch share most of them
         work += min(rays * near, CANDIDATES) * CANDIDATE + 3 * shaded * (24 if glass else 0.5)
     return [
         Part(BASE, "the engine itself", "close other programs"),
         _triangles(scene, glass),
         *_textures(scene),
-        Part(4.0 * pixels * sum(len(letters(name)) for name in passes),
+        Part(4.0 * copies * pixels * sum(len(letters(name)) for name in passes),
              f"{x1 - x0:,} × {y1 - y0:,} pixels of {len(passes)} passes", "render a smaller picture, or fewer passes"),
         Part(threads * work,
              f"{threads} threads with {lights:,} lights", "use fewer threads: --threads, or Threads under Performance"),
@@ -71,7 +75,7 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
 
 
 def _textures(scene: Scene) -> list[Part]:
-    """The images, as they are kept."""
+    """Return the part of the images, as they are stored in memory."""
     found = textures.layouts(scene.images, textures.alphas(scene))
     if not found:
         return []
@@ -82,7 +86,7 @@ def _textures(scene: Scene) -> list[Part]:
 
 
 def _triangles(scene: Scene, glass: bool) -> Part:
-    """The geometry, and an accelerator for each set of objects that a kind of ray meets."""
+    """Return the parts of the geometry, and of an accelerator for each set of objects that a kind of ray can hit."""
     g = scene.geometry
     _, vertices, _, triangles = g.meshes[g.instance_mesh].T if len(g.instance_mesh) else np.zeros((4, 1), np.int64)
     of_object = np.zeros(len(scene.objects))
@@ -90,7 +94,7 @@ def _triangles(scene: Scene, glass: bool) -> Part:
         np.add.at(of_object, g.instance_object, triangles)
     seen = [tuple(getattr(o, f"visible_{kind}") for o in scene.objects) for kind in ("camera", "reflection", "shadow")]
     sets = [np.array(s, np.bool_) for s in set(seen)]
-    sets += [np.array(seen[2], np.bool_)] * glass  # what lets light through, and what stops it
+    sets += [np.array(seen[2], np.bool_)] * glass  # the triangles that let light through, and those that stop it
     sets += [np.isin(np.arange(len(of_object)), b) for b in {light.blockers for light in scene.lights} if b]
     count, vertex = float(triangles.sum()), float(vertices.sum())
     shape = ACCELERATED + ACCELERATED_VERTEX * vertex / max(1.0, count)
@@ -123,7 +127,7 @@ def nodes(scene: Scene, world: World, radii: NDArray[np.float64], channels: int)
 
 
 def check(parts: Sequence[Part]) -> list[str]:
-    """A warning where it will be close; raises SceneError where there is too little memory for all parts together."""
+    """Return a warning if the memory may just be enough; raise SceneError if all parts together need too much."""
     need, there = expected(parts), available()
     if there is None or need < CLOSE * there:
         return []
@@ -136,12 +140,14 @@ def check(parts: Sequence[Part]) -> list[str]:
 
 
 def expected(parts: Sequence[Part]) -> float:
-    """Bytes of all parts together."""
+    """Return the bytes of all parts together."""
     return sum(part.size for part in parts)
 
 
 def available() -> int | None:
-    """Bytes that this process may hold: what it has, and what is free, with swap; None: the system does not tell."""
+    """Return how many bytes this process may use: what it has and what is free, including swap. None if the system does
+    not tell.
+    """
     try:
         told = dict(line.split(":") for line in Path("/proc/meminfo").read_text().splitlines())
         free = sum(int(told[name].split()[0]) for name in ("MemAvailable", "SwapFree")) * 1024
@@ -153,9 +159,10 @@ def available() -> int | None:
 
 
 def left_in(groups: str, root: Path = Path("/sys/fs/cgroup")) -> Iterator[int]:
-    """Bytes that the control groups around a process have left, where they have a limit: containers, batch jobs.
+    """Return how many bytes the control groups around a process (containers, batch jobs) have left; None if they have
+    no limit.
 
-    groups: /proc/PID/cgroup. What only caches files can be had.
+    `groups` is the content of /proc/PID/cgroup. Memory that only caches files counts as free.
     """
     for line in groups.splitlines():
         _, kinds, path = line.split(":", 2)
@@ -168,7 +175,7 @@ def left_in(groups: str, root: Path = Path("/sys/fs/cgroup")) -> Iterator[int]:
             continue
         group = top / path.lstrip("/")
         for folder in (group, *group.parents):
-            with contextlib.suppress(OSError, ValueError, KeyError):  # no limit, or not to be seen from a container
+            with contextlib.suppress(OSError, ValueError, KeyError):  # there is no limit, or a container hides it
                 most, taken = (int((folder / name).read_text()) for name in (limit, usage))
                 told = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
                 yield most - taken + int(told[cache])

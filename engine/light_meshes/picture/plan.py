@@ -1,4 +1,6 @@
-"""What this scene needs (method §5): decided before tracing, and said in the statistics with the reason."""
+"""The plan: what this scene needs (method §5). It is decided before tracing, and the statistics give each decision with
+its reason.
+"""
 
 from __future__ import annotations
 
@@ -25,37 +27,37 @@ LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that n
 
 @dataclass
 class Plan:
-    """The plainest path that gives the picture."""
+    """The simplest computation that gives the picture."""
 
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
     uniform_skip: bool = False
-    shadow_rate: int = 1  # pixels between the points whose light is interpolated
+    shadow_rate: int = 1  # distance in pixels of the points whose light is computed; between them it is interpolated
+    certificate: bool = False  # no short rays are traced where nothing else is near
     certifies_lamps: bool = False  # the same for lamps with a size, which it spares more rays
-    certificate: bool = False  # no short rays where nothing else is near
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
-    holdouts: bool = False  # the camera sees holes
-    catchers: bool = False  # the camera sees some surfaces by the shadows on them only
+    holdouts: bool = False  # the camera sees some objects as holes
+    catchers: bool = False  # the camera sees some surfaces only by the shadows on them
     reasons: dict[str, str] = field(default_factory=dict)
 
     @property
     def kind(self) -> Kind:
-        """What the shadow method can do."""
+        """Return the kind of the shadow method, which says what it can do."""
         return KINDS[self.shadows]
 
     def decide(self, what: str, value: object, why: str) -> None:
-        """Notes a decision with its reason, for the statistics."""
+        """Record a decision and its reason, for the statistics."""
         self.reasons[what] = f"{value}: {why}"
 
 
 def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, ...] = ("Combined",),
          step: str = "") -> Plan:
-    """Decide what `scene`, with what is transparent in it and what shadows what, needs for `passes`.
+    """Decide what `scene` needs for `passes`; `glass` says what is transparent in it and `casters` what casts shadows.
 
-    step: why the automatic step is not what the camera alone asks for.
+    `step` says why the automatic step is not the one that the camera alone gives.
     """
     s, p = scene.settings, Plan()
     used = scene.geometry.triangle_materials
@@ -100,7 +102,7 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
 
 
 def _shadows(p: Plan, scene: Scene, casters: Casters, lights: list[Light]) -> None:
-    """Which kind of shadows: none, sharp, or as set."""
+    """Decide which kind of shadows is needed: none, sharp, or as set."""
     s = scene.settings
     if s.mode == "LOCAL":
         p.decide("shadows", "none", "local illumination has none")
@@ -118,9 +120,9 @@ def _shadows(p: Plan, scene: Scene, casters: Casters, lights: list[Light]) -> No
 
 
 def _soft_lights(p: Plan, scene: Scene, casters: Casters, lights: int, step: str) -> None:
-    """Which lights and surfaces have soft shadows, and the step between nodes.
+    """Decide which lights and surfaces have soft shadows, and record the step between nodes.
 
-    lights: how many shine.
+    `lights` is the number of lights that shine.
     """
     soft = sum(int(word).bit_count() for word in union(casters.soft, len(scene.lights)))
     if step and p.kind.lattice:
@@ -137,7 +139,7 @@ def _soft_lights(p: Plan, scene: Scene, casters: Casters, lights: int, step: str
 
 
 def _transparency(p: Plan, scene: Scene, glass: Interfaces) -> None:
-    """What lets light through, with how many channels, and whether its paths bend."""
+    """Decide whether surfaces let light through, with how many channels, and whether light paths bend."""
     s = scene.settings
     p.transparent = glass.transparent
     if glass.lets_through.any() and p.shadows != NONE:
@@ -156,7 +158,7 @@ def _transparency(p: Plan, scene: Scene, glass: Interfaces) -> None:
 
 
 def _shadow_rate(p: Plan, scene: Scene, casters: Casters, passes: tuple[str, ...]) -> None:
-    """Whether light may be interpolated between pixels."""
+    """Decide whether light may be interpolated between pixels."""
     s = scene.settings
     why_not = ("only light meshes' shadows are smooth" if not p.kind.lattice else
                "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
@@ -196,7 +198,7 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters) -> None:
 
 
 def _short_rays(p: Plan, scene: Scene) -> None:
-    """Where light meshes need no short rays: the uniform skip and the certificate."""
+    """Decide where light meshes need no short rays: by the uniform skip and the certificate."""
     s = scene.settings
     apart = p.paths and (s.leak_free or s.caustics == "FOCUS")
     through = p.channels > 0 and s.glass == "PAPER"
@@ -213,7 +215,7 @@ def _short_rays(p: Plan, scene: Scene) -> None:
 
 
 def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Material]) -> None:
-    """Whether rays are reflected, by `materials`, those in use, or inside glass."""
+    """Decide whether rays are reflected, by `materials` (those in use) or inside glass."""
     s = scene.settings
     mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
     totally = bool(glass.bending.any())  # total internal reflection
@@ -229,7 +231,7 @@ def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Mater
 
 
 def _holes(p: Plan, scene: Scene) -> None:
-    """Objects that the camera sees as holes, or by the shadows on them only."""
+    """Record the objects that the camera sees as holes, or only by the shadows on them."""
     holdouts, catchers = (sum(getattr(o, flag) and o.visible_camera for o in scene.objects)
                           for flag in ("holdout", "shadow_catcher"))
     p.holdouts, p.catchers = holdouts > 0, catchers > 0
@@ -240,7 +242,7 @@ def _holes(p: Plan, scene: Scene) -> None:
 
 
 def darkness(scene: Scene) -> list[str]:
-    """A sentence where there is something to be lit and no light does it."""
+    """Return a sentence if there is something to be lit but no light lights it."""
     used = [scene.materials[i] for i in np.unique(scene.geometry.triangle_materials)]
     if any(any(light.intensity) for light in scene.lights) or not any(m.kd > 0 or m.ks > 0 for m in used):
         return []
@@ -257,7 +259,9 @@ _forced: ContextVar[dict[str, Any] | None] = ContextVar("forced", default=None)
 
 @contextmanager
 def forced(**fields: Any) -> Iterator[None]:
-    """Plans that this thread makes meanwhile have these fields: to measure, and to test, what a decision saves."""
+    """Within this context, plans that this thread makes have these fields. It is used to measure and test what a
+    decision saves.
+    """
     token = _forced.set(fields)
     try:
         yield

@@ -51,7 +51,7 @@ class Prepared:
         self.warnings = [*darkness(scene), *self.world.lost, *self.world.unread,
                          *automatic_step.drawn_sharp(scene.lights, step), *self.shadowing.warnings,
                          *memory.check(parts)]
-        self.memory = memory.expected(parts)  # bytes
+        self.memory = memory.expected(parts)  # in bytes
         self.nodes_kept = reuse.nodes(self.shadowing, before)
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
         self.offsets = filter_offsets(settings.samples, settings.filter_size)

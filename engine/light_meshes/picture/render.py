@@ -1,4 +1,4 @@
-"""A picture, tile by tile on all threads."""
+"""Render a picture, tile by tile, on all threads."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .prepared import Prepared
 
 
 class Cancelled(Exception):  # noqa: N818  (it is no error)
-    """The caller's `cancelled()` said so."""
+    """The caller's `cancelled()` returned True."""
 
 
 @dataclass(frozen=True)
@@ -36,26 +36,28 @@ class Result:
 
     @property
     def passes(self) -> dict[str, NDArray[np.float32]]:
-        """Pass name → (height, width, channels), rows bottom-up."""
+        """Return pass name → (height, width, channels), bottom row first."""
         return self.frame.passes
 
 
 def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, int, int]]:
-    """Tiles of at most size × size pixels, top rows first."""
+    """Return tiles of at most size × size pixels, top rows first."""
     x0, y0, x1, y1 = crop
     rows = range(y0, y1, size)
     return [(x, y, min(x + size, x1), min(y + size, y1)) for y in reversed(rows) for x in range(x0, x1, size)]
 
 
 def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> int:
-    """About so many rays a tile; in a small picture less, so that no thread is left without work."""
+    """Return a tile size for about `rays` rays per tile; it is smaller in a small picture, so that every thread has
+    work.
+    """
     batch = min(rays / samples, pixels / (4 * threads))
     return int(np.clip(2 ** np.round(np.log2(np.sqrt(batch))), 8, 256))
 
 
 def prepare(scene: Scene, passes: Sequence[str], cancelled: Callable[[], bool] = lambda: False,
             previous: Prepared | None = None, camera: Camera | None = None) -> Prepared:
-    """`Prepared`, unless cancelled() says so: then raises Cancelled."""
+    """Return `Prepared`. Raises Cancelled when cancelled() returns True."""
     def check() -> None:
         if cancelled():
             raise Cancelled
@@ -80,9 +82,9 @@ def draw(
     cancelled: Callable[[], bool] = lambda: False, progress: Callable[[float, str], None] = lambda f, s: None,
     tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
 ) -> Result:
-    """Draw what is prepared into `frame`.
+    """Draw a prepared scene into `frame`.
 
-    `tile` hears of each finished box (x0, y0, x1, y1, relative to the crop). Raises Cancelled and SceneError. The
+    `tile` is called with each finished box (x0, y0, x1, y1, relative to the crop). Raises Cancelled and SceneError. The
     picture does not depend on threads and tile_size.
     """
     started = time.perf_counter()
@@ -122,10 +124,11 @@ def draw(
             stopped.set()  # the other threads end at their next batch
             pool.shutdown(wait=True, cancel_futures=True)
             reasons = [f.exception() for f in futures if f.done() and not f.cancelled()]
-            for e in reasons:  # a thread that failed is the reason; those that were stopped or waited for it are not
+            for e in reasons:  # report a thread that failed, not those that were stopped or waited for it
                 if e is not None and not isinstance(e, Cancelled | SharedNodesError):
                     raise e from None
-            if isinstance(failure, Exception) and any(isinstance(e, Cancelled) for e in reasons):  # and no Ctrl-C
+            # and it was no Ctrl-C
+            if isinstance(failure, Exception) and any(isinstance(e, Cancelled) for e in reasons):
                 raise Cancelled from None
             raise
     return Result(frame, _report(ready, frame, tiles, threads, ready.seconds + time.perf_counter() - started),
@@ -134,13 +137,15 @@ def draw(
 
 def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: int | None = None,
                  tile_size: int | None = None) -> Result:
-    """Render into memory."""
+    """Render into memory and return the result."""
     return render(scene, Framebuffer.create(scene, passes), threads=threads, tile_size=tile_size)
 
 
 def measure(scene: Scene) -> dict[str, Any]:
-    """h that `auto_h` takes by the camera, and r of the lights whose softness is LIGHT_SIZE; None: the scene's."""
-    # No more pixels are looked at: what speeds up a large picture need not be made.
+    """Return the h that `auto_h` takes from the camera, and r of the lights whose softness is LIGHT_SIZE; None for a
+    light with the scene's r.
+    """
+    # No more pixels are rendered, so data that speeds up large pictures is not needed.
     ready = Prepared(replace(scene, camera=replace(scene.camera, width=64, height=64, crop=None)))
     radii = [ready.measured.own_radii.get(i) if light.softness == "LIGHT_SIZE" else None
              for i, light in enumerate(scene.lights)]
@@ -148,7 +153,7 @@ def measure(scene: Scene) -> dict[str, Any]:
 
 
 def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seconds: float) -> dict[str, Any]:
-    """The statistics of a finished render."""
+    """Return the statistics of a finished render."""
     s, counts = ready.scene.settings, ready.stats.counts
     report: dict[str, Any] = {
         "plan": ready.plan.reasons,
@@ -157,7 +162,7 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         "lights": len(ready.scene.lights), "materials": len(ready.scene.materials),
         "threads": threads, "tiles": len(tiles),
         "seconds": round(seconds, 3),
-        "stages": {k: round(v, 3) for k, v in ready.stats.seconds.items()},  # thread seconds
+        "stages": {k: round(v, 3) for k, v in ready.stats.seconds.items()},  # in thread seconds
         "peak_memory": peak_memory(), "memory_expected": round(ready.memory),
     }
     for name in ("camera_rays", "secondary_rays", "shadow_rays"):
@@ -171,7 +176,7 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         low, high = vertices.min(0, where=finite, initial=1), vertices.max(0, where=finite, initial=-1)
         box = np.maximum(high.astype(np.float64) - low, 0) * ready.surfaces.scale
         radii = (s.h * lit.lattice.reach).tolist()
-        lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all that any receiver can reach
+        lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all nodes that any receiver can reach
         report |= {
             "h": s.h, "kI": s.kI, "r": s.h * s.kI, "measured_h": ready.measured_h, "radii": radii,
             "receivers": counts["receivers"], "candidates": counts["candidates"],

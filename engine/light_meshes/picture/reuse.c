@@ -1,4 +1,4 @@
-/* Which nodes a change makes wrong (reuse.py). */
+/* Finds nodes whose values a change makes invalid (reuse.py). */
 #include "../shadows/targets.h"
 
 /* Clears the bits of known for segments from x to targets that may meet a box; all in the frame. */

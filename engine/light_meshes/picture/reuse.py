@@ -14,19 +14,23 @@ from .shadowing import Shadowing
 from .world import World
 
 _forget = kernel("reuse_forget")
-KEPT_BYTES = 1 << 30  # nodes of more than that are dropped before the next picture: a flight must not fill the memory
+# Nodes are dropped before the next picture if they need more bytes than the first number, or more than the second and
+# there are as many as so many pictures added at most: a camera flight must not fill the memory.
+KEPT_BYTES, SMALL_BYTES, KEPT_PICTURES = 1 << 30, 16 << 20, 4
 
 
 def nodes(new: Shadowing, old: Shadowing | None) -> int:
-    """Take over the nodes' values that are still right; returns how many nodes have some.
+    """Take over the nodes' values that are still valid; return how many nodes have some.
 
-    A value is that of a node and a light. It stays unless the light is another, or the segment between them may meet
+    A value belongs to a node and a light. It stays valid unless the light changed, or the segment between them may meet
     the box of a caster that came, went or changed.
     """
     if not (old and old.method.nodes and new.method.nodes):
         return 0
     kept, store, world, before = new.method.nodes, old.method.nodes.store, new.world, old.world
-    if store.bytes > KEPT_BYTES or _store_key(new) != _store_key(old):
+    store.end_picture()
+    enough = SMALL_BYTES if store.count > KEPT_PICTURES * store.largest else KEPT_BYTES
+    if store.bytes > enough or _store_key(new) != _store_key(old):
         return 0
     store.mend()
     unchanged = world.glass is before.glass and casting(world.scene) == casting(before.scene) and (
@@ -42,11 +46,14 @@ def nodes(new: Shadowing, old: Shadowing | None) -> int:
         lattice = old.method.nodes.lattice
         kept.store.inherit(store, source,
                            lambda nodes, known: _forget_near(before, lattice.position(nodes), boxes, known))
+        kept.store.largest = store.largest
     return kept.store.count
 
 
 def _store_key(shadowing: Shadowing) -> tuple:
-    """What all values of a store depend on: the lattice (not r), the tracer's frame, and the kind of number."""
+    """Return everything on which all values of a store depend: the lattice (not r), the tracer's frame, and the kind of
+    value.
+    """
     s, surfaces = shadowing.settings, shadowing.world.surfaces
     key = (s.h, s.lattice_rotation, s.lattice_origin, surfaces.centre.tolist(), surfaces.scale, shadowing.channels,
            surfaces.reach > 1)
@@ -55,28 +62,30 @@ def _store_key(shadowing: Shadowing) -> tuple:
 
 
 def _soft(world: World) -> list[bool]:
-    """Which materials cast soft shadows."""
+    """Return which materials cast soft shadows."""
     return [m.cast_soft_shadows for m in world.scene.materials]
 
 
 def _columns(new: Shadowing, old: Shadowing) -> NDArray[np.int32]:
-    """For each new light the old one with the same values at nodes (as far as casters are the same), or −1."""
+    """Return for each new light the old one with the same values at nodes (as far as casters are the same), or −1."""
     ways: dict[tuple, list[int]] = {}
     for i in range(len(old.world.scene.lights)):
         ways.setdefault(_column_key(old, i), []).append(i)
     source = np.full(max(1, len(new.world.scene.lights)), -1, np.int32)
     for i in range(len(new.world.scene.lights)):
         equal = ways.get(_column_key(new, i))
-        if equal:  # of several the first, but the last one may serve again
+        if equal:  # if several are equal the first is used, but the last one may be used again
             source[i] = equal.pop(0) if len(equal) > 1 else equal[0]
     return source
 
 
 def _column_key(shadowing: Shadowing, i: int) -> tuple:
-    """What the values of light i at nodes depend on beside the casters: where it is, and whose shadows it has."""
+    """Return everything besides the casters on which the values of light i at nodes depend: its place, and whose
+    shadows it has.
+    """
     scene, targets = shadowing.world.scene, shadowing.targets
     light, blockers = scene.lights[i], None
-    if light.blockers is not None:  # by their contents: numbers of objects mean nothing in another scene
+    if light.blockers is not None:  # compare them by content, because object numbers mean nothing in another scene
         owner, digests = scene.geometry.instance_object, shadowing.footprints.digest
         blockers = tuple(sorted(d for d, o in zip(digests, owner, strict=True) if o in light.blockers))
     return bool(targets.directional[i]), tuple(targets.position[i].tolist()), blockers

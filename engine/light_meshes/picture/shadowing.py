@@ -38,16 +38,18 @@ class Shadowing:
     paths: bool  # shadow paths bend
     refraction: Refraction | None
     certificate: Certificate | None
-    radii: dict[int, float]  # r of lights that have one of their own
+    radii: dict[int, float]  # r of lights that have their own
     warnings: list[str]
 
     @cached_property
     def footprints(self) -> Footprints:
-        """The shadow casters as the next picture compares them with its own."""
+        """Return the shadow casters in the form in which the next picture compares them with its own."""
         return footprints(self.world, self.channels)
 
     def path_warnings(self) -> list[str]:
-        """A sentence a light that was not followed through all the glass in its way, after a render."""
+        """Return, after a render, one sentence for each light that was not followed through all the glass in its
+        way.
+        """
         solvers = list(self.refraction.solvers.values()) if self.refraction else []
         lights = self.world.scene.lights
         most = [min((n for solver in solvers if (n := solver.lost(i))), default=0) for i in range(len(lights))]
@@ -86,7 +88,8 @@ def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: 
     steps, warnings = light_size.steps(lights, s, own)
     warnings += light_size.small(lights, soft, s, steps, measured.h)
     radii = {i: float(f"{s.h * steps[i]:.9g}") for i in own if has(soft, i)}
-    reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])  # none where forced
+    # there are none if the plan was forced
+    reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])
     nodes = lattice(s.h, reach, s.lattice_rotation, s.lattice_origin)
     proof, casts = None, None
     if plan.certificate:

@@ -6,8 +6,9 @@ static const f64 NORMAL = 0.9, AWAY = 0.1, LOBE = 0.2;
 static f64 most(f64 a, f64 b) { return b > a ? b : a; }
 static f64 least(f64 a, f64 b) { return b < a ? b : a; }
 
-/* Fills film, pixels; and left: the rows less than `reach` from their pixel's middle, on what receives; returns how many.
-   view: the camera's first pixel x0, y0 of the tile, its width, and rays a pixel. */
+/* Fills film, in pixels, and left: the rows that are less than `reach` from their pixel's centre, on surfaces that
+   receive soft shadows. Returns how many there are. view: the camera's first pixel x0, y0 of the tile, its width,
+   and the rays per pixel. */
 KERNEL(sparse_film,
        "matrix f64[4,4]  window f64[4]  perspective i64  width i64  height i64  P f64[n,3]  triangle i32[n]  "
        "receives bool[t]?  pixel i64[n]  view i64[4]  reach f64  film f64[n,2]!  left i64[n]!")
@@ -34,7 +35,7 @@ i64 sparse_film(i64 n, i64 t, const f64 *matrix, const f64 *window, i64 perspect
     return count;
 }
 
-/* Marks with 0 the points of the grid that are corners of the blocks that film[left] lies in. */
+/* Marks with 0 the points of the grid that are corners of the blocks in which film[left] lies. */
 KERNEL(sparse_ask, "film f64[n,2]  left i64[m]  step i64  x0 i64  y0 i64  row i32[h,w]!")
 i64 sparse_ask(i64 n, i64 m, i64 h, i64 w, const f64 *film, const i64 *left, i64 step, i64 x0, i64 y0, i32 *row) {
     (void)n, (void)h;
@@ -62,7 +63,7 @@ typedef struct {
     const i32 *row, const f64 *P, const f64 *Ng, const f64 *Ns, const i32 *material, const i32 *instance,          \
         const f64 *turned, const f64 *light, const f64 *rough
 
-/* By how much four corners differ in diffuse light (kind 0) or gloss (1). */
+/* Returns how much four corners differ in diffuse light (kind 0) or gloss (kind 1). */
 static f64 spread_of(const Corners *c, const i32 *at, int kind) {
     f64 spread = 0.0, rough = 0.0;
     for (int n = 3 * kind; n < 3 * kind + 3; n++) {
@@ -77,7 +78,7 @@ static f64 spread_of(const Corners *c, const i32 *at, int kind) {
     return spread + rough;
 }
 
-/* Fills Blocks; largest: square of the diagonal of a block that can be used. */
+/* Fills Blocks; largest: the square of the diagonal of the largest block that can be used. */
 KERNEL(sparse_agree,
        CORNERS "gloss i64  largest f64  usable bool[H,Z]!  material_of i32[H,Z]!  turn f64[H,Z]!  size f64[H,Z]!  "
                "spread f64[H,Z,2]!")
@@ -90,6 +91,8 @@ i64 sparse_agree(i64 h, i64 w, i64 c, i64 q, i64 H, i64 Z, OF_CORNERS, i64 gloss
             const i32 *first_row = row + j * w + i;
             const i32 at[4] = {first_row[0], first_row[1], first_row[w], first_row[w + 1]};
             i64 block = j * Z + i, first = at[0];
+
+            /* Do the four corners lie on one instance with nearly the same normal? */
             int good = 1;
             if (at[0] < 0 || at[1] < 0 || at[2] < 0 || at[3] < 0) continue;
             material_of[block] = material[first], turn[block] = 0.0, size[block] = 0.0;
@@ -100,6 +103,7 @@ i64 sparse_agree(i64 h, i64 w, i64 c, i64 q, i64 H, i64 Z, OF_CORNERS, i64 gloss
                 if (material[k] != material_of[block]) material_of[block] = -1;
                 turn[block] = most(turn[block], 1.0 - dot(turned + 3 * k, turned + 3 * first));
             }
+            /* How large is the block, and how much do its corners differ? */
             for (int n = 0; n < 2; n++) {
                 const f64 *a = P + 3 * (i64)at[n], *b = P + 3 * (i64)at[3 - n];
                 f64 d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
@@ -111,7 +115,8 @@ i64 sparse_agree(i64 h, i64 w, i64 c, i64 q, i64 H, i64 Z, OF_CORNERS, i64 gloss
     return 0;
 }
 
-/* Fills light and done of the rows in `left` that their block serves, and rest with the others; returns how many. */
+/* Fills light and done of the rows in `left` for which their block can be used, and rest with the others; returns
+   how many others there are. */
 KERNEL(sparse_between,
        CORNERS "usable bool[H,Z]  material_of i32[H,Z]  turn f64[H,Z]  size f64[H,Z]  spread f64[H,Z,2]  step i64  x0 i64  "
                "y0 i64  film f64[n,2]  left i64[m]  hit_P f64[n,3]  hit_Ng f64[n,3]  hit_Ns f64[n,3]  hit_material i32[n]  "
@@ -126,12 +131,14 @@ i64 sparse_between(i64 h, i64 w, i64 c, i64 q, i64 H, i64 Z, i64 n, i64 m, i64 M
     (void)h, (void)c, (void)H, (void)n, (void)M, (void)material, (void)turned, (void)rough;
     for (i64 index = 0; index < m; index++) {
         i64 p = left[index];
+        /* The sample's block, and its place in it */
         f64 x = film[2 * p] / (f64)step - 0.5, y = film[2 * p + 1] / (f64)step - 0.5;
         i64 i = (i64)floor(x), j = (i64)floor(y);
         x = x - (f64)i, y = y - (f64)j, i = i - x0, j = j - y0;
         i64 block = j * Z + i, own = hit_material[p];
         const i32 *first_row = row + j * w + i;
         int good = usable[block];
+        /* Is the block good enough for this sample? Then interpolate */
         if (good) {
             const i64 at[4] = {first_row[0], first_row[1], first_row[w], first_row[w + 1]};
             const f64 weight[4] = {(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y};
@@ -157,7 +164,7 @@ i64 sparse_between(i64 h, i64 w, i64 c, i64 q, i64 H, i64 Z, i64 n, i64 m, i64 M
     return count;
 }
 
-/* colour += share·tint·light of some rows, light from column `first` on; share: of each material. */
+/* Adds share·tint·light of some rows to colour, with light from column `first` on; share: of each material. */
 KERNEL(sparse_add, "rows i64[r]  material i32[n]  share f64[M]  tint f64[n,3]  light f64[n,q]  first i64  colour f64[n,3]!")
 i64 sparse_add(i64 r, i64 n, i64 M, i64 q, const i64 *rows, const i32 *material, const f64 *share, const f64 *tint,
                const f64 *light, i64 first, f64 *colour) {

@@ -1,21 +1,22 @@
-"""`shadow_rate`: soft light computed at sparse points of the picture, and interpolated between them.
+"""`shadow_rate`: soft light is computed at sparse points of the picture and interpolated between them.
 
-What a matt white surface returns, Σ S·Ω, is smooth on the scale of r, and so is a highlight where the surface hardly
-bends. Both are computed at the pixels' middles of a picture `rate` times coarser; four of these are the corners of a
-block. A sample of the camera takes the mean of its block's corners by its place between them, times its own colours,
-where
+The light that a white matt surface reflects, Σ S·Ω, is smooth on the scale of r. So is a highlight if the surface is
+hardly curved. Both are computed at the centres of the pixels of a picture that is `rate` times coarser; four of these
+are the corners of a block. A sample of the camera takes the mean of the corners of its block, weighted by its place
+between them and multiplied by its own colours, if
 
-- corners and sample lie on one instance with nearly one normal, the sample between the corners in space as well;
-- the corners agree: what they differ by changes the sample by TOLERANCE of the picture's light at most;
-- the lights could not change it by more: node by node their S go in steps, those of lights that stand together at once;
-- the block is not larger than r, so that no shadow falls between its corners; of few nodes it is smaller.
+- corners and sample lie on one instance with nearly the same normal, and the sample lies between the corners in space;
+- the corners agree: their differences change the sample by at most TOLERANCE of the picture's light;
+- the lights could not change it by more: S changes in steps, node by node, and at once for lights that are close
+  together;
+- the block is not larger than r, so that no shadow fits between its corners; with few nodes the limit is smaller.
 
-Else blocks of half the size are tried, and so on down to a pixel; what is left is computed at the sample. All this
-depends on where a sample is in the picture and in the scene: not on tiles, threads or order. What mirrors and glass
-show is computed at each sample, and so are shadows that are not soft.
+Otherwise blocks of half the size are tried, and so on down to a pixel. The remaining samples are computed directly. All
+this depends only on where a sample is in the picture and in the scene, not on tiles, threads or order. Light seen in
+mirrors and through glass is computed at each sample, and so are shadows that are not soft.
 
-The picture's light is what a white matt surface would return if nothing cast a shadow; a tenth of what the camera sees
-is brighter. So lights of a thousand times the power give the same picture, a thousand times as bright.
+The picture's light is the light that a white matt surface would reflect if nothing cast a shadow; a tenth of what the
+camera sees is brighter. So lights of a thousand times the power give the same picture, a thousand times as bright.
 """
 
 from __future__ import annotations
@@ -42,37 +43,39 @@ from .world import World
 _film, _ask, _agree = kernel("sparse_film"), kernel("sparse_ask"), kernel("sparse_agree")
 _between, _add = kernel("sparse_between"), kernel("sparse_add")
 
-TOLERANCE = 1 / 40  # of the picture's light, by which corners may differ
-JUMP = {"UNIFORM": 1 / 8, "SMOOTH": 1 / 16}  # of S within a block, of a light that is seen in part, by the weights
-TOGETHER = 0.2  # angle between lights whose shadows have their edges at the same places, about
-BLUR = 4.0  # pixels that a lens may move a sample by
+TOLERANCE = 1 / 40  # of the picture's light: the largest effect of a difference between corners
+# the assumed change of S within a block for a light that is partly visible, by the weights
+JUMP = {"UNIFORM": 1 / 8, "SMOOTH": 1 / 16}
+TOGETHER = 0.2  # about the largest angle between lights whose shadows have their edges at the same places
+BLUR = 4.0  # the largest shift of a sample by the lens, in pixels
 
 
 class Corners(NamedTuple):
-    """The points of one step that a tile asks for, and where they are in the grid."""
+    """The points of one step that a tile needs, and where they are in the grid."""
 
-    step: int  # pixels
+    step: int  # in pixels
     x: int  # of the grid's first point
     y: int
-    row: NDArray[np.int32]  # (rows, columns) which point; −1: not asked for, or nothing that takes soft shadows
-    P: NDArray[np.float64]  # (n,3) and so on, as Hits
+    # (rows, columns) index of the point; −1: not needed, or nothing there that receives soft shadows
+    row: NDArray[np.int32]
+    P: NDArray[np.float64]  # (n,3) this and the next arrays are as in Hits
     Ng: NDArray[np.float64]
     Ns: NDArray[np.float64]
     material: NDArray[np.int32]
     instance: NDArray[np.int32]
-    turned: NDArray[np.float64]  # (n,3) where a mirror would look
-    light: NDArray[np.float64]  # (n,3 or 6) diffuse RGB, and gloss RGB where the scene has any
-    rough: NDArray[np.float64]  # (n,2) `shading.steps`, of diffuse light and of gloss
+    turned: NDArray[np.float64]  # (n,3) the direction of the mirrored ray
+    light: NDArray[np.float64]  # (n,3 or 6) diffuse RGB, and gloss RGB if the scene has any
+    rough: NDArray[np.float64]  # (n,2) `shading.steps`, for diffuse light and for gloss
 
 
 class Blocks(NamedTuple):
-    """The blocks (rows, columns) between four corners each; a block is its lower left corner's."""
+    """The blocks (rows, columns) between four corners each; a block has the index of its lower left corner."""
 
     usable: NDArray[np.bool_]
-    material: NDArray[np.int32]  # of all four corners; −1: several
-    turn: NDArray[np.float64]  # 1 − cosine of the angle between the corners' `turned`
+    material: NDArray[np.int32]  # of all four corners; −1 if they differ
+    turn: NDArray[np.float64]  # 1 − cosine of the largest angle between the corners' `turned`
     size: NDArray[np.float64]  # square of the diagonal, world
-    spread: NDArray[np.float64]  # (…,2) by how much the corners differ in diffuse light, and in gloss
+    spread: NDArray[np.float64]  # (…,2) how much the corners differ in diffuse light and in gloss
 
 
 def typical(world: World, lighting: Lighting) -> float:
@@ -104,7 +107,7 @@ def groups(world: World) -> NDArray[np.int64]:
 
 
 class Sparse:
-    """Interpolates what a prepared scene's camera sees first."""
+    """Interpolates the light of the surfaces that the camera of a prepared scene sees first."""
 
     def __init__(self, world: World, lighting: Lighting, casters: Casters, lattice: Lattice,
                  offsets: NDArray[np.float64], stats: Statistics) -> None:
@@ -112,17 +115,18 @@ class Sparse:
         self._world, self._lighting, self._stats, self._offsets = world, lighting, stats, offsets
         self._camera = dataclasses.replace(world.camera, crop=None)
         s, m, lights = world.scene.settings, world.materials, len(world.scene.lights)
-        least = 1 if s.samples >= 4 else 2  # a point a pixel saves nothing unless it serves several samples
+        least = 1 if s.samples >= 4 else 2  # one point per pixel saves nothing unless it serves several samples
         self._steps = [s.shadow_rate >> k for k in range(s.shadow_rate.bit_length()) if s.shadow_rate >> k >= least]
         self._gloss = bool((m.ks > 0).any())
         self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
-        nodes = above_a_plane(lattice.reach[0])  # of a point on a plane, each with a step of 1/nodes
+        nodes = above_a_plane(lattice.reach[0])  # nodes around a point on a plane; each changes S by a step of 1/nodes
         self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
         self._step = 1 / nodes if uniform else 0.0
         self._lights = smooth_lights(casters, lights)
         self._sharp = mask_of(range(lights), lights) & ~self._lights
         self._receives = casters.receives
-        # A node above a block's middle may be in no corner's ball: with smooth weights, and a small block, it is light.
+        # A node above a block's middle may be in the ball of no corner. With smooth weights and a small block its
+        # weight is small.
         share = 1.0 if uniform else min(1.0, np.sqrt(nodes / 40))
         self._largest = float(lattice.h * lattice.reach[0]) * share
         self.light, self._together = typical(world, lighting), groups(world)
@@ -133,7 +137,7 @@ class Sparse:
         """As `Lighting.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
         m = self._world.materials
         Od, sums = self._lighting.unshaded(hits, parts, True)
-        colour, terms, _ = sums  # the plan has no shadow passes
+        colour, terms, _ = sums  # there are no shadow passes, the plan makes sure
         with self._stats.stage("interpolation"):
             film, left = self._film(hits, pixel, box)
             done, light = np.zeros(len(film), np.bool_), np.empty((len(film), 6 if self._gloss else 3))
@@ -172,7 +176,7 @@ class Sparse:
             work[rows] = count
 
     def _film(self, hits: Hits, pixel: NDArray, box: tuple[int, int, int, int]) -> tuple[NDArray, NDArray]:
-        """Where hits are on the film (n,2), in pixels, and the rows of those that may be interpolated."""
+        """Return the place of hits on the film (n,2), in pixels, and the rows of those that may be interpolated."""
         c, film = self._camera, np.empty((len(hits.P), 2))
         view = np.array([box[0], box[1], box[2] - box[0], len(self._offsets)], np.int64)
         left = np.empty(len(hits.P), np.int64)
@@ -183,8 +187,8 @@ class Sparse:
 
     def _corners(self, step: int, film: NDArray, left: NDArray, box: tuple[int, int, int, int],
                  check: Check) -> Corners:
-        """The points of a step around the rows of `film` that are left."""
-        # One more on each side than floor says: rounding must not decide.
+        """Return the points of a step around the rows of `film` in `left`."""
+        # One more on each side than `floor` gives, so that rounding does not matter.
         x0, y0 = (int((low + 0.5 - self._reach) // step) - 2 for low in box[:2])
         x1, y1 = (int((high - 0.5 + self._reach) // step) + 3 for high in box[2:])
         row = np.full((y1 - y0, x1 - x0), -1, np.int32)
@@ -209,7 +213,7 @@ class Sparse:
                        self._world.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, check))
 
     def _light(self, hits: Hits, direction: NDArray, check: Check) -> tuple[NDArray, NDArray]:
-        """Corners.light and rough."""
+        """Compute Corners.light and Corners.rough."""
         n = len(hits.P)
         white, light, rough = np.ones((n, 3)), np.zeros((n, 6 if self._gloss else 3)), np.zeros((2, n))
         both, matt, gloss = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
@@ -233,7 +237,7 @@ class Sparse:
 
     def _between(self, corners: Corners, film: NDArray, left: NDArray, hits: Hits, Od: NDArray, light: NDArray,
                  done: NDArray[np.bool_]) -> NDArray:
-        """Fill light and done of the rows in `left` that their block serves; returns the others."""
+        """Fill light and done of the rows in `left` for which their block can be used; return the other rows."""
         m, rest = self._world.materials, np.empty(len(left), np.int64)
         count = _between(*corners[3:], *self._blocks(corners), *corners[:3], film, left, hits.P, hits.Ng, hits.Ns,
                          hits.material, self._world.surfaces.instance[hits.triangle], m.kd, m.ks, m.Os, m.nShiny, Od,

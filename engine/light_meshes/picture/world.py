@@ -40,7 +40,7 @@ class World:
     materials: shading.Materials
 
     def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Objects (n,) that triangles (n,) belong to."""
+        """Return the objects (n,) to which triangles (n,) belong."""
         return self.scene.geometry.instance_object[self.surfaces.instance[triangle]]
 
     def closest(self, kind: str, origin: NDArray, direction: NDArray, normal: NDArray | None = None,
@@ -57,7 +57,9 @@ class World:
         return hit, hits
 
     def coarse_view(self) -> tuple[NDArray[np.float64], Hits]:
-        """What the scene's own camera sees on a grid of 64 × 64 rays: directions (n,3) of those that hit, and where."""
+        """Return what the scene's own camera sees on a grid of 64 × 64 rays: the directions (n,3) of those that hit,
+        and the hits.
+        """
         camera = dataclasses.replace(self.scene.camera, width=COARSE, height=COARSE, crop=None)
         origin, direction, reach = camera_rays(camera, (0, 0, COARSE, COARSE), np.zeros((1, 2)))
         hit, hits = self.closest("camera", origin, direction, None, reach)

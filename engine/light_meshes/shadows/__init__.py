@@ -1,1 +1,3 @@
-"""How much of each light a receiver sees: one contract, and a file for each method."""
+"""Shadows: how much of each light a receiver sees. There is one contract for all methods, and a file for each
+method.
+"""

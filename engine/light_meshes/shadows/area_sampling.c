@@ -1,7 +1,7 @@
-/* Points on lamps with a size (area_sampling.py). */
+/* Places points on lamps with a size (area_sampling.py). */
 #include "targets.h"
 
-/* A uniform number in [0,1) from 64 bits (SplitMix64's finaliser). */
+/* Returns a uniform number in [0,1) from 64 bits (SplitMix64's finaliser). */
 static f64 random_of(u64 x) {
     x = (x ^ x >> 30) * MIX;
     x = (x ^ x >> 27) * 0x94D049BB133111EBu;
@@ -9,9 +9,10 @@ static f64 random_of(u64 x) {
     return (f64)(x >> 11) * 0x1p-53;
 }
 
-/* Point s of `samples` on each pair's light: strata of equal area in one axis, van der Corput's in the other. Each pair
-   turns the pattern at random, from its own position: the same for any tiles, threads and order. free: a sphere or sun,
-   of which the receiver sees a disc of radius `size`; rectangle: else an ellipse. u, v: half-axes. */
+/* Computes point s of `samples` on the light of each pair: strata of equal area in one axis, van der Corput's order
+   in the other. The pattern of each pair is rotated at random; the random number depends only on its position, so
+   the result is the same for any tiles, threads and order. free: the light is a sphere or a sun, which the receiver
+   sees as a disc of radius `size`; rectangle: a rectangle, otherwise an ellipse. u, v: half-axes. */
 KERNEL(area_sample,
        "s i64  samples i64  seed u64  P f64[n,3]  row i32[k]  position f64[L,3]  directional bool[L]  light i32[k]  "
        "free bool[L]  rectangle bool[L]  size f64[L]  u f64[L,3]  v f64[L,3]  out f64[k,3]!")
@@ -42,7 +43,7 @@ i64 area_sample(i64 n, i64 k, i64 L, i64 s, i64 samples, u64 seed, const f64 *P,
             for (int j = 0; j < 3; j++) point[j] = c[j] + x * a_axis[j] + y * b_axis[j];
             continue;
         }
-        /* The disc of a sphere (or of the sun) as the receiver sees it. */
+        /* The disc that the receiver sees of a sphere (or of the sun). */
         f64 d[3] = {c[0], c[1], c[2]};
         if (!directional[i]) {
             for (int j = 0; j < 3; j++) d[j] = c[j] - from[j];

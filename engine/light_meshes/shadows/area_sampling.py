@@ -1,4 +1,4 @@
-"""Soft shadows by many rays to a light that has a size: the reference that light meshes are compared with."""
+"""Soft shadows by many rays to a light with a size. Light meshes are compared with this reference."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _sample = kernel("area_sample")
 
 
 class AreaSampling(Method):
-    """S_i(P) as the mean of N rays to points of the light.
+    """S_i(P) as the mean of N rays to points on the light.
 
-    Only visibility is sampled; Ω stays the point source's, so that away from shadows all methods agree.
+    Only the visibility is sampled. Ω is that of the point source, so that all methods agree away from shadows.
     """
 
     def __init__(self, setup: Setup) -> None:
         lights, casters, settings = setup.lights, setup.casters, setup.settings
         self._count, self._targets, self._stats = len(lights), setup.targets, setup.stats
         self._samples, self._seed = settings.light_samples, settings.seed
-        self._sharp = sharp(setup, casters.whole)  # of lights without a size, and of the segments to each sample
+        self._sharp = sharp(setup, casters.whole)  # for lights without a size, and for the segment of each sample
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None  # V(P) past sharp casters
         self._receives, self._channels = casters.receives, max(1, setup.through.channels)
         self._groups, self._soft = casters.soft, union(casters.soft, self._count)
@@ -39,7 +39,7 @@ class AreaSampling(Method):
         self._v = np.array([shape.v for shape in shapes], np.float64).reshape(-1, 3)
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
-        """S, see `Method`."""
+        """Return S, see `Method`."""
         soft = at.active & self._soft
         if at.triangle is not None and self._receives is not None:
             soft[~self._receives[at.triangle]] = 0
@@ -50,10 +50,10 @@ class AreaSampling(Method):
                 for row, light in pairs.blocks(soft & group.lights, self._count):
                     S[row, light] = self._share(at, row, light, group.casters, check)
         dim(S, self._edges, at._replace(active=soft), check)
-        return S + hard  # one of them is 0: a light is soft or hard for a receiver
+        return S + hard  # one of them is 0, because a light is either soft or sharp for a receiver
 
     def _share(self, at: Receivers, row: NDArray, light: NDArray, casters: int, check: Check) -> NDArray[np.float32]:
-        """How much (k,C) of light[k] the receiver row[k] sees past `casters`."""
+        """Return how much (k,C) of light[k] the receiver row[k] sees past `casters`."""
         clear = np.zeros((len(row), self._channels))
         target = np.empty((len(row), 3))
         directional = self._targets.directional[light]

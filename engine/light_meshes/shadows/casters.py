@@ -1,7 +1,8 @@
-"""Which triangles shadow which light, and which of them softly: V = V_sharp casters · S_soft casters (method §4).
+"""Which triangles cast shadows in which light, and which of these shadows are soft: V = V_sharp casters · S_soft
+casters (method §4).
 
-A surface casts and receives soft shadows where its object and its material both say so. A light may have blockers of
-its own. Lights that the same triangles shadow are traced together.
+A surface casts or receives soft shadows if its object and its material both allow it. A light may have its own
+blockers. Lights with the same casters are traced together.
 """
 
 from __future__ import annotations
@@ -17,29 +18,30 @@ from ..scene.errors import SceneError
 from ..support.bits import mask_of
 from .radius import extent
 
-MOST = 100  # sets; each is an accelerator or more, and Embree's wrapper fails beyond a thousand
+# the largest number of sets; each needs an accelerator or more, and Embree's wrapper fails beyond a thousand
+MOST = 100
 
 
 class Group(NamedTuple):
-    """Lights that the same triangles shadow."""
+    """Lights that have the same casters."""
 
     lights: NDArray[np.uint64]  # (W,) bits
     casters: int  # row of Casters.sets
 
 
 class Casters(NamedTuple):
-    """The shadows of a scene. Lights that nothing shadows are in no group."""
+    """The shadows of a scene. Lights that cast no shadows are in no group."""
 
-    sets: tuple[NDArray[np.bool_], ...]  # (T,) each: which triangles; the first has all
-    whole: tuple[Group, ...]  # all that shadows a light
-    soft: tuple[Group, ...]  # the part that does so softly, of lights with soft shadows
-    sharp: tuple[Group, ...]  # the rest of what shadows the lights in `soft`
-    receives: NDArray[np.bool_] | None  # (T,) surfaces that soft shadows fall on; None: all do
-    dims: int  # row of `sets`: soft casters of any light, whose glass weighs the nodes behind it in PAPER
+    sets: tuple[NDArray[np.bool_], ...]  # (T,) each: the triangles in the set; the first set has all
+    whole: tuple[Group, ...]  # everything that casts shadows in a light
+    soft: tuple[Group, ...]  # the casters of soft shadows, for lights with soft shadows
+    sharp: tuple[Group, ...]  # the other casters of the lights in `soft`
+    receives: NDArray[np.bool_] | None  # (T,) surfaces that receive soft shadows; None: all do
+    dims: int  # row of `sets`: soft casters of any light; in PAPER their glass weights the nodes behind it
 
 
 def union(groups: tuple[Group, ...], count: int) -> NDArray[np.uint64]:
-    """The lights of all groups, as bits."""
+    """Return the lights of all groups as bits."""
     words = mask_of([], count)
     for group in groups:
         words |= group.lights
@@ -56,15 +58,15 @@ def kept(casters: Casters, lights: NDArray[np.uint64]) -> Casters:
 
 
 def smooth_lights(casters: Casters, lights: int) -> NDArray[np.uint64]:
-    """The lights (W,) with no sharp shadow on surfaces that take soft ones."""
+    """Return the lights (W,) that cast no sharp shadow on surfaces that receive soft ones."""
     shadows, sharp = union(casters.whole, lights), union(casters.sharp, lights)
     return mask_of(range(lights), lights) & ~(shadows & ~union(casters.soft, lights)) & ~sharp
 
 
 def casters(scene: Scene, surfaces: Surfaces, bent: NDArray[np.bool_], soft_shadows: bool, radii: bool) -> Casters:
-    """Who shadows whom; bent (T,): triangles that refract shadow rays.
+    """Return which triangles cast shadows in which light. `bent` (T,): triangles that refract shadow rays.
 
-    soft_shadows: the shadow method has them; radii: and by it each light may have a radius of its own.
+    `soft_shadows`: whether the shadow method has soft shadows; `radii`: whether it lets each light have its own radius.
     """
     owner = scene.geometry.instance_object[surfaces.instance]
     material = surfaces.materials[surfaces.source]
@@ -75,7 +77,7 @@ def casters(scene: Scene, surfaces: Surfaces, bent: NDArray[np.bool_], soft_shad
 
     casts = np.array([o.visible_shadow for o in scene.objects], np.bool_)[owner]
     softly, receives = agreed("cast_soft_shadows"), agreed("receive_soft_shadows")
-    # A body of glass is one thing to refracted paths: sharp as a whole where a part of it is.
+    # Refracted paths treat a body of glass as one object: it is sharp as a whole if a part of it is.
     torn = surfaces.instance[bent & ~softly]
     if len(torn):
         softly &= ~(bent & np.isin(surfaces.instance, torn))
@@ -103,7 +105,7 @@ def casters(scene: Scene, surfaces: Surfaces, bent: NDArray[np.bool_], soft_shad
 
 
 def _number(part: NDArray[np.bool_], numbers: dict[bytes, int], sets: list[NDArray[np.bool_]]) -> int:
-    """The row of `sets` for these triangles, added where it is new; −1 for none."""
+    """Return the row of `sets` for these triangles, which is added if it is new; −1 if there are none."""
     if not part.any():
         return -1
     number = numbers.setdefault(part.tobytes(), len(sets))
@@ -116,7 +118,9 @@ def _number(part: NDArray[np.bool_], numbers: dict[bytes, int], sets: list[NDArr
 
 
 def _soft(light: Light, radii: bool) -> bool:
-    """Whether the artist lets the light have soft shadows, and gives it a radius: that of a point is sharp."""
+    """Return whether the artist lets the light have soft shadows, and gives it a radius; the shadows of a point are
+    sharp.
+    """
     if radii and light.softness != "SCENE":
         return light.soft_shadows and (light.soft_radius if light.softness == "RADIUS" else extent(light)) > 0
     return light.soft_shadows

@@ -1,4 +1,6 @@
-"""Soft shadows by light meshes, the project's method: Ψ for opaque surfaces, eq. (7) where they let light through."""
+"""Soft shadows by light meshes, the method of this project: Ψ for opaque surfaces, and eq. (7) where they let light
+through.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +28,7 @@ def make(setup: Setup) -> Method:
 
 
 def _one_width(setup: Setup) -> LightMeshes:
+    """Return light meshes whose nodes hold bits, or numbers if surfaces let light through."""
     assert setup.lattice is not None
     return (SemitransparentMeshes if setup.through.channels else LightMeshes)(setup, setup.lattice)
 

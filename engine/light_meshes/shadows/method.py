@@ -1,8 +1,8 @@
-"""The contract of shadow methods, which say how much of each light receivers see: S_i(P).
+"""The contract of shadow methods: they compute how much of each light receivers see, S_i(P).
 
-A method is a class in a file of its own, which also has the method's `KIND`: its name, what it can do, the settings
-that it has for itself, and the function that makes it from the `Setup` of a scene. `registry` lists all kinds. Plan,
-validation and messages read there what they need to know, and nobody else asks of what class a method is.
+A method is a class in its own file. The file also has the method's `KIND`: its name, its abilities, its own settings,
+and the function that makes it from the `Setup` of a scene. `registry` lists all kinds. The plan, the validation and
+messages read there what they need to know; no other code tests for the class of a method.
 """
 
 from __future__ import annotations
@@ -27,91 +27,94 @@ from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
 from .terminator import Lift
 
-Check = Callable[[], None]  # raises where the render was cancelled
+Check = Callable[[], None]  # raises if the render was cancelled
 Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
 
 
 class Receivers(NamedTuple):
-    """A batch of points that are lit, and the lights that each is asked about."""
+    """A batch of points that are lit, and the lights that are asked about at each point."""
 
     P: NDArray[np.float64]  # (n,3) world
-    N: NDArray[np.float64] | None  # (n,3) unit geometric normals on the viewed side; None: points in free space
-    active: NDArray[np.uint64]  # (n,W) bits: light i of receiver p is asked for, which is where ξ_i·Ω_i ≠ 0
-    triangle: NDArray[np.int32] | None = None  # (n,) that P is on; None: on surfaces that soft shadows fall on
+    N: NDArray[np.float64] | None  # (n,3) unit geometric normals on the visible side; None for points in free space
+    active: NDArray[np.uint64]  # (n,W) bits: light i is asked for at receiver p, which is where ξ_i·Ω_i ≠ 0
+    # (n,) triangles on which P is; None: on surfaces that receive soft shadows
+    triangle: NDArray[np.int32] | None = None
     lift: Lift | None = None  # where light grazes smooth surfaces, rays start above their facets; None: nowhere
 
     def normals(self) -> NDArray[np.float64]:
-        """N of receivers that are on surfaces."""
+        """Return N; only for receivers that are on surfaces."""
         assert self.N is not None, "this method has no answer for points in free space"
         return self.N
 
 
 class Nodes(Protocol):
-    """What methods have that keep values at lattice nodes, which may be right in the next picture, too."""
+    """The interface of methods that keep values at lattice nodes, which may be valid in the next picture too."""
 
     lattice: Lattice
     store: NodeStore
-    paths: PathTable | None  # refracted paths of all nodes, where they are kept apart
+    paths: PathTable | None  # the refracted paths of all nodes, if they are stored separately
 
     def take(self, old: Nodes) -> None:
-        """Take the nodes of `old` over, which are all right here."""
+        """Take over the nodes of `old`, which must all be valid here."""
 
 
 class Method(Protocol):
-    """How much of each light receivers see. Made once a scene; threads share it.
+    """Computes how much of each light receivers see. It is made once for a scene; threads share it.
 
     The answer must not depend on batches, tiles, threads or order.
     """
 
-    nodes: Nodes | None = None  # of kinds with `lattice`
+    nodes: Nodes | None = None  # for kinds with the flag `lattice`
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray[np.float64] | None = None) -> NDArray[np.float32]:
-        """S (n,L,C) float32, 0 where not active; C = 1, or 3 where light comes through coloured glass.
+        """Return S (n,L,C) float32, 0 where not active; C = 1, or 3 if light comes through coloured glass.
 
-        check: call it between batches of rays. probe (n,4): to be filled with what the debug passes show, in the order
-        of `passes.DEBUG`; only kinds that say `counts` are given one.
+        `check` must be called between batches of rays. `probe` (n,4) is filled with the values of the debug passes, in
+        the order of `passes.DEBUG`; it is given only to kinds with the flag `counts`.
         """
         ...
 
 
 class SharpMethod(Method, Protocol):
-    """Sharp shadows, which methods with soft ones use for lights without a size and for single rays."""
+    """Sharp shadows. Methods with soft shadows also use them, for lights without a size and for single rays."""
 
     def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray | None, casters: int,
                  triangle: NDArray[np.int32] | None = None) -> NDArray:
-        """What gets through (k,C) from P[row] to targets[target], past this set of casters; `triangle`, of each row."""
+        """Return the share of light (k,C) that passes from P[row] to targets[target], past this set of casters;
+        `triangle` is that of each row.
+        """
         ...
 
 
 class Setting(NamedTuple):
-    """A setting that one method has for itself; `Settings.method` holds its value by its name."""
+    """A setting that only one method has; `Settings.method` holds its value under its name."""
 
     name: str
-    default: Scalar  # its type is the setting's
-    low: float = -1e30  # of numbers
+    default: Scalar  # its type is the type of the setting
+    low: float = -1e30  # for numbers
     high: float = 1e30
-    choices: tuple[str, ...] = ()  # of text; (): any
+    choices: tuple[str, ...] = ()  # for text; () means any
 
 
 class Refraction(NamedTuple):
     """How refracted shadow paths are followed."""
 
-    solvers: dict[int, RefractedPaths]  # of each set of casters whose glass bends shadow rays
-    footprint: float | None  # FOCUS: radius within which no more light gathers than came in; None: PAPER, Σ Π t
+    solvers: dict[int, RefractedPaths]  # for each set of casters whose glass bends shadow rays
+    footprint: float | None  # FOCUS: radius of a disc that gets no more light than came in; None: PAPER, Σ Π t
     leak_free: bool
 
 
 class Through(NamedTuple):
     """What surfaces let through on the way of light."""
 
-    channels: int  # of S: 0 where all are opaque (then S has one, of 0 or 1), 1, or 3 for coloured glass
-    factor: Factor  # of crossings: `Interfaces.factor`
+    channels: int  # of S: 0 if all surfaces are opaque (then S has one channel of 0 or 1), 1, or 3 for coloured glass
+    factor: Factor  # the factor of a crossing, `Interfaces.factor`
     refraction: Refraction | None
-    cutouts: bool  # some surfaces have holes
+    cutouts: bool  # whether some surfaces have holes
 
 
 class LatticeSetup(NamedTuple):
-    """What kinds with `lattice` are given."""
+    """The additional data for kinds with the flag `lattice`."""
 
     lattice: Lattice
     classes: Classes  # of the soft lights, by their radii
@@ -122,31 +125,33 @@ class LatticeSetup(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """What a method is made from."""
+    """The data from which a method is made."""
 
     lights: tuple[Light, ...]
-    targets: Targets  # where shadow rays go, a row a light
+    targets: Targets  # where shadow rays go, one row for each light
     tracer: Tracer
-    stats: Statistics  # counts rays and times stages
-    casters: Casters  # which triangles shadow which lights, and which of them softly
+    stats: Statistics  # counts rays and measures stages
+    casters: Casters  # which triangles cast shadows in which lights, and which of these shadows are soft
     settings: Settings
-    own: dict[str, Scalar]  # `Kind.settings`, checked, by their names
+    own: dict[str, Scalar]  # checked values of `Kind.settings`, by name
     through: Through
-    lattice: LatticeSetup | None  # for kinds that ask for it
+    lattice: LatticeSetup | None  # only for kinds that need it
 
 
 class Kind(NamedTuple):
-    """A method as the registry has it. What it can is said by flags."""
+    """A shadow method in the registry. Flags say what it can do."""
 
     make: Callable[[Setup], Method]
-    soft: bool = False  # soft shadows, of lights and surfaces that the artist lets have them
-    lattice: bool = False  # averages lattice nodes: needs h, each light has an r, and nodes are kept between pictures
-    bends: bool = False  # follows shadow paths that bend in glass (eq. 6); else they go straight on
-    counts: bool = False  # fills the probe of the debug passes
+    soft: bool = False  # it has soft shadows, for lights and surfaces for which the artist allows them
+    # it averages lattice nodes: it needs h, each light has an r, and nodes are kept from picture to picture
+    lattice: bool = False
+    bends: bool = False  # it follows shadow paths that bend in glass (eq. 6); otherwise they go straight
+    counts: bool = False  # it fills the probe for the debug passes
     settings: tuple[Setting, ...] = ()
 
     def own(self, settings: Settings) -> dict[str, Scalar]:
-        """This method's own settings, defaults where none are given. Raises SceneError for names or values it has not.
+        """Return this method's own settings, with defaults for those that are not given. Raises SceneError for an
+        unknown name or a wrong value.
         """
         given: Mapping[str, Scalar] = settings.method or {}
         return checked_mapping(f"settings: method of {settings.shadows}", given, {s.name: s for s in self.settings})

@@ -1,7 +1,7 @@
 /* Pairs of receiver and light, and what is known of them, as sets of bits. */
 #include "native.h"
 
-/* S = value for each set bit among lights first..last; S (n, L·C). */
+/* Sets S to `value` for each set bit among the first `lights` lights; S (n, L·C). */
 KERNEL(pairs_set, "mask u64[n,W]  lights i64  value f64  S f32[n,s]!")
 i64 pairs_set(i64 n, i64 W, i64 s, const u64 *mask, i64 lights, f64 value, f32 *S) {
     i64 C = lights ? s / lights : 0;
@@ -12,7 +12,8 @@ i64 pairs_set(i64 n, i64 W, i64 s, const u64 *mask, i64 lights, f64 value, f32 *
     return 0;
 }
 
-/* (row, light) of each set bit, light by light so that neighbouring rays go the same way; returns how many. */
+/* Lists (row, light) of each set bit, light by light, so that neighbouring rays have similar directions; returns how
+   many. */
 KERNEL(pairs_listed, "mask u64[n,W]  first i64  last i64  row i32[r]!  light i32[r]!")
 i64 pairs_listed(i64 n, i64 W, i64 r, const u64 *mask, i64 first, i64 last, i32 *row, i32 *light) {
     i64 count = 0;
@@ -25,7 +26,7 @@ i64 pairs_listed(i64 n, i64 W, i64 r, const u64 *mask, i64 first, i64 last, i32 
     return count;
 }
 
-/* Clears the bits of lights with S = 0: nothing can dim them. S (n, L·C). */
+/* Clears the bits of lights with S = 0, because nothing can dim these further. S (n, L·C). */
 KERNEL(pairs_drop_dark, "S f32[n,s]  lights i64  mask u64[n,W]!")
 i64 pairs_drop_dark(i64 n, i64 s, i64 W, const f32 *S, i64 lights, u64 *mask) {
     i64 C = lights ? s / lights : 0;

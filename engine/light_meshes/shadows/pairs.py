@@ -1,4 +1,4 @@
-"""Pairs of a receiver and a light that are asked for, and what is known of them, as sets of bits."""
+"""Pairs of a receiver and a light, and what is known of them, as sets of bits."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from ..support.native import kernel
 
-PAIRS = 1 << 19  # about so many rays are held at once
+PAIRS = 1 << 19  # about the largest number of rays that are held at once
 
 _set, _pairs, _drop_dark = kernel("pairs_set"), kernel("pairs_listed"), kernel("pairs_drop_dark")
 collect = kernel("pairs_collect")
 
 
 def blocks(mask: NDArray[np.uint64], lights: int) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32]]]:
-    """The set bits of mask (n,W) as (row, light) arrays of bounded length."""
+    """Yield the set bits of mask (n,W) as (row, light) arrays of limited length."""
     step = max(1, PAIRS // max(1, len(mask)))
     for first in range(0, lights, step):
         last = min(first + step, lights)
@@ -28,14 +28,14 @@ def blocks(mask: NDArray[np.uint64], lights: int) -> Iterator[tuple[NDArray[np.i
 
 
 def seen(mask: NDArray[np.uint64], lights: int, channels: int = 1) -> NDArray[np.float32]:
-    """S (n,L,C): 1 where the bit of mask (n,W) is set, else 0."""
+    """Return S (n,L,C): 1 where the bit of mask (n,W) is set, otherwise 0."""
     S = np.zeros((len(mask), lights, channels), np.float32)
     _set(mask, lights, 1.0, S.reshape(len(S), -1))
     return S
 
 
 def bright(S: NDArray[np.float32], mask: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """mask (n,W) without the bits of lights with S = 0: nothing can dim them."""
+    """Return mask (n,W) without the bits of lights with S = 0, because nothing can dim these further."""
     lit = mask.copy()
     _drop_dark(S.reshape(-1, S.shape[1] * S.shape[2]), S.shape[1], lit)
     return lit

@@ -1,4 +1,4 @@
-"""Light meshes: algorithm Ψ (paper §3), the average of what the lattice nodes around a receiver see."""
+"""Light meshes: algorithm Ψ (paper §3), the mean over the lattice nodes around a receiver."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ from .pairs import PAIRS
 from .sharp import dim, sharp
 from .terminator import merge, split
 
-CANDIDATES = 1 << 20  # about so many candidates are held at once
+CANDIDATES = 1 << 20  # about the largest number of candidates that are held at once
 
 
 class Answer(NamedTuple):
-    """Where the means of some receivers go: rows (n,) of S (…,L,C), and of the probe (…,4) where there is one."""
+    """Where the means of some receivers are written: the rows (n,) of S (…,L,C), and of the probe (…,4) if there is
+    one.
+    """
 
     rows: NDArray[np.intp]
     S: NDArray[np.float32]
@@ -33,7 +35,7 @@ class Answer(NamedTuple):
 
 
 class LightMeshes(Method):
-    """Ψ where all surfaces are opaque: a node's value for a light is a bit."""
+    """Ψ if all surfaces are opaque: the value of a node for a light is one bit."""
 
     nodes: Nodes
 
@@ -52,11 +54,11 @@ class LightMeshes(Method):
         self._batch = int(np.clip(CANDIDATES // (2.1 * self.lattice.reach[-1]**3 + 4), 64, 16384))
 
     def _store(self) -> tuple[NodeStore, PathTable | None]:
-        """Empty room for the nodes' values, and for refracted paths where they are kept apart."""
+        """Return an empty store for the nodes' values, and one for refracted paths if these are stored separately."""
         return NodeStore(max(1, self.count)), None
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
-        """S, see `Method`."""
+        """Return S, see `Method`."""
         S = np.zeros((len(at.P), self.count, self.channels), np.float32)
         soft = at.active & self._soft
         if at.triangle is not None and self._receives is not None:
@@ -69,13 +71,13 @@ class LightMeshes(Method):
             self._ask_above(at, lifted, soft, S, check, probe)
         self._stats.add(receivers=len(at.P))
         dim(S, self._edges, at._replace(active=soft), check)
-        left = at.active & ~soft  # what Ψ has no answer for goes to sharp shadows
+        left = at.active & ~soft  # lights for which Ψ has no answer get sharp shadows
         if left.any():
-            S += self._sharp(at._replace(active=left), check)  # S is 0 there so far
+            S += self._sharp(at._replace(active=left), check)  # S is still 0 there
         return S
 
     def _ask(self, at: Receivers, S: NDArray[np.float32], check: Check, probe: NDArray | None) -> None:
-        """Fill S of the lights in at.active (n,W), which keeps those that Ψ has an answer for."""
+        """Fill S for the lights in at.active (n,W). The bits of lights for which Ψ has no answer are cleared."""
         lit = np.flatnonzero(at.active.any(1))
         for i in range(0, len(lit), self._batch):
             check()
@@ -86,9 +88,10 @@ class LightMeshes(Method):
 
     def _ask_above(self, at: Receivers, lifted: NDArray[np.uint64], soft: NDArray[np.uint64], S: NDArray[np.float32],
                    check: Check, probe: NDArray | None) -> None:
-        """The same for the lights in lifted (n,W), above the facets; in part where S has what is seen on them, too.
+        """Do the same for the lights in lifted (n,W) from points above the facets.
 
-        There the nodes are those above the smooth surface, and rays say which of them are seen.
+        The nodes are those above the smooth surface, and rays from there say which of them are seen. If a light is only
+        partly lifted, the result is blended with the S that was computed on the facets.
         """
         lift = at.lift
         assert lift is not None
@@ -103,7 +106,9 @@ class LightMeshes(Method):
             probe[rows[only]] = work[only]
 
     def _average(self, at: Receivers, answer: Answer, check: Check) -> NDArray[np.uint64]:
-        """Steps 1 to 5 for receivers' soft lights: S is filled; returns those (n,W) whose set is not empty."""
+        """Do steps 1 to 5 for the receivers' soft lights and fill S. Returns the lights (n,W) whose set is not
+        empty.
+        """
         stats, serve, soft = self._stats, self.classes.serve, at.active
         near = self._look_up(at, check)
         self._spare_rays(at, near)
@@ -120,18 +125,18 @@ class LightMeshes(Method):
         with stats.stage("average"):
             averaging.sizes(near)
             self._mean(at, near, answer)
-        # Of the classes with a set the one with the smallest ball serves them all.
+        # If the smallest ball that has a node belongs to class k, the lights of all classes from k on have a set.
         m = near.m
         answered = soft & np.where(m[:, -1:] > 0, serve[(m > 0).argmax(1)], np.uint64(0))
         empty = (soft & ~answered).any(1)
         stats.add(candidates=len(near.candidate), empty_sets=int(empty.sum()))
-        if answer.probe is not None:  # of the largest ball
+        if answer.probe is not None:  # for the largest ball
             counts = near.start[:, -1] - near.start[:, 0], np.where(near.uniform, 0, m[:, -1]), empty, near.uniform
             answer.probe[answer.rows] = np.stack(counts, axis=1)
         return answered
 
     def _look_up(self, at: Receivers, check: Check) -> Neighbourhood:
-        """The candidates of receivers (steps 1 and 2), and what they see of the lights."""
+        """Return the candidates of receivers (steps 1 and 2), and their values for the lights."""
         with self._stats.stage("candidates"):
             start, candidate, nodes = candidates(self.lattice, at.P, at.normals())
             need = np.zeros((len(nodes), at.active.shape[1]), np.uint64)
@@ -144,7 +149,7 @@ class LightMeshes(Method):
                              np.zeros((len(at.P), len(self.classes.serve)), np.int32))
 
     def _spare_rays(self, at: Receivers, near: Neighbourhood) -> None:
-        """Mark receivers whose candidates all agree, and candidates that are seen for certain."""
+        """Mark receivers whose candidates all agree, and candidates that are certainly seen."""
         if self._uniform_skip:
             with self._stats.stage("uniform skip"):
                 self._agree(at, near)
@@ -156,7 +161,8 @@ class LightMeshes(Method):
                 self._stats.add(certified=int(holds.sum()), spared_rays=spared)
 
     def _witness(self, at: Receivers, near: Neighbourhood) -> None:
-        """Keep the mark `uniform` where the first candidate is seen. Else whether m > 0 is not certain: the long way.
+        """Keep the mark `uniform` only where the first candidate is seen. Otherwise it is not certain that m > 0, and
+        all candidates are tested.
         """
         with self._stats.stage("uniform skip"):
             witness = np.flatnonzero(near.uniform).astype(np.int32)
@@ -166,24 +172,24 @@ class LightMeshes(Method):
             self._stats.add(short_rays=len(witness), uniform_skips=int(near.uniform.sum()))
 
     def _weights(self, seen: NDArray[np.bool_]) -> NDArray:
-        """v(x_l,P) of candidates (c,), as far as it is known: of those that are seen for certain."""
+        """Return v(x_l,P) of candidates (c,) as far as it is known, for those that are certainly seen."""
         return seen
 
     def _partial(self, at: Receivers, near: Neighbourhood, row: NDArray, index: NDArray) -> NDArray:
-        """v(x_l,P) of receivers row (k,) and their candidates index (k,): 0 for nodes that step 3 drops."""
+        """Return v(x_l,P) of the receivers row (k,) and their candidates index (k,); 0 for nodes that step 3 drops."""
         return ~self._tracer.occluded(at.P, row, points(near.position), near.candidate[index], at.N, closed=True)
 
     def _agree(self, at: Receivers, near: Neighbourhood) -> None:
-        """Mark receivers all of whose candidates have the same values."""
+        """Mark receivers whose candidates all have the same values."""
         averaging.agreement(near.start, near.candidate, near.values, at.active, self.classes.serve, near.uniform)
 
     def _mean(self, at: Receivers, near: Neighbourhood, answer: Answer) -> None:
-        """Step 5: fill S of these rows."""
+        """Do step 5: fill S of these rows."""
         mean = averaging.smooth_mean if self._smooth else averaging.mean
         mean(near, at.P, at.active, self.classes, answer.rows, answer.S)
 
     def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray:
-        """V(i, x) of nodes (n,3) for the lights in todo (n,W), as bits."""
+        """Return V(i, x) of nodes (n,3) for the lights in todo (n,W), as bits."""
         found = np.zeros_like(todo)
         position = self.lattice.position(nodes)
         for i in range(0, len(nodes), 16384):
@@ -198,11 +204,13 @@ class LightMeshes(Method):
         return found
 
     def take(self, old: Nodes) -> None:
-        """Take the nodes of `old` over, which are all right here, and their paths."""
+        """Take over the nodes of `old`, which must all be valid here, and their paths."""
         self.store, self.paths = old.store, old.paths
 
     def interpolation_set(self, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-        """DLM(P) (steps 1 to 4) of the largest radius: receiver p keeps nodes[start[p]:start[p+1]], start (n+1,)."""
+        """Return DLM(P) (steps 1 to 4) of the largest radius: receiver p keeps nodes[start[p]:start[p+1]], with start
+        (n+1,).
+        """
         start, candidate, nodes = candidates(self.lattice, P, N)
         row = np.repeat(np.arange(len(P), dtype=np.int32), start[:, -1] - start[:, 0])
         seen, none = np.zeros(len(candidate), np.bool_), np.zeros((len(nodes), 0))

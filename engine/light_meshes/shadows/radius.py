@@ -1,7 +1,8 @@
-"""How far a light's soft shadows are smoothed: its r, by the scene, by hand, or from the light's size (method §2).
+"""The radius r by which a light's soft shadows are smoothed: from the scene, set by hand, or from the light's size
+(method §2).
 
-A light of radius ρ at distance L from a receiver, with what blocks it at distance a, has a penumbra as wide as a disc
-of radius ρ·a/(L − a) on the receiver; the half-ball of radius r blurs by the same variance.
+A light of radius ρ at the distance L from a receiver, with a blocker at the distance a from the receiver, has a
+penumbra like a disc of radius ρ·a/(L − a) on the receiver. The half-ball of radius r blurs by the same variance.
 """
 
 from __future__ import annotations
@@ -17,25 +18,29 @@ from ..scene.errors import SceneError
 from ..support.bits import has
 from .meshes.averaging import VARIANCE
 
-MOST = 16.0  # steps: the largest r/h; the ball has some 8,600 nodes above a plane
-EVEN = 1.5  # steps: the smallest r/h with even edges; below √1.5 some points of a plane have no node at all
-UNSEEN = 1 / 20  # of a step that suits the view: an r of less than a 4,000th of the picture's width
-LARGEST = 1e30  # scene units: of a light that is nearer than what blocks it
+MOST = 16.0  # in steps: the largest r/h; the ball then has about 8,600 nodes above a plane
+EVEN = 1.5  # in steps: the smallest r/h with even edges; below √1.5 some points of a plane have no node
+UNSEEN = 1 / 20  # of a step that suits the view: an r of less than a 4,000th of the picture's width cannot be seen
+LARGEST = 1e30  # in scene units, for a light that is nearer than its blocker
 
 
 def extent(light: Light) -> float:
-    """ρ: radius of the disc with the variance of the light, scene units; of a SUN tan δ, the radius at distance 1."""
+    """Return ρ, the radius of a disc with the variance of the light, in scene units; for a SUN tan δ, the radius at
+    distance 1.
+    """
     return KINDS[light.type].extent(light)
 
 
 def radius(light: Light, magnified: float, weights: str) -> float:
-    """r ≈ 1.12·ρ·a/(L − a) for uniform weights; `magnified` is a/(L − a), for a SUN the length a. Three digits."""
+    """Return r ≈ 1.12·ρ·a/(L − a) for uniform weights, in three digits; `magnified` is a/(L − a), or for a SUN the
+    length a.
+    """
     r = extent(light) * magnified / np.sqrt(4 * VARIANCE[weights])
     return min(float(f"{r:.2e}"), LARGEST)
 
 
 def check(settings: Settings) -> None:
-    """Raises SceneError where the numbers of the lattice are none."""
+    """Raise SceneError unless the numbers of the lattice are finite and above 0."""
     for name, value in (("h", settings.h), ("kI", settings.kI)):
         if not 0 < value < np.inf:
             raise SceneError(f"settings: {name} is {value:g}; it must be a finite number above 0")

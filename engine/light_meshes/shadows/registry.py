@@ -1,7 +1,7 @@
-"""All shadow methods by their names: who wants to know what a method can, or to make one, asks here.
+"""All shadow methods by name. Code that needs to know what a method can do, or that makes one, uses this module.
 
-The name in `scene.description.SHADOWS` is also that of the method's file: LIGHT_MESHES stands in `light_meshes.py`, as
-its `KIND`. So a new method is a new file, and its name there.
+A name in `scene.description.SHADOWS` is also the name of the method's file: LIGHT_MESHES is in `light_meshes.py`, as
+its `KIND`. So a new method needs a new file, and its name there.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from ..scene.description import SHADOWS, Settings
 from . import unshadowed
 from .method import Kind
 
-NONE = "NONE"  # what the plan says where there are no shadows at all; no choice of the artist's
+NONE = "NONE"  # the plan's name for no shadows at all; the artist cannot choose it
 KINDS: dict[str, Kind] = {NONE: unshadowed.KIND} | {
     name: import_module(f".{name.lower()}", __package__).KIND for name in SHADOWS}
 
 
 def check(settings: Settings) -> None:
-    """Raise SceneError unless the shadow method has the settings that it is given for itself."""
+    """Raise SceneError unless the given settings of the shadow method are its own."""
     KINDS[settings.shadows].own(settings)

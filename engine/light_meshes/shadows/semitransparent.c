@@ -2,7 +2,8 @@
 #include "meshes/averaging.h"
 #include "targets.h"
 
-/* How node values are read: channels a light, and the refracted paths of all nodes where they are kept apart. */
+/* How node values are read: the channels for each light, and the refracted paths of all nodes if they are stored
+   separately. */
 typedef struct {
     i64 channels, focus;
     const f64 *alpha, *ends;
@@ -15,12 +16,12 @@ typedef struct {
 #undef T
 #undef T_NAME
 #undef NAME
-#define T f64  /* with the paths apart, whose rows need more digits */
+#define T f64  /* if paths are stored separately, because their row numbers need more digits */
 #define T_NAME "f64"
 #define NAME(kernel) kernel##_apart
 #include "semitransparent_values.h"
 
-/* Marks receivers all of whose candidates have the same values, for the soft lights that count them. */
+/* Marks receivers whose candidates all have the same values, for the soft lights that count them. */
 KERNEL(semitransparent_uniform,
        "start i64[n,s]  candidate i32[c]  values f32[u,v]  soft u64[n,W]  ring i64[L]  channels i64  uniform bool[n]!")
 i64 semitransparent_uniform(i64 n, i64 s, i64 c, i64 u, i64 v, i64 W, i64 L, const i64 *start, const i32 *candidate,

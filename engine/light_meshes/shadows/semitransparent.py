@@ -19,14 +19,17 @@ _mean, _mean_apart = kernel("semitransparent_mean"), kernel("semitransparent_mea
 
 
 class SemitransparentMeshes(LightMeshes):
-    """Eq. (7). BOUNDED: glass bounds the neighbourhood like any surface, v(x_l,P) = 1. PAPER: as printed."""
+    """Eq. (7). BOUNDED: the neighbourhood ends at glass as at any surface, v(x_l,P) = 1. PAPER: as printed in the
+    paper.
+    """
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         through = setup.through
-        # Kept apart: what a path is worth at P depends on P. FOCUS: its cosine there; leak-free: ξ(P_j,P).
+        # Paths are stored separately if their weight at P depends on P: with FOCUS by the cosine at P, without leaks by
+        # ξ(P_j,P).
         self._focus = through.refraction is not None and through.refraction.footprint is not None
         self._apart = through.refraction is not None and (through.refraction.leak_free or self._focus)
-        # With the paths apart a node also has, for each light, the first row of its paths and their number.
+        # If paths are stored separately, a node also has, for each light, the first row of its paths and their number.
         self._stride = through.channels + (2 if self._apart else 0)
         super().__init__(setup, nodes)
         self._factor, self._cutouts = through.factor, through.cutouts
@@ -41,7 +44,8 @@ class SemitransparentMeshes(LightMeshes):
         return np.repeat(seen[:, None], self.channels, axis=1).astype(np.float32)
 
     def _agree(self, at: Receivers, near: Neighbourhood) -> None:
-        assert not self._apart  # then the plan has no uniform skip: what paths are worth depends on the receiver
+        # the plan switches the uniform skip off then, because the weight of a path depends on the receiver
+        assert not self._apart
         _uniform(near.start, near.candidate, near.values, at.active, self.classes.ring, self.channels, near.uniform)
 
     def _mean(self, at: Receivers, near: Neighbourhood, answer: Answer) -> None:
@@ -52,21 +56,22 @@ class SemitransparentMeshes(LightMeshes):
                 ends, self._focus, near.m, answer.rows, answer.S)
 
     def _partial(self, at: Receivers, near: Neighbourhood, row: NDArray, index: NDArray) -> NDArray[np.float32]:
-        """v(x_l,P) (k,C): 0 for nodes that step 3 drops."""
+        """Return v(x_l,P) (k,C); 0 for nodes that step 3 drops."""
         segment = at.P, row, points(near.position), near.candidate[index], at.N, True
         if self._bounded and not self._cutouts:
             clear = ~self._tracer.occluded(*segment)
             return np.repeat(clear[:, None], self.channels, axis=1).astype(np.float32)
         dims = 0 if self._bounded else self._dims
         through = self._tracer.transmittance(*segment, self._factor, casters=dims)
-        if self._bounded:  # what lets all through, as a cut-out does beside its leaf, bounds nothing
+        # a surface that lets all light through, such as a cut-out beside its leaf, does not end the neighbourhood
+        if self._bounded:
             through = np.repeat((through == 1).all(1)[:, None], 3, axis=1).astype(np.float32)
         elif dims:
             through[self._tracer.occluded(*segment, kind="opaque")] = 0
         return through[:, :self.channels]
 
     def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray:
-        """v(i,x) of nodes (n,3) for the lights in todo (n,W), as the store keeps it."""
+        """Return v(i,x) of nodes (n,3) for the lights in todo (n,W), in the form of the store."""
         found = np.zeros((len(nodes), self.count, self._stride))
         for i in range(0, len(nodes), 4096):
             part = found[i:i + 4096]

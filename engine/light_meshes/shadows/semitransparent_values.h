@@ -1,6 +1,6 @@
-/* The kernel of semitransparent.c that reads node values, included once for each type T that these may have. */
+/* The kernel of semitransparent.c that reads node values. It is included once for each type T of the values. */
 
-/* The value at a node of one channel; with its paths apart what they are worth at P is added. */
+/* Returns the value of one channel at a node. If its paths are stored separately, their contribution at P is added. */
 static f64 NAME(value_at)(const Around *a, const T *value, i64 stride, i64 channel, const f64 *x, const f64 *P,
                           const f64 *N, f64 cosine) {
     f64 sum = value[channel];
@@ -15,10 +15,11 @@ static f64 NAME(value_at)(const Around *a, const T *value, i64 stride, i64 chann
     return sum;
 }
 
-/* Eq. (7) without Ω: S[rows] = (1/m) Σ_l v(x_l,P)·v(i,x_l) over m nodes with v(x_l,P) > 0; smooth: Σ w_l…/Σ w_l.
+/* Computes eq. (7) without Ω: S[rows] = (1/m) Σ_l v(x_l,P)·v(i,x_l) over m nodes with v(x_l,P) > 0; smooth: Σ w_l…/Σ
+   w_l.
 
-   With the paths apart v(i,x_l) = V + Σ_j α_j·ξ(P_j,P), the end of paper §5. With focus each counts with its own cosine
-   at P: α_j·(N·ω_j)/(N·L_i), as Ω has that of the straight way. */
+   If paths are stored separately, v(i,x_l) = V + Σ_j α_j·ξ(P_j,P), the end of paper §5. With focus each path has its
+   own cosine at P: α_j·(N·ω_j)/(N·L_i), because Ω contains the cosine of the straight way. */
 KERNEL(NAME(semitransparent_mean),
        "start i64[n,s]  candidate i32[c]  weight f32[c,C]  kept bool[c]  uniform bool[n]  values " T_NAME "[u,v]  "
        "soft u64[n,W]  ring i64[L]  smooth i64  radius f64[K]  P f64[n,3]  N f64[n,3]  position f64[L,3]  "
@@ -39,7 +40,8 @@ i64 NAME(semitransparent_mean)(i64 n, i64 s, i64 c, i64 C, i64 u, i64 v, i64 W, 
         for (i64 i = 0; i < L; i++) {
             i64 size = m[p * K + ring[i]];
             if (!size || !has(soft + p * W, i)) continue;
-            i64 last = uniform[p] ? first + 1 : start[p * s + ring[i] + 1];  /* uniform: all have the value of the first */
+            /* uniform: all have the value of the first */
+            i64 last = uniform[p] ? first + 1 : start[p * s + ring[i] + 1];
             f64 cosine = cosine_to(&targets, i, here, normal), reach = radius[ring[i]] * radius[ring[i]];
             for (i64 k = 0; k < C; k++) {
                 f64 total = 0.0, all = 0.0, base = 0.0;
@@ -57,7 +59,7 @@ i64 NAME(semitransparent_mean)(i64 n, i64 s, i64 c, i64 C, i64 u, i64 v, i64 W, 
                     if (all == 0.0) base = seen;
                     f64 w = falloff(squared_distance(x, here) / reach);
                     all += w;
-                    total += w * (seen - base);  /* where all agree exactly 0 */
+                    total += w * (seen - base);  /* exactly 0 if all agree */
                 }
                 S[(rows[p] * L + i) * C + k] = (f32)(smooth ? base + total / all : total / (f64)size);
             }

@@ -14,7 +14,7 @@ from .through import SharpThrough
 
 
 class Sharp(SharpMethod):
-    """V_i(P): one ray to each light, past what shadows it in its group; 1 for lights in no group."""
+    """V_i(P) by one ray to each light, past the casters of its group; 1 for lights in no group."""
 
     def __init__(self, setup: Setup, groups: tuple[Group, ...]) -> None:
         self._count, self._targets, self._tracer = len(setup.lights), setup.targets, setup.tracer
@@ -22,7 +22,7 @@ class Sharp(SharpMethod):
         self._casting = union(groups, self._count)
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
-        """S, see `Method`."""
+        """Return S, see `Method`."""
         S = pairs.seen(at.active & ~self._casting, self._count)
         with self._stats.stage("sharp shadows"):
             for group in self._groups:
@@ -35,18 +35,19 @@ class Sharp(SharpMethod):
 
     def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray | None, casters: int,
                  triangle: NDArray[np.int32] | None = None) -> NDArray:
-        """1 for each clear segment (k,1) from P[row] to targets[target], else 0."""
+        """Return 1 for each clear segment (k,1) from P[row] to targets[target], otherwise 0."""
         blocked = self._tracer.occluded(P, row, targets, target, N, closed=False, kind="opaque", casters=casters)
         return ~blocked[:, None]
 
 
 def sharp(setup: Setup, groups: tuple[Group, ...]) -> SharpMethod:
-    """Sharp shadows past the casters of these groups, through what lets light through."""
+    """Return sharp shadows for the casters of these groups, including surfaces that let light through."""
     return SharpThrough(setup, groups) if setup.through.channels else Sharp(setup, groups)
 
 
 def dim(S: NDArray[np.float32], edges: SharpMethod | None, at: Receivers, check: Check) -> None:
-    """Multiply S of soft lights (at.active; 0 of others) by V(P) past the sharp casters, `edges`; None: there are none.
+    """Multiply S of soft lights (in at.active; S of others is 0) by V(P) past the sharp casters, `edges`; None: there
+    are none.
     """
     if edges is not None:
         S *= edges(at._replace(active=pairs.bright(S, at.active), triangle=None), check)

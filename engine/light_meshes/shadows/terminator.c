@@ -1,14 +1,14 @@
-/* Receivers on smooth surfaces that are made of facets (terminator.py). */
+/* Lifts receivers on smooth surfaces that are made of facets (terminator.py). */
 #include "targets.h"
 
-/* N·(a − b). */
+/* Returns N·(a − b). */
 static f64 along(const f64 *a, const f64 *b, const f64 *N) {
     return N[0] * (a[0] - b[0]) + N[1] * (a[1] - b[1]) + N[2] * (a[2] - b[2]);
 }
 
 static f64 clamped(f64 x, f64 low, f64 high) { return x < low ? low : x > high ? high : x; }
 
-/* The weights of the corners V at q, which lies in their plane. */
+/* Computes the weights of the corners V at q, which lies in their plane. */
 static void barycentric(const f64 V[3][3], const f64 *q, f64 *weight) {
     f64 ee = 0, ef = 0, ff = 0, de = 0, df = 0;
     for (int j = 0; j < 3; j++) {
@@ -21,8 +21,9 @@ static void barycentric(const f64 V[3][3], const f64 *q, f64 *weight) {
     weight[0] = 1.0 - weight[1] - weight[2];
 }
 
-/* How high the smooth surface is above q: a parabola through the vertices with their normals, at least half as high as it
-   and as high as the planes of all three normals. */
+/* Returns how high the smooth surface is above q: the larger of two heights. One is that of a parabola through the
+   vertices with their normals. The other is that of the lowest of three planes, each perpendicular to a corner's
+   normal and raised so that no corner is above it. */
 static f64 height_of(const f64 V[3][3], const f64 N[3][3], const f64 *q, const f64 *weight) {
     f64 u = weight[0], v = weight[1], least = INFINITY;
     for (int c = 0; c < 3; c++) {
@@ -61,6 +62,8 @@ i64 terminator_lift(i64 nv, i64 t, i64 I, i64 s, i64 y, i64 z, i64 O, i64 n, con
         f64 V[3][3], N[3][3], q[3], weight[3], turn = front[p] ? 1.0 : -1.0;
         int whole = 1;
         if (!smooth[k] || geometry[object] == 0.0) continue;
+
+        /* The corners and their normals in the world */
         for (int c = 0; c < 3; c++) {
             const f32 *normals = corner_normals + 9 * k, *corner = vertices + 3 * (i64)triangles[3 * hit + c];
             f64 length = 0.0, a = c == 1, b = c == 2, local[3];
@@ -75,7 +78,8 @@ i64 terminator_lift(i64 nv, i64 t, i64 I, i64 s, i64 y, i64 z, i64 O, i64 n, con
             whole &= length > 0.0 && length < INFINITY;
             for (int j = 0; j < 3; j++) N[c][j] *= turn / length;
         }
-        if (!whole) continue;  /* no usable normal in the mesh */
+        if (!whole) continue;  /* the mesh has no usable normal here */
+        /* The point on the smooth surface above P */
         for (int j = 0; j < 3; j++) q[j] = (P[3 * p + j] - centre[j]) / scale;
         barycentric(V, q, weight);
         f64 height = scale * height_of(V, N, q, weight);
@@ -98,32 +102,37 @@ typedef struct {
     Targets targets;
 } Lifts;
 
-/* How far receiver p is lifted for light i, 0 to 1: wholly where its facet turns away from it. */
+/* Returns how far receiver p is lifted for light i, 0 to 1: fully if its facet turns away from it. */
 static f64 amount(const Lifts *l, i64 p, i64 i) {
     f64 cutoff = l->cutoff[p], way[3];
     if (cutoff == 0.0) return 0.0;
     way_to(&l->targets, i, l->P + 3 * p, way);
-    f64 length = sqrt(dot(way, way)), facet = dot(way, l->N + 3 * p) / length, smooth = dot(way, l->side + 3 * p) / length;
+    f64 square_of = dot(way, way), toward = dot(way, l->N + 3 * p), over = dot(way, l->side + 3 * p);
+    f64 beyond = cutoff * cutoff * square_of * 1.000001;  /* both cosines are above the cutoff, as mostly: no root is needed */
+    if ((toward > 0.0) & (over > 0.0) & (toward * toward > beyond) & (over * over > beyond)) return 0.0;
+    f64 length = sqrt(square_of), facet = toward / length, smooth = over / length;
     f64 most = smooth < cutoff ? 2.0 - (facet + smooth) / cutoff : 1.0 - facet / cutoff;
     return clamped(most, 0.0, 1.0);
 }
 
-/* The receivers that some active light lifts; returns how many. */
+/* Lists the receivers that some active light lifts; returns how many. */
 KERNEL(terminator_grazing, LIFT "active u64[n,W]  rows i64[n]!")
 i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                        const f64 *N, const f64 *position, const u8 *directional, const u64 *active, i64 *rows) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
     i64 count = 0;
-    (void)above;
+    (void)above, (void)L;
     for (i64 p = 0; p < n; p++) {
         int some = 0;
-        for (i64 i = 0; cutoff[p] > 0.0 && i < L && !some; i++) some = has(active + p * W, i) && amount(&lifts, p, i) > 0.0;
+        for (i64 w = 0; cutoff[p] > 0.0 && w < W && !some; w++)
+            for (u64 left = active[p * W + w]; left && !some; left &= left - 1)
+                some = amount(&lifts, p, 64 * w + lowest(left)) > 0.0;
         if (some) rows[count++] = p;
     }
     return count;
 }
 
-/* Where the rays of pairs (row, light) start. */
+/* Computes where the rays of pairs (row, light) start. */
 KERNEL(terminator_starts, LIFT "row i32[k]  light i32[k]  origin f64[k,3]!")
 i64 terminator_starts(i64 n, i64 L, i64 k, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                       const f64 *N, const f64 *position, const u8 *directional, const i32 *row, const i32 *light,
@@ -139,24 +148,25 @@ i64 terminator_starts(i64 n, i64 L, i64 k, const f64 *above, const f64 *side, co
     return 0;
 }
 
-/* Moves lights of soft to lifted where P is lifted wholly; where in part, they are then in both. */
+/* Moves lights from soft to lifted where P is fully lifted. Where P is partly lifted they are in both. */
 KERNEL(terminator_split, LIFT "soft u64[n,W]!  lifted u64[n,W]!")
 i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                      const f64 *N, const f64 *position, const u8 *directional, u64 *soft, u64 *lifted) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
-    (void)above;
+    (void)above, (void)L;
     for (i64 p = 0; p < n; p++)
-        for (i64 i = 0; cutoff[p] > 0.0 && i < L; i++) {
-            if (!has(soft + p * W, i)) continue;
-            f64 share = amount(&lifts, p, i);
-            if (share > 0.0) set_bit(lifted + p * W, i);
-            if (share == 1.0) clear_bit(soft + p * W, i);
-        }
+        for (i64 w = 0; cutoff[p] > 0.0 && w < W; w++)
+            for (u64 left = soft[p * W + w]; left; left &= left - 1) {
+                i64 i = 64 * w + lowest(left);
+                f64 share = amount(&lifts, p, i);
+                if (share > 0.0) set_bit(lifted + p * W, i);
+                if (share == 1.0) clear_bit(soft + p * W, i);
+            }
     return 0;
 }
 
-/* S of the lights in lifted, of receivers `rows`, where what P and the lifted P see is known. answered: where S_lifted is
-   known. soft: where S is; made true of the result. */
+/* Combines the S at P and the S at the lifted P, for the lights in lifted of the receivers `rows`. answered: where
+   S_lifted is known. soft: where S is known; updated for the result. */
 KERNEL(terminator_merge,
        LIFT "rows i64[m]  lifted u64[m,W]  answered u64[m,W]  S_lifted f32[m,L,C]  soft u64[n,W]!  S f32[n,L,C]!")
 i64 terminator_merge(i64 n, i64 L, i64 m, i64 W, i64 C, const f64 *above, const f64 *side, const f64 *cutoff,
@@ -167,22 +177,23 @@ i64 terminator_merge(i64 n, i64 L, i64 m, i64 W, i64 C, const f64 *above, const 
     for (i64 at = 0; at < m; at++) {
         i64 p = rows[at];
         u64 *own = soft + p * W;
-        for (i64 i = 0; i < L; i++) {
-            if (!has(lifted + at * W, i)) continue;
-            f64 share = amount(&lifts, p, i);
-            int known = has(answered + at * W, i) && (share == 1.0 || has(own, i));
-            for (i64 c = 0; c < C; c++) {
-                f32 *value = S + (p * L + i) * C + c;
-                *value = known ? (f32)((1.0 - share) * *value + share * S_lifted[(at * L + i) * C + c]) : 0;
+        for (i64 w = 0; w < W; w++)
+            for (u64 left = lifted[at * W + w]; left; left &= left - 1) {
+                i64 i = 64 * w + lowest(left);
+                f64 share = amount(&lifts, p, i);
+                int known = has(answered + at * W, i) && (share == 1.0 || has(own, i));
+                for (i64 c = 0; c < C; c++) {
+                    f32 *value = S + (p * L + i) * C + c;
+                    *value = known ? (f32)((1.0 - share) * *value + share * S_lifted[(at * L + i) * C + c]) : 0;
+                }
+                if (known) own[w] |= bit(i);
+                else own[w] &= ~bit(i);
             }
-            if (known) set_bit(own, i);
-            else clear_bit(own, i);
-        }
     }
     return 0;
 }
 
-/* S times cos(faster·angle)/cos(angle), the angle between N and a light. */
+/* Multiplies S by cos(faster·angle)/cos(angle), with the angle between N and a light. */
 KERNEL(terminator_fade, "faster f64[n]  P f64[n,3]  N f64[n,3]  position f64[L,3]  directional bool[L]  S f32[n,L,C]!")
 i64 terminator_fade(i64 n, i64 L, i64 C, const f64 *faster, const f64 *P, const f64 *N, const f64 *position,
                     const u8 *directional, f32 *S) {

@@ -1,9 +1,10 @@
-"""The shadow terminator: where shadow rays leave smooth surfaces that are made of facets.
+"""The shadow terminator: where shadow rays start on smooth surfaces that are made of facets.
 
-Light that grazes such a surface finds facets that turn away from it though the shading normal does not, and facets in
-the shadow of their neighbours: they would be black. What is meant is the surface that the normals describe, which lies
-above the facets. So there a light counts where the shading normal faces it, and what it sees is asked above the facet
-(Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021), where and as far as Cycles does it.
+At grazing light, such a surface has facets that turn away from the light although the shading normal does not, and
+facets in the shadow of their neighbours; they would be black. The surface that the normals describe lies above the
+facets. So a light counts there if the shading normal faces it, and its visibility is tested from a point above the
+facet (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021), under the same conditions and by the same
+distance as in Cycles.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ split, merge, _fade = kernel("terminator_split"), kernel("terminator_merge"), ke
 
 
 class Lift(NamedTuple):
-    """What shadow methods want to know of receivers on such surfaces."""
+    """The data about receivers on such surfaces for shadow methods."""
 
-    above: NDArray[np.float64]  # (n,3) world: the way from P to the smooth surface
-    side: NDArray[np.float64]  # (n,3) unit: the shading normal where P may be lifted, else the geometric one
-    cutoff: NDArray[np.float64]  # (n,) cosine to a light below which P is lifted; 0: never
+    above: NDArray[np.float64]  # (n,3) world: the vector from P to the smooth surface
+    side: NDArray[np.float64]  # (n,3) unit: the shading normal if P may be lifted, otherwise the geometric one
+    cutoff: NDArray[np.float64]  # (n,) the cosine to a light below which P is lifted; 0: never
 
 
 class Terminator:
@@ -47,7 +48,7 @@ class Terminator:
         self._faster = 1 / (1 - 0.5 * np.minimum(shading, 1.999)) if shading.any() else None
 
     def lift(self, hits: Hits) -> Lift | None:
-        """The lift of hits, as far as it goes where nothing is in the way; None: of none."""
+        """Return the lift of hits as if nothing were in the way; None if no hit is lifted."""
         if not self._lifts:
             return None
         n = len(hits.P)
@@ -81,7 +82,9 @@ class Terminator:
 
 def starts(lift: Lift | None, P: NDArray, N: Any, targets: Targets, row: NDArray,
            light: NDArray[np.int32]) -> tuple[NDArray, Any, NDArray]:
-    """Where shadow rays of P[row], with normals N or None, to target[light] start: origins, normals, rows of both."""
+    """Return where shadow rays from P[row], with normals N or None, to target[light] start: origins, normals, and the
+    rows of both.
+    """
     if lift is None or N is None:
         return P, N, row
     origin = np.empty((len(row), 3))

@@ -1,8 +1,8 @@
-/* Refracted paths added to what straight rays see (through.py). */
+/* Adds refracted paths to the light of straight rays (through.py). */
 #include "targets.h"
 
-/* S += Σ_j α_j of the paths start[k]..start[k+1] of receiver rows[k]; with focus times (N·ω_j)/(N·L_i), as Ω has the
-   cosine of the straight way. */
+/* Adds Σ_j α_j of the paths start[k]..start[k+1] to S of receiver rows[k]. With focus each path is multiplied by
+   (N·ω_j)/(N·L_i), because Ω contains the cosine of the straight way. */
 KERNEL(through_add_paths,
        "rows i64[k]  start i64[e]  alpha f64[c,3]  ends f64[c,3]  light i64  focus i64  P f64[n,3]  N f64[n,3]  "
        "position f64[L,3]  directional bool[L]  S f32[n,L,C]!")

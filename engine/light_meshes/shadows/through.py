@@ -1,4 +1,6 @@
-"""Sharp shadows where surfaces let light through: Π t of what a ray crosses, and refracted paths (eqs. 5 and 6)."""
+"""Sharp shadows where surfaces let light through: Π t of the surfaces that a ray crosses, and refracted paths (eqs. 5
+and 6).
+"""
 
 from __future__ import annotations
 
@@ -26,14 +28,14 @@ class LightPaths(NamedTuple):
     row: NDArray[np.int64]  # (k,) of the receivers
     light: int
     start: NDArray[np.int64]  # (k+1,)
-    alpha: NDArray[np.float64]  # (c,3) α_j, in FOCUS times J
+    alpha: NDArray[np.float64]  # (c,3) α_j; in FOCUS multiplied by J
     ends: NDArray[np.float64]  # (c,3) P_j, the far end of the segment that reaches the receiver
 
 
 class Straight:
-    """V(i,P) by Π t of the surfaces crossed, and in FULL the refracted paths beside it: v(i,x) of eq. (6).
+    """V(i,P) as Π t of the surfaces crossed, and in FULL also the refracted paths: v(i,x) of eq. (6).
 
-    Receivers may be points in free space, as lattice nodes are.
+    Receivers may be points in free space, such as lattice nodes.
     """
 
     def __init__(self, setup: Setup, groups: tuple[Group, ...]) -> None:
@@ -44,7 +46,7 @@ class Straight:
         self._casting = union(groups, self._count)
 
     def whole(self, at: Receivers, check: Check) -> NDArray[np.float32]:
-        """S (n,L,C): the straight segments and the refracted paths together."""
+        """Return S (n,L,C): the straight segments and the refracted paths together."""
         S = self.straight(at, check)
         focus = self._refraction is not None and self._refraction.footprint is not None
         normal = at.P if at.N is None else at.N if at.lift is None else at.lift.side
@@ -54,7 +56,7 @@ class Straight:
         return S
 
     def straight(self, at: Receivers, check: Check) -> NDArray[np.float32]:
-        """V (n,L,C): Π t of the straight segments, in FULL only where nothing bends them."""
+        """Return V (n,L,C): Π t of the straight segments; in FULL only where nothing bends them."""
         S = pairs.seen(at.active & ~self._casting, self._count, self._channels)
         for group in self._groups:
             for row, light in pairs.blocks(at.active & group.lights, self._count):
@@ -75,16 +77,16 @@ class Straight:
         return S
 
     def _starts(self, at: Receivers, row: NDArray, light: int) -> tuple[NDArray, NDArray | None, NDArray]:
-        """Where rays of these rows to one light start; see `starts`."""
+        """Return where rays of these rows to one light start; see `starts`."""
         return starts(at.lift, at.P, at.N, self._targets, row, np.full(len(row), light, np.int32))
 
     def _solver(self, light: int) -> RefractedPaths | None:
-        """Of the refracted paths of a light; None: nothing bends them."""
+        """Return the solver for the refracted paths of a light; None if nothing bends them."""
         solvers = self._refraction.solvers if self._refraction else {}
         return next((solvers.get(g.casters) for g in self._groups if has(g.lights, light)), None)
 
     def paths(self, at: Receivers, check: Check) -> Iterator[LightPaths]:
-        """The refracted paths of eq. (6), light by light."""
+        """Yield the refracted paths of eq. (6), light by light."""
         if self._refraction is None:
             return
         footprint = self._refraction.footprint
@@ -102,7 +104,7 @@ class Straight:
 
     def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray | None,
                  casters: int, triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
-        """Π t (k,C) of straight segments from P[row], on triangle[row], to targets[target]."""
+        """Return Π t (k,C) of straight segments from P[row], on triangle[row], to targets[target]."""
         return self._tracer.transmittance(P, row, targets, target, N, False, self._factor,
                                           unbent=self._refraction is not None, casters=casters,
                                           triangle=triangle)[:, :self._channels]
@@ -112,6 +114,6 @@ class SharpThrough(Straight, SharpMethod):
     """V_i(P) of receivers on surfaces."""
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
-        """S, see `Method`."""
+        """Return S, see `Method`."""
         with self._stats.stage("sharp shadows"):
             return self.whole(at, check)

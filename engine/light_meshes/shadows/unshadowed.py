@@ -1,4 +1,4 @@
-"""No shadows: local illumination, and scenes in which no light casts any."""
+"""No shadows: for local illumination, and for scenes in which no light casts any."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from .method import Check, Kind, Method, Receivers
 
 
 class Unshadowed(Method):
-    """S = 1 of every light that is asked for."""
+    """S = 1 for every light that is asked for."""
 
     def __init__(self, lights: int) -> None:
         self._count = lights
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
-        """S, see `Method`."""
+        """Return S, see `Method`."""
         return pairs.seen(at.active, self._count)
 
 

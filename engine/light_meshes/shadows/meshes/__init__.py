@@ -1,1 +1,1 @@
-"""Light meshes: the lattice, its nodes and their values, and the means of what nodes see."""
+"""Light meshes: the lattice, its nodes and their values, and the means over nodes."""

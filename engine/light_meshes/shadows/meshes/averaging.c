@@ -1,4 +1,4 @@
-/* Steps 4 and 5 of Ψ for a batch of receivers (averaging.py says what start, serve, ring and m are). */
+/* Steps 4 and 5 of Ψ for a batch of receivers (averaging.py explains start, serve, ring and m). */
 #include <stdlib.h>
 
 #include "averaging.h"
@@ -17,7 +17,7 @@ i64 psi_ask(i64 n, i64 s, i64 c, i64 W, i64 K, i64 u, const i64 *start, const i3
     return 0;
 }
 
-/* Whether all candidates of a receiver agree, for every soft light that counts them. */
+/* Returns whether all candidates of a receiver agree, for every soft light that counts them. */
 static int agree(const i64 *start, const i32 *candidate, const u64 *values, const u64 *soft, const u64 *serve, i64 K,
                  i64 W) {
     int any_soft = 0;
@@ -27,7 +27,7 @@ static int agree(const i64 *start, const i32 *candidate, const u64 *values, cons
             u64 lights = soft[w] & serve[g * W + w];
             if (!lights || start[g + 1] == start[g]) continue;
             any_soft = 1;
-            /* Of the innermost ring that has any: all lights with a set count it. */
+            /* The first candidate is in the innermost ring that is not empty; all lights with a set count this ring. */
             u64 first = values[candidate[start[0]] * W + w] & lights;
             for (i64 at = start[g]; at < start[g + 1]; at++)
                 if ((values[candidate[at] * W + w] & lights) != first) return 0;
@@ -44,8 +44,8 @@ i64 psi_agreement(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, const i64 *start, co
     return 0;
 }
 
-/* Marks candidates of receivers with a certificate: those more than `margin` above P's plane. Returns how many.
-   Of a uniform receiver the first only: more are not asked for. */
+/* Marks candidates of receivers with a certificate as seen: those more than `margin` above P's plane. Returns how
+   many. For a uniform receiver only the first is marked, because no more are needed. */
 KERNEL(psi_certify,
        "start i64[n,s]  candidate i32[c]  holds bool[n]  uniform bool[n]  P f64[n,3]  N f64[n,3]  position f64[u,3]  "
        "margin f64  seen bool[c]!")
@@ -66,7 +66,7 @@ i64 psi_certify(i64 n, i64 s, i64 c, i64 u, const i64 *start, const i32 *candida
     return count;
 }
 
-/* Which candidates of a receiver need a short ray: those before the returned place. */
+/* Returns the end of the candidates of a receiver that need a short ray. */
 static i64 end_of(const i64 *start, const u64 *soft, const u64 *serve, i64 K, i64 W) {
     for (i64 g = K - 1; g >= 0; g--)
         for (i64 w = 0; w < W; w++)
@@ -74,8 +74,8 @@ static i64 end_of(const i64 *start, const u64 *soft, const u64 *serve, i64 K, i6
     return start[0];
 }
 
-/* (receiver, index into candidate) of every short ray that is needed: of those not `seen` anyway. Returns how many;
-   with row and index None it only counts. */
+/* Lists (receiver, index into candidate) of every short ray that is needed; candidates that are `seen` need none.
+   Returns how many; if row and index are None it only counts. */
 KERNEL(psi_listed,
        "start i64[n,s]  soft u64[n,W]  serve u64[K,W]  uniform bool[n]  seen bool[c]  row i32[r]?!  index i64[r]?!")
 i64 psi_listed(i64 n, i64 s, i64 W, i64 K, i64 c, i64 r, const i64 *start, const u64 *soft, const u64 *serve,
@@ -94,7 +94,7 @@ i64 psi_listed(i64 n, i64 s, i64 W, i64 K, i64 c, i64 r, const i64 *start, const
     return count;
 }
 
-/* m: how many nodes step 3 keeps in each class's ball. */
+/* Fills m: how many nodes step 3 keeps in the ball of each class. */
 KERNEL(psi_sizes, "start i64[n,s]  kept bool[c]  uniform bool[n]  m i32[n,K]!")
 i64 psi_sizes(i64 n, i64 s, i64 c, i64 K, const i64 *start, const u8 *kept, const u8 *uniform, i32 *m) {
     (void)c;
@@ -102,7 +102,7 @@ i64 psi_sizes(i64 n, i64 s, i64 c, i64 K, const i64 *start, const u8 *kept, cons
         const i64 *begin = start + p * s;
         i64 total = 0;
         for (i64 g = 0; g < K; g++) {
-            if (uniform[p])  /* all agree, and the first is seen: any m gives the same quotients */
+            if (uniform[p])  /* all agree, and the first is seen: every m gives the same quotients */
                 total = begin[g + 1] > begin[0];
             else
                 for (i64 at = begin[g]; at < begin[g + 1]; at++) total += kept[at];
@@ -112,13 +112,13 @@ i64 psi_sizes(i64 n, i64 s, i64 c, i64 K, const i64 *start, const u8 *kept, cons
     return 0;
 }
 
-/* S (L) += 1 for each light of word w that is in `lights`; without a branch. */
+/* Adds 1 to S (L) for each light of word w that is in `lights`, without a branch. */
 static void spread(u64 lights, i64 w, i64 L, f32 *S) {
     i64 count = L - 64 * w < 64 ? L - 64 * w : 64;
     for (i64 i = 0; i < count; i++) S[64 * w + i] += (f32)(lights >> i & 1);
 }
 
-/* S[rows] = (number of kept nodes that see the light)/m, eq. (4). Returns 1 where memory is lacking. */
+/* Computes S[rows] = (number of kept nodes that see the light)/m, eq. (4). Returns 1 if there is not enough memory. */
 KERNEL(psi_mean,
        "start i64[n,s]  candidate i32[c]  kept bool[c]  uniform bool[n]  values u64[u,W]  soft u64[n,W]  "
        "serve u64[K,W]  ring i64[L]  m i32[n,K]  rows i64[n]  S f32[r,L]!")
@@ -138,7 +138,7 @@ i64 psi_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 L, i64 r, const i64 *
         const i32 *size = m + p * K;
         f32 *out = S + rows[p] * L;
         if (!size[K - 1]) continue;
-        i64 inner = 0;  /* the innermost ring with a kept node: lights that count no further one have no set */
+        i64 inner = 0;  /* the innermost ring with a kept node; lights whose ball ends before it have no set */
         while (!size[inner]) inner++;
         for (i64 w = 0; w < W; w++) {
             u64 lit = soft[p * W + w] & serve[inner * W + w], every = lit, some = 0;
@@ -161,7 +161,8 @@ i64 psi_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 L, i64 r, const i64 *
                 }
             }
             spread(every, w, L, out);
-            for (u64 mixed = some & ~every; mixed; mixed &= mixed - 1) {  /* on all others the nodes agree, as mostly */
+            /* for all other lights the nodes agree, which is the most frequent case */
+            for (u64 mixed = some & ~every; mixed; mixed &= mixed - 1) {
                 int at = lowest(mixed);
                 i64 i = 64 * w + at, of = size[ring[i]];
                 u64 number = 0;
@@ -174,15 +175,16 @@ i64 psi_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 L, i64 r, const i64 *
     return 0;
 }
 
-/* S[rows] = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²); radius: of the classes, world. own: the lights of
-   each class. Returns 1 where memory is lacking. */
+/* Computes S[rows] = Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²). radius: of the classes, world. own:
+   the lights of each class. Returns 1 if there is not enough memory. */
 KERNEL(psi_smooth_mean,
        "start i64[n,s]  candidate i32[c]  kept bool[c]  uniform bool[n]  values u64[u,W]  soft u64[n,W]  own u64[K,W]  "
        "radius f64[K]  P f64[n,3]  position f64[u,3]  m i32[n,K]  rows i64[n]  S f32[r,L]!")
 i64 psi_smooth_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 r, i64 L, const i64 *start, const i32 *candidate,
                     const u8 *kept, const u8 *uniform, const u64 *values, const u64 *soft, const u64 *own,
                     const f64 *radius, const f64 *P, const f64 *position, const i32 *m, const i64 *rows, f32 *S) {
-    i64 *lights = malloc((size_t)(L + W + 1) * sizeof *lights);  /* to add up; those of word w end at ends[w+1] */
+    /* the lights whose sums are needed; those of word w end at ends[w+1] */
+    i64 *lights = malloc((size_t)(L + W + 1) * sizeof *lights);
     f64 *seen = malloc((size_t)L * sizeof *seen);
     u64 *every = malloc((size_t)(2 * W) * sizeof *every);
     if (!lights || !seen || !every) {
@@ -198,6 +200,7 @@ i64 psi_smooth_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 r, i64 L, cons
             f32 *out = S + rows[p] * L;
             i64 first = start[p * s], last = uniform[p] ? first + 1 : start[p * s + k + 1], count = 0;
             if (!m[p * K + k]) continue;
+            /* Which lights do all, and which do some, of the kept nodes see? */
             for (i64 w = 0; w < W; w++) every[w] = soft[p * W + w] & own[k * W + w], some[w] = 0;
             for (i64 at = first; at < last; at++) {
                 if (!uniform[p] && !kept[at]) continue;
@@ -207,7 +210,8 @@ i64 psi_smooth_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 r, i64 L, cons
                 }
             }
             for (i64 w = 0; w < W; w++) {
-                spread(every[w], w, L, out);  /* what none of the kept nodes sees has S = 0: sums are for the others */
+                /* lights that no kept node sees have S = 0; sums are needed only for the others */
+                spread(every[w], w, L, out);
                 u64 mixed = some[w] & ~every[w] & soft[p * W + w] & own[k * W + w];
                 for (; mixed; mixed &= mixed - 1) {
                     lights[count] = 64 * w + lowest(mixed);
@@ -216,6 +220,8 @@ i64 psi_smooth_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 r, i64 L, cons
                 ends[w + 1] = count;
             }
             if (!count) continue;
+
+            /* The weighted sums of the lights that only some of them see */
             f64 total = 0.0;
             for (i64 at = first; at < last; at++) {
                 if (!uniform[p] && !kept[at]) continue;

@@ -1,6 +1,6 @@
-"""Steps 4 and 5 of Ψ on a batch of receivers: which values and rays are needed, and the mean of what nodes see.
+"""Steps 4 and 5 of Ψ for a batch of receivers: which values and rays are needed, and the mean over the nodes.
 
-The kernels stand in `averaging.c`. Where surfaces let light through, the last step is that of `semitransparent.c`.
+The kernels are in `averaging.c`. If surfaces let light through, the last step is in `semitransparent.c`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ...support.bits import mask_of
 from ...support.native import kernel, needs_memory
 
-# How wide the blur is: a light of radius ρ seen past an edge has variance ρ²/4, the mean over the half-ball this
-# share of r².
+# The width of the blur. A light of radius ρ seen past an edge has the variance ρ²/4. The mean over the half-ball has
+# this share of r² as its variance.
 VARIANCE = {"UNIFORM": 1 / 5, "SMOOTH": 1 / 7}
 
 ask, agreement, certify = kernel("psi_ask"), kernel("psi_agreement"), kernel("psi_certify")
@@ -23,42 +23,44 @@ _listed, _mean, _smooth_mean = kernel("psi_listed"), kernel("psi_mean"), kernel(
 
 
 class Classes(NamedTuple):
-    """The soft lights by the radius of their balls; with one radius K = 1. A light of class k averages rings 0..k."""
+    """The soft lights, sorted by the radius of their balls. With one radius, K = 1. A light of class k averages the
+    rings 0..k.
+    """
 
     ring: NDArray[np.int64]  # (L,) the class of each light
-    radius: NDArray[np.float64]  # (K,) r, world, ascending
-    serve: NDArray[np.uint64]  # (K,W) for each ring the soft lights that count it
+    radius: NDArray[np.float64]  # (K,) r of each class, world, ascending
+    serve: NDArray[np.uint64]  # (K,W) for each ring, the soft lights that average it
     own: NDArray[np.uint64]  # (K,W) the lights of each class
 
 
 class Neighbourhood(NamedTuple):
     """The nodes around a batch of receivers, and what is known of them.
 
-    The candidates of receiver p in ring g are rows start[p,g]:start[p,g+1] of `candidate`, `seen` and `weight`, as
-    `lattice.candidates` makes them. The arrays are filled step by step.
+    The candidates of receiver p in ring g are the rows start[p,g]:start[p,g+1] of `candidate`, `seen` and `weight`, in
+    the order of `lattice.candidates`. The arrays are filled step by step.
     """
 
     start: NDArray[np.int64]  # (n,K+1)
     candidate: NDArray[np.int32]  # (c,) which node
     position: NDArray[np.float64]  # (u,3) of nodes, world
-    values: NDArray  # (u,…) of nodes, as the store keeps them
-    seen: NDArray[np.bool_]  # (c,) the receiver sees the node for certain, without a ray
+    values: NDArray  # (u,…) of nodes, as in the store
+    seen: NDArray[np.bool_]  # (c,) the receiver certainly sees the node; no ray is needed
     weight: NDArray  # v(x_l,P): bool (c,), or float32 (c,C)
     uniform: NDArray[np.bool_]  # (n,) all candidates agree, and the first is seen
-    m: NDArray[np.int32]  # (n,K) how many nodes step 3 keeps in each class's ball
+    m: NDArray[np.int32]  # (n,K) how many nodes step 3 keeps in the ball of each class
 
     def kept(self) -> NDArray[np.bool_]:
-        """Which candidates (c,) count."""
+        """Return which candidates (c,) step 3 keeps."""
         return any_channel(self.weight)
 
 
 def any_channel(v: NDArray) -> NDArray[np.bool_]:
-    """Which v(x_l,P), (n,) or (n,C), are not 0."""
+    """Return which v(x_l,P), (n,) or (n,C), are not 0."""
     return v if v.ndim == 1 else (v > 0).any(1)
 
 
 def classes(ring: NDArray[np.intp], radius: NDArray[np.float64], soft: NDArray[np.uint64]) -> Classes:
-    """Lights of these classes (L,), of which the lights in soft (W,) have soft shadows."""
+    """Return the classes for lights (L,) with these rings and radii; the lights in soft (W,) have soft shadows."""
     def lights(among: NDArray[np.bool_]) -> NDArray[np.uint64]:
         return mask_of(np.flatnonzero(among), len(ring))
 
@@ -69,7 +71,9 @@ def classes(ring: NDArray[np.intp], radius: NDArray[np.float64], soft: NDArray[n
 
 def listed(near: Neighbourhood, soft: NDArray[np.uint64],
            lights: Classes) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """(receiver, index into candidate) of every short ray that is needed: of those that are not `seen` anyway."""
+    """Return (receiver, index into candidate) of every short ray that is needed. Candidates that are `seen` need
+    none.
+    """
     of = near.start, soft, lights.serve, near.uniform, near.seen
     total = _listed(*of, None, None)
     row, index = np.empty(total, np.int32), np.empty(total, np.int64)
@@ -84,13 +88,13 @@ def sizes(near: Neighbourhood) -> None:
 
 def mean(near: Neighbourhood, P: NDArray, soft: NDArray[np.uint64], lights: Classes, rows: NDArray[np.intp],
          S: NDArray[np.float32]) -> None:
-    """Uniform weights: S[rows] (…,L,1) = (number of kept nodes that see the light)/m, eq. (4)."""
+    """Set S[rows] (…,L,1) = (number of kept nodes that see the light)/m with uniform weights, eq. (4)."""
     needs_memory(_mean(near.start, near.candidate, near.weight, near.uniform, near.values, soft, lights.serve,
                        lights.ring, near.m, rows, S[..., 0]))
 
 
 def smooth_mean(near: Neighbourhood, P: NDArray[np.float64], soft: NDArray[np.uint64], lights: Classes,
                 rows: NDArray[np.intp], S: NDArray[np.float32]) -> None:
-    """Smooth weights: S[rows] (…,L,1) = Σ w·v / Σ w over the kept nodes, with w = max(1 − |x − P|²/r², 1e-9)."""
+    """Set S[rows] (…,L,1) = Σ w·v / Σ w over the kept nodes, with smooth weights w = max(1 − |x − P|²/r², 1e-9)."""
     needs_memory(_smooth_mean(near.start, near.candidate, near.weight, near.uniform, near.values, soft, lights.own,
                               lights.radius, P, near.position, near.m, rows, S[..., 0]))

@@ -1,4 +1,4 @@
-/* Nodes near receivers: steps 1 and 2 of Ψ, as lattice.py describes them. */
+/* Finds the nodes near receivers: steps 1 and 2 of Ψ, as described in lattice.py. */
 #include <stdlib.h>
 
 #include "native.h"
@@ -22,7 +22,7 @@ static inline u64 hash(i32 i, i32 j, i32 k) {
     return x ^ x >> 32;
 }
 
-/* The slot of the hash table that holds node (i,j,k), or the empty one where it belongs. */
+/* Returns the slot of the hash table that holds node (i,j,k), or the free slot where it belongs. */
 static inline i64 find(i64 size, const i32 *table, const i32 *keys, i32 i, i32 j, i32 k) {
     u64 mask = (u64)size - 1, slot = hash(i, j, k) & mask;
     for (;; slot = (slot + 1) & mask) {
@@ -40,16 +40,51 @@ i64 lattice_fill(i64 t, i64 n, i32 *table, const i32 *keys, i64 count) {
     return 0;
 }
 
-/* Sorts a receiver's candidates by ring; within one they keep their order. */
+/* Sorts a receiver's candidates by ring; within a ring they keep their order. */
 static void by_ring(i64 rings, const i64 *start, i64 count, const i32 *ring, i32 *candidate, i32 *unsorted, i64 *place) {
     memcpy(unsorted, candidate, (size_t)count * sizeof *candidate);
     for (i64 g = 0; g < rings; g++) place[g] = start[g] - start[0];
     for (i64 c = 0; c < count; c++) candidate[place[ring[c]]++] = unsorted[c];
 }
 
-/* Receivers from state[0] on, until all are done or an array may be too short. state: the next receiver, and how many
-   cells, nodes and candidates there are. rows (cells, offsets): which node is at an offset from the cell; −1: nobody
-   has asked yet. Returns 1 where memory is lacking. */
+typedef f64 Four __attribute__((vector_size(32)));
+typedef i64 FourTests __attribute__((vector_size(32)));
+
+static inline Four four_of(const f64 *x) {
+    Four v;
+    memcpy(&v, x, sizeof v);
+    return v;
+}
+
+/* Which of four tests are true, as bits. */
+static inline u32 bits_of(FourTests t) {
+#ifdef __AVX__
+    return (u32)__builtin_ia32_movmskpd256((Four)t);
+#else
+    return (u32)((t[0] & 1) | (t[1] & 2) | (t[2] & 4) | (t[3] & 8));
+#endif
+}
+
+static const u8 WHICH[16][4] = {{0}, {0}, {1}, {0, 1}, {2}, {0, 2}, {1, 2}, {0, 1, 2},
+                                {3}, {0, 3}, {1, 3}, {0, 1, 3}, {2, 3}, {0, 2, 3}, {1, 2, 3}, {0, 1, 2, 3}};
+
+/* The offsets (3,n) within `largest` (squared) of f, and above the plane through f with normal m: fills passed with
+   their numbers, and what follows with anything; returns how many there are. n: a multiple of 4. Without a branch, which
+   no processor could foretell. */
+static i64 inside(i64 n, const f64 *offsets, const f64 *f, const f64 *m, f64 largest, f64 tau, i32 *passed) {
+    i64 kept = 0;
+    for (i64 c = 0; c < n; c += 4) {
+        Four d0 = four_of(offsets + c) - f[0], d1 = four_of(offsets + n + c) - f[1], d2 = four_of(offsets + 2 * n + c) - f[2];
+        u32 bits = bits_of((d0 * d0 + d1 * d1 + d2 * d2 <= largest) & (d0 * m[0] + d1 * m[1] + d2 * m[2] > tau));
+        for (int k = 0; k < 4; k++) passed[kept + k] = (i32)c + WHICH[bits][k];
+        kept += __builtin_popcount(bits);
+    }
+    return kept;
+}
+
+/* Finds the candidates of receivers from state[0] on, until all are done or an array may be too short. state: the
+   next receiver, and the numbers of cells, nodes and candidates. rows (cells, offsets): which node is at an offset
+   from the cell; −1: not looked up yet. Returns 1 if there is not enough memory. */
 KERNEL(lattice_candidates,
        "h f64  reach f64[K]  rotation f64[3,3]  origin f64[3]  offsets f64[3,c]  tau f64  P f64[n,3]  N f64[n,3]  "
        "state i64[4]!  start i64[n,s]!  candidate i32[a]!  nodes i32[u,3]!  table i32[t]!  cells i32[n,3]!  "
@@ -61,15 +96,18 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
     const f64 *off0 = offsets, *off1 = offsets + most, *off2 = offsets + 2 * most;
     i64 p = state[0], cell_count = state[1], count = state[2], total = state[3];
     f64 largest = reach[K - 1] * reach[K - 1];
-    u8 *taken = malloc((size_t)most);
-    i32 *passed = malloc((size_t)most * sizeof *passed), *ring = malloc((size_t)most * sizeof *ring);
+    i64 fours = (most + 3) / 4 * 4;
+    f64 *padded = malloc((size_t)(3 * fours) * sizeof *padded);  /* offsets; what is added is never inside */
+    i32 *passed = malloc((size_t)(fours + 4) * sizeof *passed), *ring = malloc((size_t)most * sizeof *ring);
     i32 *unsorted = malloc((size_t)most * sizeof *unsorted);
     i64 *place = malloc((size_t)K * sizeof *place);
-    if (!taken || !passed || !ring || !unsorted || !place) goto end;
+    if (!padded || !passed || !ring || !unsorted || !place) goto end;
+    for (i64 c = 0; c < 3 * fours; c++) padded[c] = c % fours < most ? offsets[c / fours * most + c % fours] : INFINITY;
     for (; p < n && total + most <= a && count + most <= u; p++) {
         const f64 *normal = N + 3 * p;
         f64 x = (P[3 * p] - origin[0]) / h, y = (P[3 * p + 1] - origin[1]) / h, z = (P[3 * p + 2] - origin[2]) / h;
-        f64 q[3], m[3], base[3];  /* in lattice coordinates */
+        /* The receiver and its normal in lattice coordinates, and its cell */
+        f64 q[3], m[3], base[3];
         for (int r = 0; r < 3; r++) {
             q[r] = R[r] * x + R[3 + r] * y + R[6 + r] * z;
             m[r] = R[r] * normal[0] + R[3 + r] * normal[1] + R[6 + r] * normal[2];
@@ -77,10 +115,11 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
         }
         i64 *begin = start + stride * p;
         begin[0] = total;
-        /* Beyond 32 bits there are no nodes: such a receiver gets an empty set, and a sharp shadow. */
+        /* There are no nodes beyond 32 bits: such a receiver gets an empty set, and so a sharp shadow. */
         if (fabs(base[0]) < 2e9 && fabs(base[1]) < 2e9 && fabs(base[2]) < 2e9) {
             f64 f0 = q[0] - base[0], f1 = q[1] - base[1], f2 = q[2] - base[2];
             i32 i0 = (i32)base[0], i1 = (i32)base[1], i2 = (i32)base[2];
+            /* The cell's row: receivers of one cell share the nodes that were looked up */
             i64 slot = find(e, cell_table, cells, i0, i1, i2);
             i64 cell = cell_table[slot];
             if (cell < 0) {
@@ -89,16 +128,10 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
                 cell_table[slot] = (i32)cell;
                 for (i64 c = 0; c < most; c++) rows[cell * most + c] = -1;
             }
+            /* Steps 1 and 2: which offsets are in the ball and above the plane? */
             i32 *row_at = rows + cell * most;
-            for (i64 c = 0; c < most; c++) {  /* without a branch, which no processor could foretell */
-                f64 d0 = off0[c] - f0, d1 = off1[c] - f1, d2 = off2[c] - f2;
-                taken[c] = (d0 * d0 + d1 * d1 + d2 * d2 <= largest) & (d0 * m[0] + d1 * m[1] + d2 * m[2] > tau);
-            }
-            i64 kept = 0;
-            for (i64 c = 0; c < most; c++) {
-                passed[kept] = (i32)c;
-                kept += taken[c];
-            }
+            i64 kept = inside(fours, padded, (f64[3]){f0, f1, f2}, m, largest, tau, passed);
+            /* The node at each of them, and its ring */
             for (i64 w = 0; w < kept; w++) {
                 i64 c = passed[w], row = row_at[c];
                 if (row < 0) {
@@ -112,23 +145,25 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
                     }
                     row_at[c] = (i32)row;
                 }
+                candidate[total + w] = (i32)row;
+            }
+            for (i64 w = 0; K > 1 && w < kept; w++) {
+                f64 d0 = off0[passed[w]] - f0, d1 = off1[passed[w]] - f1, d2 = off2[passed[w]] - f2;
+                f64 d = d0 * d0 + d1 * d1 + d2 * d2;
                 i64 g = 0;
-                if (K > 1) {
-                    f64 d0 = off0[c] - f0, d1 = off1[c] - f1, d2 = off2[c] - f2;
-                    f64 d = d0 * d0 + d1 * d1 + d2 * d2;
-                    while (d > reach[g] * reach[g]) g++;
-                    ring[total - begin[0]] = (i32)g;
-                }
-                candidate[total++] = (i32)row;
+                while (d > reach[g] * reach[g]) g++;
+                ring[w] = (i32)g;
                 begin[g + 1]++;
             }
+            if (K == 1) begin[1] = kept;
+            total += kept;
         }
         for (i64 g = 0; g < K; g++) begin[g + 1] += begin[g];
         if (K > 1) by_ring(K, begin, total - begin[0], ring, candidate + begin[0], unsorted, place);
     }
     state[0] = p, state[1] = cell_count, state[2] = count, state[3] = total;
 end:;
-    i64 failed = !taken || !passed || !ring || !unsorted || !place;
-    free(taken), free(passed), free(ring), free(unsorted), free(place);
+    i64 failed = !padded || !passed || !ring || !unsorted || !place;
+    free(padded), free(passed), free(ring), free(unsorted), free(place);
     return failed;
 }

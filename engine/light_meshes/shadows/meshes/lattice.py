@@ -1,4 +1,4 @@
-"""The light mesh: an unbounded uniform lattice fixed in world space, and the nodes of it that are near a receiver."""
+"""The light mesh: an infinite uniform lattice, fixed in world space, and its nodes near a receiver."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...support.native import kernel, needs_memory
 
-# A node nearer than TAU·h to the receiver's plane is dropped: it is on the surface, and what touches a surface
+# A node nearer than TAU·h to the receiver's plane is dropped: it is on the surface, and a node that touches a surface
 # counts as blocked.
 TAU = 1e-3
 
@@ -17,10 +17,10 @@ _positions, _fill, _candidates = kernel("lattice_positions"), kernel("lattice_fi
 
 
 def _generic_rotation() -> NDArray[np.float64]:
-    """A fixed rotation that aligns no lattice plane with anything an artist builds.
+    """Return a fixed rotation that makes no lattice plane parallel to anything that an artist builds.
 
-    From the unit quaternion along (1, √2, √3, √5): no two lattice directions have a rational ratio. On an
-    axis-aligned lattice nodes lie exactly on floors and walls, and the penumbra is 3.5 times coarser (method §2).
+    It is the unit quaternion along (1, √2, √3, √5): no two lattice directions have a rational ratio. In an axis-aligned
+    lattice nodes would lie exactly on floors and walls, and the penumbra would be 3.5 times coarser (method §2).
     """
     w, x, y, z = np.sqrt([1.0, 2.0, 3.0, 5.0]) / np.sqrt(11.0)
     return np.array([
@@ -31,16 +31,16 @@ def _generic_rotation() -> NDArray[np.float64]:
 
 
 class Lattice(NamedTuple):
-    """Node (i,j,k) lies at origin + h·R·(i,j,k)."""
+    """The node (i,j,k) is at origin + h·R·(i,j,k)."""
 
     h: float
-    reach: NDArray[np.float64]  # (K,) the radii of balls in steps, r/h, ascending; with one radius kI
+    reach: NDArray[np.float64]  # (K,) the radii of the balls in steps, r/h, ascending; with one radius it is kI
     rotation: NDArray[np.float64]  # (3,3) R
     origin: NDArray[np.float64]  # (3,) world
-    offsets: NDArray[np.float64]  # (3,c) all nodes that the ball around a point of the cell [0,1)³ may hold
+    offsets: NDArray[np.float64]  # (3,c) all nodes that may be in the ball around any point of the cell [0,1)³
 
     def position(self, nodes: NDArray[np.int32]) -> NDArray[np.float64]:
-        """World positions (n,3) of nodes (n,3)."""
+        """Return the world positions (n,3) of nodes (n,3)."""
         out = np.empty((len(nodes), 3))
         _positions(self.h, self.rotation, self.origin, nodes, out)
         return out
@@ -53,35 +53,37 @@ def above_a_plane(reach: float) -> float:
 
 def lattice(h: float, reach: NDArray[np.float64], rotate: bool = True,
             origin: tuple[float, float, float] = (0, 0, 0)) -> Lattice:
-    """The lattice of step h for balls of radii h·reach (K,), ascending; `rotate` turns and shifts it generically."""
+    """Return the lattice of step h for balls of the radii h·reach (K,), ascending. `rotate` applies the generic
+    rotation and shift.
+    """
     rotation = _generic_rotation() if rotate else np.eye(3)
     shift = rotation @ (h * (np.sqrt([2.0, 3.0, 5.0]) % 1)) if rotate else np.zeros(3)
     largest = reach[-1]
     far = int(np.ceil(largest)) + 1
     axis = np.arange(-far, far + 2, dtype=np.int32)
     cube = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    outside = np.maximum(np.maximum(-cube, cube - 1), 0)  # distance from the cell, axis by axis
+    outside = np.maximum(np.maximum(-cube, cube - 1), 0)  # distance from the cell along each axis
     near = (outside.astype(np.float64) ** 2).sum(1) <= largest * largest
     cube = cube[near]
-    # Nearest first: the first candidate is the likeliest to be seen, a witness that the set is not empty.
+    # Sort by distance: the first candidate is the most likely to be seen, which proves that the set is not empty.
     order = np.argsort(((cube - 0.5) ** 2).sum(1), kind="stable")
     offsets = np.ascontiguousarray(cube[order].T, np.float64)
     return Lattice(h, reach, rotation, np.asarray(origin, np.float64) + shift, offsets)
 
 
 def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
-    """Steps 1 and 2 of Ψ for receivers P with unit geometric normals N, both (n,3).
+    """Do steps 1 and 2 of Ψ for receivers P with unit geometric normals N, both (n,3).
 
-    Returns (start, candidate, nodes): the candidates of receiver p are nodes[candidate[start[p,0]:start[p,K]]]. Those
-    of start[p,g]:start[p,g+1] are its ring g: in ball g but in no smaller one, nearest cells first. nodes (u,3) holds
-    each node once.
+    Returns (start, candidate, nodes). The candidates of receiver p are nodes[candidate[start[p,0]:start[p,K]]]. Those
+    of start[p,g]:start[p,g+1] are its ring g: they are in ball g but in no smaller one, with the nearest cells first.
+    nodes (u,3) holds each node once.
     """
     most = lattice.offsets.shape[1]
     start = np.zeros((len(P), len(lattice.reach) + 1), np.int64)
     candidate = np.empty(most + len(P) * most // 3, np.int32)
     nodes = np.empty((most + 4096, 3), np.int32)
     table = np.full(1 << int(2 * len(nodes)).bit_length(), -1, np.int32)
-    # Receivers of one cell have the same nodes near them: each is looked up once for all of them.
+    # Receivers in one cell have the same nodes near them, so each node is looked up once for all of them.
     cells, rows = np.empty((len(P), 3), np.int32), np.empty((len(P), most), np.int32)
     cell_table = np.full(1 << int(2 * len(P)).bit_length(), -1, np.int32)
     state = np.zeros(4, np.int64)

@@ -1,4 +1,4 @@
-/* Sets of lights: their table, the sets of rows, and new numbers when those without a row are left out. */
+/* Sets of lights: their hash table, the sets of rows, and new numbers after unused sets are removed. */
 #include "light_sets.h"
 
 KERNEL(sets_fill, "words u64[r,W]  size i64[1]  table i32[t]!")

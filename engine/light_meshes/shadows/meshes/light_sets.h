@@ -1,11 +1,12 @@
-/* A set of lights for each of many nodes (light_sets.py): each set is kept once, and a row has its number. */
+/* A set of lights for each of many nodes (light_sets.py): each set is stored once, and a row has the number of its
+   set. */
 #pragma once
 #include "native.h"
 
 typedef struct {
     u64 *words;   /* (room, W) */
-    i64 *size;    /* how many sets there are */
-    i32 *table;   /* a hash table of their numbers, or −1 */
+    i64 *size;  /* the number of sets */
+    i32 *table;  /* a hash table of their numbers; −1: free */
     u8 *number;   /* (rows, bytes), lowest byte first */
     i64 room, W, places, bytes;
 } LightSets;
@@ -20,7 +21,7 @@ static inline void give_number(LightSets *s, i64 row, i64 number) {
     for (i64 b = 0; b < s->bytes; b++) s->number[row * s->bytes + b] = (u8)(number >> (8 * b));
 }
 
-/* The place of a set in the table, or the empty one where it belongs. */
+/* Returns the place of a set in the table, or the free place where it belongs. */
 static inline i64 search_set(const LightSets *s, const u64 *lights) {
     u64 x = 0, mask = (u64)s->places - 1;
     for (i64 w = 0; w < s->W; w++) {
@@ -34,7 +35,7 @@ static inline i64 search_set(const LightSets *s, const u64 *lights) {
     }
 }
 
-/* The number of the set with these words, a new one if need be: then there must be room. */
+/* Returns the number of the set with these words. A new set is added if necessary; then there must be room for it. */
 static inline i64 number_for(LightSets *s, const u64 *lights) {
     i64 place = search_set(s, lights), number = s->table[place];
     if (number < 0) {

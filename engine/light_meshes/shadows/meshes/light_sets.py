@@ -1,7 +1,8 @@
-"""A set of lights for each of many nodes: few sets differ, so each is kept once, and a node has its number.
+"""A set of lights for each of many nodes. There are few different sets, so each is stored once, and a node has the
+number of its set.
 
-Neighbours look at the same lights: in a whole picture under 256 lights most nodes share the set of all of them, and the
-others have it in common with four more. A number takes 1 to 4 bytes, where a set takes a bit a light.
+Neighbouring nodes are asked about the same lights. In a picture with 256 lights most nodes share the set of all lights,
+and the others share four more sets. A number takes 1 to 4 bytes; a set takes one bit for each light.
 """
 
 from __future__ import annotations
@@ -16,34 +17,34 @@ from ...support.native import kernel
 _fill, _expanded = kernel("sets_fill"), kernel("sets_expanded")
 _mark, _renumber = kernel("sets_mark"), kernel("sets_renumber")
 
-LEAST = 16  # sets that there is room for
+LEAST = 16  # the smallest number of sets for which there is room
 
 
 class LightSets(NamedTuple):
-    """The sets, and which of them each row has."""
+    """The sets, and the number of the set of each row."""
 
     words: NDArray[np.uint64]  # (room, W); set 0 is empty
-    size: NDArray[np.int64]  # (1,) how many sets there are
-    table: NDArray[np.int32]  # a hash table of their numbers, or −1
+    size: NDArray[np.int64]  # (1,) the number of sets
+    table: NDArray[np.int32]  # a hash table of their numbers; −1: free
     number: NDArray[np.uint8]  # (rows, bytes) lowest byte first
 
     @property
     def bytes(self) -> int:
-        """Memory of the arrays."""
+        """Return the memory of the arrays in bytes."""
         return sum(a.nbytes for a in self)
 
     def of(self, first: int, last: int) -> NDArray[np.uint64]:
-        """The sets (n,W) of these rows."""
+        """Return the sets (n,W) of these rows."""
         out = np.empty((last - first, self.words.shape[1]), np.uint64)
         _expanded(self.words, self.number, first, out)
         return out
 
     def resize(self, rows: int) -> None:
-        """New rows have the empty set. Nobody else may hold the numbers."""
+        """Change the number of rows. New rows have the empty set. Nobody else may hold the array of numbers."""
         self.number.resize((rows, self.number.shape[1]), refcheck=False)
 
     def renewed(self) -> LightSets:
-        """With room for new sets, and without those that no row has any more."""
+        """Return a copy with room for new sets, and without the sets that no row has any more."""
         used = np.zeros(self.size[0], np.bool_)
         used[0] = True
         _mark(self.number, used)
@@ -53,7 +54,9 @@ class LightSets(NamedTuple):
 
 
 def light_sets(sets: NDArray[np.uint64], number: NDArray[np.uint8]) -> LightSets:
-    """These sets (n,W), the first of them empty, and room for more; `number` is used on if it can number them."""
+    """Return these sets (n,W), of which the first must be empty, with room for more. `number` is used again if it is
+    wide enough.
+    """
     room = max(LEAST, len(sets) * 3 // 2)
     words = np.zeros((room, sets.shape[1]), np.uint64)
     words[:len(sets)] = sets

@@ -1,4 +1,4 @@
-/* Keys of nodes back to nodes, and their table made anew. */
+/* Converts keys back to nodes, and fills a new hash table. */
 #include "node_keys.h"
 
 KERNEL(keys_unpacked, "base i64[3]  near u64[n]  far u64[f]  out i32[n,3]!")
@@ -7,7 +7,7 @@ i64 keys_unpacked(i64 n, i64 f, const i64 *base, const u64 *near, const u64 *far
         for (int axis = 0; axis < 3; axis++) {
             u64 x = near[k] >> (21 * axis) & LOW;
             if (f) x |= (far[k] >> (11 * axis) & HIGH) << 21;
-            out[3 * k + axis] = (i32)(u32)(x + (u64)base[axis]);  /* modulo 2³², as key_of */
+            out[3 * k + axis] = (i32)(u32)(x + (u64)base[axis]);  /* modulo 2³², as in key_of */
         }
     return 0;
 }

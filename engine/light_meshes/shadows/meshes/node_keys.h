@@ -1,5 +1,6 @@
-/* Which row a node has (node_keys.py): a key of 8 bytes, 3 times 21 bits and what is beyond them in `far`, and a hash
-   table of 4 bytes a place: a row, and in the bits above it a part of the hash, so that few keys are looked at. */
+/* Finds the row of a node (node_keys.py). A key has 8 bytes, 3 times 21 bits; further bits are in `far`. A hash
+   table has 4 bytes for each place: a row and, in the bits above it, a part of the hash, so that few keys must be
+   compared. */
 #pragma once
 #include "native.h"
 
@@ -25,7 +26,7 @@ static inline Key key_of(const i64 *base, const i32 *node) {
     return (Key){(a & LOW) | (b & LOW) << 21 | (c & LOW) << 42, a >> 21 | b >> 21 << 11 | c >> 21 << 22};
 }
 
-/* Where a search begins; *mark: the bits of the hash that the table keeps beside a row. */
+/* Returns where a search begins; *mark: the bits of the hash that the table stores beside a row. */
 static inline u64 place_of(Key key, i64 size, u64 *mark) {
     u64 x = (key.near ^ key.far * SPREAD_2) * SPREAD;
     x ^= x >> 32;
@@ -35,13 +36,13 @@ static inline u64 place_of(Key key, i64 size, u64 *mark) {
     return (x >> 32) * (u64)size >> 32;
 }
 
-/* The row of a node, −1 if it has none; *place: its place in the table, or the one where it belongs. */
+/* Returns the row of a node, −1 if it has none; *place: its place in the table, or the one where it belongs. */
 static inline i64 find_key(const Keys *keys, Key key, u64 *place) {
     u64 mark, at = place_of(key, keys->size, &mark), below = (u64)1 << keys->bits;
     mark = mark << keys->bits & 0xFFFFFFFFu;
     for (;;) {
         u32 entry = keys->table[at];
-        u64 row = entry ^ mark;  /* the row, where the bits of the hash are equal */
+        u64 row = entry ^ mark;  /* the row, if the bits of the hash are equal */
         *place = at;
         if (entry == EMPTY) return -1;
         if (row < below && keys->near[row] == key.near && (!keys->has_far || keys->far[row] == key.far)) return (i64)row;

@@ -2,7 +2,7 @@
 #include "light_sets.h"
 #include "node_keys.h"
 
-/* Lights 64·w… of a row of B bytes. */
+/* Returns the bits of the lights 64·w… in a row of B bytes. */
 static inline u64 word_at(const u8 *row, i64 B, i64 w) {
     u64 word = 0;
     for (i64 b = 8 * w; b < B && b < 8 * w + 8; b++) word |= (u64)row[b] << (8 * (b - 8 * w));
@@ -13,8 +13,9 @@ static inline void put_word(u8 *row, i64 B, i64 w, u64 word) {
     for (i64 b = 8 * w; b < B && b < 8 * w + 8; b++) row[b] = (u8)(word >> (8 * (b - 8 * w)));
 }
 
-/* Nodes from state[0] on, until all are done or some array is too short; fills their rows, and todo: the lights that
-   nobody has asked for yet. state: the next node, how many rows there are, whether all that is needed is known. */
+/* Looks up nodes from state[0] on, until all are done or some array is too short. Fills their rows, and todo: the
+   lights that no thread has begun yet. state: the next node, the number of rows, and whether everything that is
+   needed is known. */
 KERNEL(store_claim,
        "base i64[3]  near u64[k]!  far u64[f]!  table u32[t]!  key_bits u64  words u64[r,W]  number u8[q,y]  "
        "bits u8[v,B]!  room i64  nodes i32[n,3]  need u64[n,W]  state i64[3]!  rows u32[n]!  todo u64[n,W]!")
@@ -36,6 +37,8 @@ i64 store_claim(i64 k, i64 f, i64 t, i64 r, i64 W, i64 q, i64 y, i64 v, i64 B, i
             enter_key(&keys, place, key, row);
         }
         rows[at] = (u32)row;
+
+        /* Claim the lights that are missing and that no thread has begun */
         const u64 *has_value = words + number_of(&known, row) * W;
         for (i64 w = 0; w < W; w++) {
             u64 missing = need[at * W + w] & ~has_value[w];
@@ -62,7 +65,8 @@ i64 store_put(i64 v, i64 B, i64 n, i64 E, u8 *bits, const u32 *rows, const u8 *t
     return 0;
 }
 
-/* Rows from `done` on know the lights in todo, until there is no room for a new set; returns the next. */
+/* Records that the rows from `done` on know the lights in todo. Stops if there is no room for a new set; returns the
+   next row. */
 KERNEL(store_learn,
        "words u64[r,W]!  size i64[1]!  table i32[t]!  number u8[q,y]!  rows u32[n]  todo u64[n,W]  lights u64[W]!  done i64")
 i64 store_learn(i64 r, i64 W, i64 t, i64 q, i64 y, i64 n, u64 *words, i64 *size, i32 *table, u8 *number,
@@ -73,7 +77,7 @@ i64 store_learn(i64 r, i64 W, i64 t, i64 q, i64 y, i64 n, u64 *words, i64 *size,
     for (i64 k = done; k < n; k++) {
         if (*size == r) return k;
         i64 old = number_of(&known, rows[k]);
-        int same = old == before;  /* mostly as it was with the row before */
+        int same = old == before;  /* most rows have the same set as the row before */
         before = old;
         for (i64 w = 0; w < W; w++) {
             u64 word = words[old * W + w] | todo[k * W + w];
@@ -115,7 +119,7 @@ i64 store_drop_begun(i64 v, i64 B, i64 r, i64 W, i64 q, i64 y, u8 *bits, u64 *wo
     return 0;
 }
 
-/* out (n,W): bit i is bit source[i] of old (n,V); 0 where source[i] is −1. */
+/* Fills out (n,W): bit i is bit source[i] of old (n,V); 0 if source[i] is −1. */
 KERNEL(store_moved_bits, "old u64[n,V]  source i32[L]  out u64[n,W]!")
 i64 store_moved_bits(i64 n, i64 V, i64 L, i64 W, const u64 *old, const i32 *source, u64 *out) {
     for (i64 i = 0; i < L; i++) {

@@ -1,4 +1,6 @@
-"""The values of lattice nodes: computed on demand, once, in little memory, and shared by threads and pictures."""
+"""The values of lattice nodes. Each is computed once, when it is needed; the store is compact, and threads and pictures
+share it.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from ...support.native import kernel
 from .light_sets import light_sets
 from .node_keys import keys
 
-BLOCK = 1 << 16  # rows that pass from one store to another at once
+BLOCK = 1 << 16  # the number of rows that are moved from one store to another at a time
 
 
 _claim, _put, _learn = kernel("store_claim"), kernel("store_put"), kernel("store_learn")
@@ -22,23 +24,26 @@ _drop_begun, _moved_bits = kernel("store_drop_begun"), kernel("store_moved_bits"
 
 
 class SharedNodesError(RuntimeError):
-    """Another thread failed, or was cancelled, while it computed nodes that this one waits for."""
+    """Another thread failed or was cancelled while it computed nodes for which this thread waits."""
 
 
 class NodeStore:
-    """Node values v(i,x): bits where the scene is opaque, else `channels` (1 or 3) float32 a light.
+    """Node values v(i,x): bits if the scene is opaque, otherwise `channels` (1 or 3) float32 for each light.
 
-    Each is computed once, when first needed. Threads share it: one that needs a value which another is computing
-    waits for it.
+    Each value is computed once, when it is first needed. Threads share the store: a thread that needs a value which
+    another one is computing waits for it.
 
-    A row is a node. Beside its value it has the set of lights that are known there. A bit of a light that is not known
-    says whether somebody is computing it. (Numbers have such bits too, beside them.)
+    A row is a node. It has a value, and the set of lights for which the value is known. For a light that is not known,
+    the bit of the value says whether some thread is computing it. (If values are numbers, there are such bits beside
+    them.)
     """
 
     def __init__(self, lights: int, channels: int = 0, kind: type = np.float32) -> None:
         self._lights, self._channels = lights, channels
         self.words = (lights + 63) // 64
         self.count = 0
+        self.largest = 0  # the most nodes that one picture has added
+        self._before = 0  # the nodes that were there when this picture began
         self._ready = threading.Condition()
         self._broken = False
         self._keys = keys()
@@ -48,30 +53,35 @@ class NodeStore:
 
     @property
     def bytes(self) -> int:
-        """Memory of the store."""
+        """Return the memory of the store in bytes."""
         return self._keys.bytes + self._known.bytes + self._bits.nbytes + self._numbers.nbytes
 
     @property
     def nodes(self) -> NDArray[np.int32]:
-        """The nodes (count,3) that have a row."""
+        """Return the nodes (count,3) that have a row."""
         return self._keys.nodes(0, self.count)
 
     @property
     def known(self) -> NDArray[np.uint64]:
-        """The lights (count,W) of which each has its value."""
+        """Return for each node the lights (count,W) for which its value is known."""
         return self._known.of(0, self.count)
 
+    def end_picture(self) -> None:
+        """Take notice of how many nodes the picture has added; what is asked for from now on is another one's."""
+        self.largest = max(self.largest, self.count - self._before)
+        self._before = self.count
+
     def mend(self) -> None:
-        """Be as if what was begun when a render was cancelled, or failed, had never been asked for."""
+        """Forget all values that a render had begun to compute when it was cancelled or failed."""
         self._broken = False
         _drop_begun(self._bits, self._known.words, self._known.number, self.count)
 
     def inherit(self, old: NodeStore, source: NDArray[np.int32],
                 forget: Callable[[NDArray[np.int32], NDArray[np.uint64]], None]) -> None:
-        """Take over, into an empty store of the same kind, the values of `old` that are still right.
+        """Take over the values of `old` that are still valid, into an empty store of the same kind.
 
-        Light i is light source[i] there; −1: it is new. forget(nodes, known) clears the bits (n,V) of those that are
-        wrong by now.
+        Light i is light source[i] of the old store; −1 if it is new. forget(nodes, known) must clear the bits (n,V) of
+        values that are no longer valid.
         """
         for first in range(0, old.count, BLOCK):
             last = min(first + BLOCK, old.count)
@@ -82,9 +92,10 @@ class NodeStore:
             some = np.flatnonzero(kept.any(1))
             value = old._value(np.arange(first, last, dtype=np.uint32)[some])
             self.values(nodes[some], kept[some], partial(self._moved, value, source))
+        self._before = self.count
 
     def _moved(self, value: NDArray, source: NDArray[np.int32], _: NDArray, kept: NDArray[np.uint64]) -> NDArray:
-        """Values of another store, for the lights in `kept` (n,W)."""
+        """Return values of another store for the lights in `kept` (n,W)."""
         if not self._channels:
             bits = np.zeros_like(kept)
             _moved_bits(value, source, bits)
@@ -98,9 +109,11 @@ class NodeStore:
         self, nodes: NDArray[np.int32], need: NDArray[np.uint64],
         evaluate: Callable[[NDArray[np.int32], NDArray[np.uint64]], NDArray],
     ) -> NDArray:
-        """Values (n, words), or (n, lights·channels), of distinct `nodes` (n,3), right for the lights in `need`.
+        """Return the values (n, words), or (n, lights·channels), of distinct `nodes` (n,3), which are right for the
+        lights in `need`.
 
-        evaluate(nodes, todo) traces the missing ones, 0 elsewhere; it runs outside the lock. need, todo: (n, words).
+        evaluate(nodes, todo) traces the missing values, with 0 elsewhere; it is called outside of the lock. need, todo:
+        (n, words).
         """
         rows, todo = np.empty(len(nodes), np.uint32), np.empty_like(need)
         try:
@@ -121,7 +134,7 @@ class NodeStore:
                 return self._value(rows)
         except BaseException:
             with self._ready:
-                self._broken = True  # whoever waits for these nodes would wait for ever
+                self._broken = True  # otherwise threads that wait for these nodes would wait for ever
                 self._ready.notify_all()
             raise
 
@@ -135,9 +148,9 @@ class NodeStore:
 
     def _claim(self, nodes: NDArray[np.int32], need: NDArray[np.uint64], rows: NDArray[np.uint32],
                todo: NDArray[np.uint64]) -> bool:
-        """Fill the rows of `nodes`, new ones appended, and todo: the lights that nobody has asked for yet.
+        """Fill the rows of `nodes` (new ones are appended), and todo: the lights that no thread has begun yet.
 
-        Returns whether all that is needed is known.
+        Returns whether everything that is needed is known.
         """
         state = np.array([0, self.count, 1], np.int64)
         while True:
@@ -160,9 +173,10 @@ class NodeStore:
                 self._bits.resize((new, self._bits.shape[1]), refcheck=False)
 
     def _settle(self, rows: NDArray[np.uint32], todo: NDArray[np.uint64], found: NDArray) -> None:
-        """Now these rows know the lights in `todo`."""
+        """Store the values: from now on these rows know the lights in `todo`."""
         if self._channels:
-            self._numbers[rows] += found.astype(self._numbers.dtype, copy=False)  # each is found once, and was 0
+            # each value is found once, and was 0 before
+            self._numbers[rows] += found.astype(self._numbers.dtype, copy=False)
         else:
             _put(self._bits, rows, todo.view(np.uint8), found.view(np.uint8))
         done, lights = 0, np.empty(self.words, np.uint64)
