@@ -1,18 +1,12 @@
-"""Operators that an artist can run: set a quality preset, measure the softness of shadows, write a snapshot for a bug
-report.
-"""
+"""Operators that an artist can run: set a quality preset, soften shadows, write a snapshot for a bug report."""
 
 import shutil
-import statistics
-import threading
 from pathlib import Path
 from typing import NamedTuple
 
 import bpy
 
-from . import penumbra, session
-from .export import ExportError
-from .job import Cancelled, Job
+from .softness import has_size
 
 
 class Preset(NamedTuple):
@@ -60,138 +54,23 @@ class LIGHT_MESHES_OT_preset(bpy.types.Operator):
         return {'FINISHED'}
 
 
-class Suggestion(NamedTuple):
-    h: float
-    kI: float
-    why: str
-
-
-# Limits of r as a share of the picture's longer side at the middle depth. Edges wider than WIDEST swallow the shadows
-# of all small things. Edges narrower than NARROWEST are a few pixels wide and need more nodes than there are pixels.
-WIDEST, NARROWEST = 0.04, 0.003
-USUAL = 0.015  # r if no light has a size: that of the automatic step with a quality of 3
-
-
-def suggested(h: float, radii: list[float]) -> Suggestion:
-    """Return h and kI for a scene whose automatic step is `h`, and whose lights' sizes give the radii `radii`."""
-    across = penumbra.AUTO_STEPS * h
-    real = [r for r in radii if r > 0]
-    if real:
-        r = statistics.median(real)
-        why = f"as wide as the size of the light{'s' if len(real) > 1 else ''} makes them"
-        if r > WIDEST * across:
-            r, why = WIDEST * across, "as wide as they can be before small shadows fade; the lights are larger"
-        elif r < NARROWEST * across:
-            r, why = NARROWEST * across, "as narrow as is worth its time; the lights are smaller"
-    else:
-        r, why = USUAL * across, "a thirtieth of what the camera sees across, as no light has a size"
-    # Steps of grey are visible only in wide edges, so only these need a large kI.
-    kI = 4.0 if r > 0.025 * across else 3.0 if r > 0.006 * across else 2.0
-    return Suggestion(float(f"{r / kI:.2g}"), kI, why)
-
-
-class _Watcher:
-    """The part of a RenderEngine that a Job uses. An operator passes it to a Job instead of a RenderEngine."""
-
-    camera_override = None
-    is_animation = is_preview = False
-
-    def __init__(self, render) -> None:
-        self.resolution_x = max(render.resolution_x * render.resolution_percentage // 100, 1)
-        self.resolution_y = max(render.resolution_y * render.resolution_percentage // 100, 1)
-        self.cancelled = False
-
-    def test_break(self) -> bool:
-        return self.cancelled
-
-    def update_stats(self, *_) -> None: ...
-    def update_progress(self, *_) -> None: ...
-    def report(self, *_) -> None: ...
-
-
-class LIGHT_MESHES_OT_suggest(bpy.types.Operator):
-    bl_idname = "light_meshes.suggest"
+class LIGHT_MESHES_OT_soften(bpy.types.Operator):
+    bl_idname = "light_meshes.soften"
     bl_label = "Soften from Lamp Sizes"
-    bl_description = ("Set step and quality by what the camera sees now and by the size of the lights, so that shadow "
-                      "edges are as wide as they would be in reality. Switches the automatic step off")
+    bl_description = ("Let each lamp of the scene that has a size cast the shadow of its own shape: sharp where things "
+                      "touch, and wider farther away. Switches the automatic step on")
     bl_options = {'REGISTER', 'UNDO'}  # noqa: RUF012
 
-    @classmethod
-    def poll(cls, context):
-        return context.scene.camera is not None
-
     def execute(self, context):
-        try:
-            with self._asked(context) as job:
-                found = job.measure()
-        except (ExportError, session.EngineError) as e:
-            self.report({'ERROR'}, str(e))
+        lamps = {ob.data for ob in context.scene.objects if ob.type == 'LIGHT' and not ob.data.library}
+        sized = [lamp for lamp in lamps if has_size(lamp)]
+        if not sized:
+            self.report({'ERROR'}, "no lamp has a size: set the Radius of a point or spot light, or the Angle of a sun")
             return {'CANCELLED'}
-        finally:
-            session.discard(session.MEASURE)
-        return self._take(context, found)
-
-    def invoke(self, context, event):
-        """Do the same as `execute`, but keep Blender's window responsive."""
-        try:
-            self._job = self._asked(context)
-        except (ExportError, session.EngineError) as e:
-            self.report({'ERROR'}, str(e))
-            return {'CANCELLED'}
-        self._answer = []
-        self._thread = threading.Thread(target=self._wait, daemon=True)
-        self._thread.start()
-        self._timer = context.window_manager.event_timer_add(0.05, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        context.workspace.status_text_set("Light Meshes is measuring what the camera sees. Esc: cancel")
-        return {'RUNNING_MODAL'}
-
-    def modal(self, context, event):
-        if event.type == 'ESC':
-            self._job.engine.cancelled = True
-        if event.type != 'TIMER' or self._thread.is_alive():
-            return {'RUNNING_MODAL'}
-        context.window_manager.event_timer_remove(self._timer)
-        context.workspace.status_text_set(None)
-        found = self._answer[0]
-        if isinstance(found, dict):
-            return self._take(context, found)
-        if not isinstance(found, Cancelled):
-            self.report({'ERROR'}, str(found))
-        return {'CANCELLED'}
-
-    def _asked(self, context) -> Job:
-        """Return a job whose scene is exported and has lights whose size sets the edges of their shadows."""
-        depsgraph = context.evaluated_depsgraph_get()
-        job = Job(_Watcher(context.scene.render), depsgraph, session.MEASURE)
-        try:
-            settings = {"shadows": 'LIGHT_MESHES', "auto_h": True}
-            job.export({"settings": settings, "lights": {"softness": 'LIGHT_SIZE'}})
-        except BaseException:
-            job.__exit__()
-            session.discard(session.MEASURE)
-            raise
-        return job
-
-    def _wait(self) -> None:
-        """Wait for the engine; runs in a separate thread."""
-        try:
-            with self._job as job:
-                self._answer.append(job.measure())
-        except Exception as e:  # shown to the artist
-            self._answer.append(e)
-        finally:
-            session.discard(session.MEASURE)
-
-    def _take(self, context, found: dict):
-        scene = context.scene
-        usual = USUAL * penumbra.AUTO_STEPS * found["h"]  # of a light that casts no visible shadow
-        best = suggested(found["h"], [usual if r is None else r for r in found["radii"].values()])
-        own = scene.light_meshes
-        own.auto_h, own.h, own.kI = False, best.h, best.kI
-        width = penumbra.length(scene, 2 * best.h * best.kI)
-        self.report({'INFO'}, f"Step {penumbra.length(scene, best.h)}, quality {best.kI:g}: "
-                              f"shadow edges {width} wide, {best.why}")
+        for lamp in sized:
+            lamp.light_meshes.softness = 'SIZE'
+        context.scene.light_meshes.auto_h = True
+        self.report({'INFO'}, f"Lamps with shadows of their own shape: {len(sized)}")
         return {'FINISHED'}
 
 
@@ -234,7 +113,7 @@ class LIGHT_MESHES_OT_keep_snapshot(bpy.types.Operator):
         return {'FINISHED'}
 
 
-_CLASSES = (LIGHT_MESHES_OT_preset, LIGHT_MESHES_OT_suggest, LIGHT_MESHES_OT_keep_snapshot)
+_CLASSES = (LIGHT_MESHES_OT_preset, LIGHT_MESHES_OT_soften, LIGHT_MESHES_OT_keep_snapshot)
 
 
 def register() -> None:

@@ -5,6 +5,7 @@ import math
 import bpy
 
 from . import session
+from .softness import softness_of
 
 AUTO_STEPS = 200  # the automatic step is the longer side of the picture at the median depth, divided by this
 
@@ -36,11 +37,13 @@ def _measured(scene) -> float | None:
 
 
 def light_radius(scene, lamp, name: str) -> float | None:
-    """Return r of the light object `name` with data `lamp`, or None if it has not been measured yet."""
-    own = lamp.light_meshes
-    if own.softness == 'RADIUS':
+    """Return r of the light object `name` with data `lamp`, whose softness is not SIZE, or None if it has not been
+    measured yet.
+    """
+    own, softness = lamp.light_meshes, softness_of(lamp)
+    if softness == 'RADIUS':
         return own.radius
-    if own.softness in {'SCENE', 'SIZE'}:
+    if softness == 'SCENE':
         return radius(scene)
     if session.statistics.get("scene") != scene.name_full:
         return None

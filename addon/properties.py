@@ -163,6 +163,11 @@ class LightMeshesScene(bpy.types.PropertyGroup):
                     "With fewer, mirrors seen in mirrors turn black",
         min=0, max=64, soft_max=16, default=4, update=_changed,
     )
+    release: IntProperty(
+        name="Release of Lamps", options={'HIDDEN'},
+        description="Whether a lamp in which nothing was chosen casts the shadow of its own shape (2), or one width as "
+                    "in the release that saved the file (1)",
+    )
     ambient: FloatProperty(
         name="Ambient",
         description="How much the world's color lights every surface, in shadow too. "
@@ -205,10 +210,10 @@ class LightMeshesLight(bpy.types.PropertyGroup):
             ('RADIUS', "Own Radius", "A radius for this light alone", 1),
             ('LIGHT_SIZE', "Light Size", "The size of the light: edges are as wide as those of a real lamp of this "
              "size, at one distance", 2),
-            ('SIZE', "Size", "The lamp as it is: all of it gives light, a little from each place, so that a large lamp "
-             "near a surface is not too bright under its middle, and highlights are as large as the lamp", 3),
+            ('SIZE', "Lamp Shape", "The shadow of the lamp's own sphere, disc of the sky or face: sharp where things "
+             "touch, and wider farther away. All of the lamp gives light, and highlights are as large as it is", 3),
         ),
-        default='SCENE', update=_changed,
+        default='SIZE', update=_changed,
     )
     radius: FloatProperty(
         name="Edge Radius",

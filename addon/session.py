@@ -277,7 +277,7 @@ def _broken_pipe_survived():
 
 
 # The purposes of engines. Each purpose has its own engine, because different threads use them.
-RENDER, PREVIEW, MEASURE = "render", "preview", "measure"
+RENDER, PREVIEW = "render", "preview"
 
 _sessions: dict[str, Session] = {}
 _enders: list[threading.Thread] = []

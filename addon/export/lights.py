@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from ..passes import shadow_number
+from ..softness import softness_of
 from . import left_out
 from .nodes import Nodes, uses_nodes
 from .report import Report
@@ -19,7 +20,6 @@ def light(ob, parent, matrix_world, report: Report) -> dict:
     instancer or None.
     """
     lamp = ob.data
-    sized = lamp.light_meshes.softness == 'SIZE'
     seen = [ob] if parent is None else [ob, parent]
     matrix = np.array(matrix_world, np.float64)
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
@@ -33,8 +33,7 @@ def light(ob, parent, matrix_world, report: Report) -> dict:
         "soft_shadows": lamp.light_meshes.soft_shadows,
         "cast_shadow": lamp.use_shadow,
         "shadow_pass": shadow_number(lamp),
-        "softness": 'SCENE' if sized else lamp.light_meshes.softness,
-        "sized": sized,
+        "softness": softness_of(lamp),
         "soft_radius": lamp.light_meshes.radius,
         "reference_distance": lamp.light_meshes.reference_distance,
         "diffuse": all(o.visible_diffuse for o in seen),

@@ -3,6 +3,7 @@
 import bpy
 
 from .. import penumbra
+from ..softness import has_size, softness_of
 from .panel import LightMeshesPanel, in_shader_editor, table
 
 
@@ -67,9 +68,10 @@ class LIGHT_MESHES_PT_light_shadow(_LightPanel, bpy.types.Panel):
         column = layout.column()
         column.active = own.soft_shadows
         column.prop(own, "softness")
-        if own.softness == 'RADIUS':
+        softness = softness_of(light)
+        if softness == 'RADIUS':
             column.prop(own, "radius")
-        elif own.softness == 'LIGHT_SIZE':
+        elif softness == 'LIGHT_SIZE':
             column.prop(own, "reference_distance")
         if own.soft_shadows:
             table(column, context, _meaning(scene, light, context.object.name if context.object else ""))
@@ -77,6 +79,8 @@ class LIGHT_MESHES_PT_light_shadow(_LightPanel, bpy.types.Panel):
 
 def _meaning(scene, light, name: str) -> list[tuple[str, str]]:
     """Return the resulting radius and edge width as text."""
+    if softness_of(light) == 'SIZE':
+        return [("Shadow Edges", "wider farther from what casts them" if has_size(light) else "sharp: no size")]
     r = penumbra.light_radius(scene, light, name)
     if r is None:
         return [("Shadow Edges", "measured when rendering")]

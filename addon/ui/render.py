@@ -35,7 +35,7 @@ class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
         settings = context.scene.light_meshes
         layout.prop(settings, "shadows")
         if settings.shadows == 'LIGHT_MESHES':
-            layout.operator("light_meshes.suggest", icon='LIGHT')
+            layout.operator("light_meshes.soften", icon='LIGHT')
             layout.prop(settings, "auto_h")
             if not settings.auto_h:
                 layout.prop(settings, "h")

@@ -223,7 +223,7 @@ def missing():
         group = kind.bl_rna.properties["light_meshes"].fixed_type
         # What chooses passes changes no pixel of Combined; their own tests render them.
         there |= {f"{owner}.{p.identifier}" for p in group.properties
-                  if p.identifier not in {"rna_type", "name"} and "pass" not in p.identifier}
+                  if p.identifier not in {"rna_type", "name"} and "pass" not in p.identifier and not p.is_hidden}
     return sorted(have ^ there)
 
 

@@ -1,4 +1,4 @@
-"""The buttons (presets, a suggested step, a kept snapshot), and what the panels say about h, kI and r."""
+"""The buttons (presets, softening, a kept snapshot), and what the panels say about h, kI and r."""
 
 import math
 
@@ -42,44 +42,20 @@ def test_the_balanced_preset_is_the_default(scene):
     assert operators.PRESETS['BALANCED'].is_set(scene.light_meshes)
 
 
-def test_suggestion_without_sizes(lit):
-    """h of the automatic step, if the quality is 3."""
-    from light_meshes_addon import session
+def test_lamps_with_a_size_are_softened(lit, add_light, snapshot):
+    from light_meshes_addon.ui.light import _meaning
 
-    assert bpy.ops.light_meshes.suggest() == {'FINISHED'}
-    own = lit.light_meshes
-    assert not own.auto_h and own.kI == 3
-    assert own.h == pytest.approx(across(lit) / 200, rel=0.05)
-    assert session.MEASURE not in session._sessions
-
-
-def test_suggestion_from_the_light(lit, add_plane, render):
-    """Shadow edges as wide as those that a light of that size casts from there."""
-    add_plane(2, "Blocker", location=(0, 0, 1.5), visible_camera=False)
-    lit.objects["Sun"].data.angle = 2 * math.atan(0.05)
-    assert bpy.ops.light_meshes.suggest() == {'FINISHED'}
-    own = lit.light_meshes
-    assert own.h * own.kI == pytest.approx(1.32 * 0.05 * 1.5, rel=0.05)
-    assert own.shadows == 'LIGHT_MESHES' and lit.objects["Sun"].data.light_meshes.softness == 'SCENE'
-
-
-def test_suggestion_is_held_within_reason():
-    from light_meshes_addon.operators import NARROWEST, WIDEST, suggested
-
-    for radii, r, kI in (([5.0], WIDEST, 4), ([1e-5], NARROWEST, 2), ([0.0, 0.02, 0.02, 9.0], 0.02, 3), ([], 0.015, 3)):
-        found = suggested(1 / 200, radii)
-        assert found.h * found.kI == pytest.approx(r, rel=0.06) and found.kI == kI
-    assert "larger" in suggested(1 / 200, [5.0]).why and "no light" in suggested(1 / 200, [0.0]).why
-
-
-def test_suggestion_says_what_is_wrong(lit, monkeypatch):
-    monkeypatch.setenv("LIGHT_MESHES_PYTHON", "/no/such/python")
-    before = lit.light_meshes.h
-    with pytest.raises(RuntimeError, match="/no/such/python cannot be run"):
-        bpy.ops.light_meshes.suggest()
-    assert lit.light_meshes.auto_h and lit.light_meshes.h == before
-    lit.camera = None
-    assert not bpy.ops.light_meshes.suggest.poll()
+    lit.light_meshes.auto_h = False
+    with pytest.raises(RuntimeError, match="no lamp has a size"):
+        bpy.ops.light_meshes.soften()
+    assert not lit.light_meshes.auto_h
+    lamp = add_light('POINT', shadow_soft_size=0.2).data
+    assert bpy.ops.light_meshes.soften() == {'FINISHED'}
+    assert lit.light_meshes.auto_h
+    assert [light.softness for light in snapshot(lit).lights] == ["SCENE", "SIZE"]  # Sun, Point
+    assert _meaning(lit, lamp, "Point") == [("Shadow Edges", "wider farther from what casts them")]
+    lamp.shadow_soft_size = 0
+    assert _meaning(lit, lamp, "Point") == [("Shadow Edges", "sharp: no size")]
 
 
 def test_a_kept_snapshot_is_what_is_rendered(lit, add_plane, render, tmp_path):

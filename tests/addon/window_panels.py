@@ -101,10 +101,8 @@ def press(operator, call='EXEC_DEFAULT', **arguments):
     return run
 
 
-def suggested():
-    if bpy.context.scene.light_meshes.auto_h:
-        return "again"
-    print("SAW suggestion", list(session._sessions), flush=True)
+def softened():
+    print("SAW softness", sorted({light.light_meshes.softness for light in bpy.data.lights}), flush=True)
 
 
 def rendered():
@@ -133,7 +131,7 @@ def kept():
 
 STEPS = [
     scene, tab('RENDER'), press("light_meshes.preset", level='DRAFT'), tab('RENDER'),
-    press("light_meshes.suggest", 'INVOKE_DEFAULT'), suggested, press("render.render"), rendered, tab('RENDER'),
+    press("light_meshes.soften", 'INVOKE_DEFAULT'), softened, press("render.render"), rendered, tab('RENDER'),
     lambda: None, in_the_background, figures,
     press("light_meshes.keep_snapshot", directory=str(FOLDER)), kept,
     *(tab(name) for name in ('OUTPUT', 'VIEW_LAYER', 'SCENE', 'WORLD')),

@@ -16,13 +16,13 @@ from scenes import WHITE, look_down, point, settings
 from sized_oracle import both, matt, parts
 
 ONE, DOWN = (1.0, 1.0, 1.0), (0.0, 0.0, -1.0)
-ROUND = {"radius": 0.5, "sized": True}
+ROUND = {"radius": 0.5, "softness": "SIZE"}
 CONE = {"direction": DOWN, "spot_angle": 1.3}
-FLAT = {"direction": DOWN, "area_u": (0.5, 0.0, 0.0), "area_v": (0.0, 0.2, 0.0), "sized": True}
+FLAT = {"direction": DOWN, "area_u": (0.5, 0.0, 0.0), "area_v": (0.0, 0.2, 0.0), "softness": "SIZE"}
 LAMPS = {  # and how near receivers come to the lamp's middle
     "sphere": (Light("lamp", "POINT", ONE, **ROUND), 0.505),
     "facing disc": (Light("lamp", "POINT", ONE, facing_disc=True, **ROUND), 0.02),
-    "sun": (Light("lamp", "SUN", ONE, direction=(0.6, 0.0, -0.8), angle=0.5, sized=True), 1.0),
+    "sun": (Light("lamp", "SUN", ONE, direction=(0.6, 0.0, -0.8), angle=0.5, softness="SIZE"), 1.0),
     "spot": (Light("lamp", "SPOT", ONE, spot_blend=0.4, **ROUND, **CONE), 0.505),
     "hard spot": (Light("lamp", "SPOT", ONE, spot_blend=0.0, **ROUND, **CONE), 0.505),
     "spot, facing disc": (Light("lamp", "SPOT", ONE, spot_blend=0.4, facing_disc=True, **ROUND, **CONE), 0.1),
@@ -127,7 +127,8 @@ def test_from_far_it_is_the_points_formula(name):
     small = replace(light, radius=1e-5, angle=1e-5, area_u=(1e-5, 0.0, 0.0), area_v=(0.0, 1e-5, 0.0))
     P, N, M, _ = receivers(name, 4000, seed=2)
     P *= np.maximum(1, 0.5 / np.linalg.norm(P, axis=1, keepdims=True))
-    for sized, plain in zip(omega(small, P, N, M)[:2], omega(replace(small, sized=False), P, N, M)[:2], strict=True):
+    points = omega(replace(small, softness="SCENE"), P, N, M)
+    for sized, plain in zip(omega(small, P, N, M)[:2], points[:2], strict=True):
         # Edges of a cone and of a spread are as wide as the lamp.
         error = np.abs(sized - plain) / np.maximum(plain, 0.01 * plain.max())
         assert np.quantile(error, 0.99) < 2e-3 and plain.max() > 0
@@ -143,7 +144,7 @@ def test_lamps_of_no_size_are_points():
     P, N, M, _ = receivers("sphere", 500)
     for light in (Light("lamp", "POINT", ONE), Light("lamp", "SPOT", ONE, **CONE), Light("lamp", "SUN", ONE),
                   Light("lamp", "AREA", ONE, direction=DOWN)):
-        for sized, plain in zip(omega(replace(light, sized=True), P, N, M), omega(light, P, N, M), strict=True):
+        for sized, plain in zip(omega(replace(light, softness="SIZE"), P, N, M), omega(light, P, N, M), strict=True):
             np.testing.assert_array_equal(sized, plain)
 
 
@@ -199,13 +200,13 @@ def test_the_same_samples_at_any_size_of_batch():
     assert ((whole > 0) & (whole < 1)).any()
 
 
-def test_a_snapshot_keeps_whether_a_lamp_is_sized(tmp_path):
+def test_a_snapshot_keeps_that_a_lamp_is_a_facing_disc(tmp_path):
     scene = table(SHADED["facing disc"], 1)
     write(scene, tmp_path)
-    assert read(tmp_path).lights[0] == scene.lights[0] and scene.lights[0].sized
+    assert read(tmp_path).lights[0] == scene.lights[0] and scene.lights[0].facing_disc
     text = (tmp_path / "scene.json").read_text()
-    (tmp_path / "scene.json").write_text(text.replace('"sized": true', '"sized": 1'))
-    with pytest.raises(SceneError, match="sized is 1; it must be true or false"):
+    (tmp_path / "scene.json").write_text(text.replace('"facing_disc": true', '"facing_disc": 1'))
+    with pytest.raises(SceneError, match="facing_disc is 1; it must be true or false"):
         read(tmp_path)
 
 

@@ -79,11 +79,12 @@ def add_plane(add_mesh):
 
 @pytest.fixture
 def add_light():
-    """(type, **light properties) → object, 4 above the origin, shining down."""
+    """(type, **light properties) → object, 4 above the origin, shining down, with shadow edges of one width."""
     def make(kind='POINT', location=(0, 0, 4), rotation=(0, 0, 0), scale=(1, 1, 1), **properties):
         light = bpy.data.lights.new(kind.title(), kind)
         for key, value in properties.items():
             setattr(light, key, value)
+        light.light_meshes.softness = 'SCENE'
         return add(light, location=location, rotation_euler=rotation, scale=scale)
     return make
 

@@ -85,7 +85,7 @@ def make(bpy, triangles, things, shared, lights, height, samples, h):
         add(f"Ball.{n}", ball, (step * (n % side + 0.5) - 2, step * (n // side + 0.5) - 2, 0.4 * step))
     for n in range(lights):
         light = bpy.data.lights.new(f"Light.{n}", 'POINT')
-        light.energy = 300 / lights
+        light.energy, light.light_meshes.softness = 300 / lights, 'SCENE'
         add(f"Light.{n}", light, random.uniform((-1.6, -1.6, 1.9), (1.6, 1.6, 2.5)))
     camera = add("Camera", bpy.data.cameras.new("Camera"), (3.6, -4.6, 3.6))
     camera.rotation_euler = (np.radians(60), 0, np.radians(38))

@@ -22,7 +22,7 @@ def stage():
     add(rectangle("Floor", (-5, -5), (5, 5)), material="Ground")
     add(rectangle("Blocker", (0, -5), (5, 5)), material="Caster", location=(0, 0, 1), visible_camera=False)
     sun = bpy.data.lights.new("Sun", 'SUN')
-    sun.energy, sun.angle = math.pi, 0.5
+    sun.energy, sun.angle, sun.light_meshes.softness = math.pi, 0.5, 'SCENE'
     add(sun, location=(0, 0, 5))
     own = scene.light_meshes
     own.auto_h, own.h, own.kI = False, 0.05, 3
@@ -204,7 +204,7 @@ def below_a_table():
     ball("Ball", 0.3, 64, location=(-1, 0, 0.8), visible_camera=False)
     glass("Ball", 2.4)
     lamp = bpy.data.lights.new("Lamp", 'POINT')
-    lamp.energy = 500
+    lamp.energy, lamp.light_meshes.softness = 500, 'SCENE'
     add(lamp, location=(-1, 0, 4))
     own = bpy.context.scene.light_meshes
     own.h, own.refraction, own.caustics = 0.03, 'FULL', 'PAPER'

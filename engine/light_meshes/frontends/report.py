@@ -67,6 +67,10 @@ def summary(statistics: dict[str, Any]) -> str:
             ("receivers", f"{s['receivers']:,}, {s['uniform_skips']:,} skipped, {s['short_rays']:,} short rays, "
                           f"{s['spared_rays']:,} spared by the certificate, {s['empty_sets']:,} empty sets"),
         ]
+    if "lamp_pairs" in s:
+        share = [s[name] / s["lamp_pairs"] for name in ("mixed_pairs", "ray_pairs")]
+        rows += [("lamps with a size", f"{s['lamp_pairs']:,} pairs of a receiver and a lamp, {share[0]:.1%} near "
+                                       f"penumbrae, {share[1]:.1%} with rays of their own")]
     if "shadow_rate" in s:
         samples = s["interpolated"] + s["refined"] + s["computed"]
         share = [s[name] / max(samples, 1) for name in ("interpolated", "refined", "computed")]

@@ -17,7 +17,12 @@ from ..glass.interfaces import Interfaces
 from ..scene.description import Light, Material, Scene
 from ..shadows.casters import Casters, smooth_lights, union
 from ..shadows.method import Kind
+from ..shadows.radius import extent
 from ..shadows.registry import KINDS, NONE
+from ..shadows.sized import LEVELS, MORE_RAYS, RAYS
+from ..support.bits import has
+
+LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that nodes may answer
 
 
 @dataclass
@@ -31,6 +36,7 @@ class Plan:
     uniform_skip: bool = False
     shadow_rate: int = 1  # distance in pixels of the points whose light is computed; between them it is interpolated
     certificate: bool = False  # no short rays are traced where nothing else is near
+    certifies_lamps: bool = False  # the same for lamps with a size, which it spares more rays
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
     holdouts: bool = False  # the camera sees some objects as holes
@@ -70,6 +76,8 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
                   3: ("RGB a light", "coloured glass")}[p.channels]
         p.decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
+    if p.kind.lattice:
+        _lamps_with_a_size(p, scene, casters)
     if s.shadow_rate > 1:
         _shadow_rate(p, scene, casters, passes)
     if p.kind.lattice:
@@ -154,11 +162,39 @@ def _shadow_rate(p: Plan, scene: Scene, casters: Casters, passes: tuple[str, ...
     s = scene.settings
     why_not = ("only light meshes' shadows are smooth" if not p.kind.lattice else
                "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
+               "lamps with a size have narrow penumbrae where shadows touch" if any(_sized(scene, casters)) else
                "light that glass has bent may change from pixel to pixel" if p.paths else
                "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
     p.shadow_rate = 1 if why_not else s.shadow_rate
     p.decide("shadow rate", p.shadow_rate, why_not or
              "what the camera sees is interpolated between points up to so many pixels apart")
+
+
+def _sized(scene: Scene, casters: Casters) -> list[str]:
+    """The names of the lights that have the soft shadow of their own shape."""
+    soft = union(casters.soft, len(scene.lights))
+    return [light.name for i, light in enumerate(scene.lights) if light.softness == "SIZE" and has(soft, i)]
+
+
+def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters) -> None:
+    """How the lamps get their shadows that have those of their own shape, and which have sharp ones."""
+    def names(of: list[str]) -> str:
+        return ", ".join(f"'{name}'" for name in of[:3]) + (f" and {len(of) - 3} more" if len(of) > 3 else "")
+
+    lamps, h = _sized(scene, casters), scene.settings.h
+    points = [light.name for light in scene.lights if light.softness == "SIZE" and light.soft_shadows
+              and any(light.intensity) and not extent(light)]
+    if points:
+        p.decide("lamps without a size", "sharp", f"{names(points)}: one ray says all of a point")
+    if lamps:
+        how, why = "shares at nodes", (
+            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; {RAYS} rays "
+            f"where it is narrower than r, up to {MORE_RAYS} where something is near")
+        if p.paths:
+            how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
+        elif p.channels:
+            how, why = "rays", f"light comes through surfaces: up to {MORE_RAYS} from each receiver to each lamp"
+        p.decide("lamps with a size", how, f"{names(lamps)}: {why}")
 
 
 def _short_rays(p: Plan, scene: Scene) -> None:
@@ -172,6 +208,7 @@ def _short_rays(p: Plan, scene: Scene) -> None:
              "nodes behind glass count in part" if through else "exact, saves short rays")
     rays, triangles = s.samples * scene.camera.width * scene.camera.height, len(scene.geometry.triangle_materials)
     p.certificate = rays >= 2 * triangles
+    p.certifies_lamps = LAMP_RAYS * rays >= 2 * triangles
     p.decide("certificate", "on" if p.certificate else "off",
              "no short rays where only a convex object, or one plane, is near" if p.certificate else
              "more triangles to look at than it would save short rays")

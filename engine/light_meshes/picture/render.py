@@ -167,6 +167,8 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
     }
     for name in ("camera_rays", "secondary_rays", "shadow_rays"):
         report[name] = counts[name]
+    if counts["lamp_pairs"]:  # of a receiver and a lamp with a size
+        report |= {name: counts[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")}
     lit = ready.soft
     if lit is not None:
         vertices = ready.surfaces.vertices

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..glass.refraction import RefractedPaths
 from ..rays.tracer import Targets
@@ -90,19 +91,28 @@ def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: 
     # there are none if the plan was forced
     reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])
     nodes = lattice(s.h, reach, s.lattice_rotation, s.lattice_origin)
-    proof = None
+    proof, casts = None, None
     if plan.certificate:
+        casts = _casts(world)
         proof = _certificate(world, s.h * float(reach[-1]), stats, old)
         if proof is None:
             plan.reasons["certificate"] = "off: no object is convex, no surface plane"
+    elif any(light.softness == "SIZE" for light in lights) and plan.certifies_lamps:
+        casts = _casts(world)
     ring = np.searchsorted(reach, np.minimum(steps, reach[-1]))
-    return LatticeSetup(nodes, classes(ring, s.h * reach, soft), proof, plan.uniform_skip), radii, warnings
+    found = LatticeSetup(nodes, classes(ring, s.h * reach, soft), proof, plan.uniform_skip, world.surfaces, casts)
+    return found, radii, warnings
+
+
+def _casts(world: World) -> NDArray[np.bool_]:
+    """The triangles (T,) that shadow rays may meet."""
+    casts = np.array([o.visible_shadow for o in world.scene.objects], np.bool_)
+    return casts[world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))]
 
 
 def _certificate(world: World, r: float, stats: Statistics, old: Shadowing | None) -> Certificate | None:
     """Where nothing but a receiver's own body is near; None: nowhere."""
-    casts = np.array([o.visible_shadow for o in world.scene.objects], np.bool_)
-    meets = casts[world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))]
+    meets = _casts(world)
     with stats.stage("certificate"):
         before = old.certificate if old else None
         if before and world.surfaces is before.surfaces and before.r == r and np.array_equal(before.casts, meets):

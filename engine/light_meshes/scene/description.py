@@ -26,7 +26,7 @@ SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")  # the methods of `shadows.
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
 FALLOFFS = ("LINEAR", "QUADRATIC", "INVERSE_QUADRATIC")
 WEIGHTS = ("UNIFORM", "SMOOTH")
-SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE")
+SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE", "SIZE")
 COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
@@ -144,16 +144,18 @@ class Light:
     axes: tuple[RGB, RGB, RGB] | None = None
     diffuse: bool = True  # whether it lights matt surfaces
     glossy: bool = True  # whether it gives highlights
-    radius: float = 0.0  # for AREA_SAMPLING and LIGHT_SIZE: radius of the sphere (POINT, SPOT), scene units
+    radius: float = 0.0  # for AREA_SAMPLING, LIGHT_SIZE and SIZE: radius of the sphere (POINT, SPOT), scene units
     angle: float = 0.0  # for the same: full apparent angle of a SUN
     area_u: RGB = (0.0, 0.0, 0.0)  # for the same: half-axes of the rectangle or ellipse
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
-    sized: bool = False  # lights with its whole size, which radius, angle, area_u and area_v are; False: as a point
-    facing_disc: bool = False  # POINT and SPOT with `sized`: a disc that turns to each receiver, instead of a sphere
+    facing_disc: bool = False  # POINT and SPOT with SIZE: lights as a disc that turns to each receiver, not a sphere
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
-    softness: str = "SCENE"  # how r is set: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE 1.12·ρ·a/(L − a) (method §2)
+    # Whose soft shadow it casts. One of the same width everywhere, r: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE
+    # 1.12·ρ·a/(L − a) (method §2). Or SIZE: that of the lamp's own sphere, disc of the sky, rectangle or ellipse, and
+    # all of it lights surfaces; lamps of the others light as points.
+    softness: str = "SCENE"
     soft_radius: float = 0.0  # for RADIUS: r, scene units
     # for LIGHT_SIZE: a, the distance from the caster of a shadow to its receiver; 0: measure it
     reference_distance: float = 0.0

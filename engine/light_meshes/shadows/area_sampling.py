@@ -22,7 +22,7 @@ _sample, _sized_sample = kernel("area_sample"), kernel("sized_sample")
 class AreaSampling(Method):
     """S_i(P) as the mean of N rays to points on the light.
 
-    Of a light that is `sized` it is Σ V_j·Ω_j ÷ Σ Ω_j. Ω_j is what a matt surface gets from the j-th point, so S·Ω is
+    Of a light of softness SIZE it is Σ V_j·Ω_j ÷ Σ Ω_j. Ω_j is what a matt surface gets from the j-th point, so S·Ω is
     what the whole lamp gives past its blockers, and the picture converges to it as N grows. Of other lights only the
     visibility is sampled. Their Ω is that of the point source, so that all methods agree away from shadows.
     """

@@ -48,6 +48,15 @@ def union(groups: tuple[Group, ...], count: int) -> NDArray[np.uint64]:
     return words
 
 
+def kept(casters: Casters, lights: NDArray[np.uint64]) -> Casters:
+    """`casters` with soft shadows of `lights` (W,) only."""
+    def left(groups: tuple[Group, ...]) -> tuple[Group, ...]:
+        those = (g._replace(lights=g.lights & lights) for g in groups)
+        return tuple(g for g in those if g.lights.any())
+
+    return casters._replace(soft=left(casters.soft), sharp=left(casters.sharp))
+
+
 def smooth_lights(casters: Casters, lights: int) -> NDArray[np.uint64]:
     """Return the lights (W,) that cast no sharp shadow on surfaces that receive soft ones."""
     shadows, sharp = union(casters.whole, lights), union(casters.sharp, lights)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..glass.refraction import RefractedPaths
+from ..rays.geometry import Surfaces
 from ..rays.tracer import Targets, Tracer
 from ..scene.description import Light, Scalar, Settings
 from ..scene.values import checked_mapping
@@ -119,6 +120,8 @@ class LatticeSetup(NamedTuple):
     classes: Classes  # of the soft lights, by their radii
     certificate: Certificate | None  # where no short rays are needed
     uniform_skip: bool
+    surfaces: Surfaces
+    casts: NDArray[np.bool_] | None  # (T,) what shadow rays may meet; None: certificates cost more than they save
 
 
 class Setup(NamedTuple):

@@ -1,4 +1,4 @@
-"""Lamps that light with their whole size (`Light.sized`): what the kernels in `shading.c` take of them.
+"""Lamps that light with their whole size (softness SIZE): what the kernels in `shading.c` take of them.
 
 Ω of such a lamp is that of a point, as a mean over the lamp: the radiance I/A times an integral over directions in
 which a receiver sees it. Matt surfaces: closed forms for spheres, discs, ellipses, rectangles and the sun, above the
@@ -23,7 +23,7 @@ def kind(light: Light) -> int | None:
 
     Types of light that have no formula for their whole size are points as well.
     """
-    if not light.sized or not area(light) > 0:
+    if light.softness != "SIZE" or not area(light) > 0:
         return None
     if light.type == "AREA":
         return OVAL if light.area_ellipse else PLATE

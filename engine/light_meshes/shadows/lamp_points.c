@@ -1,0 +1,94 @@
+/* Points on lamps with a size (lamp_points.py). */
+#include "targets.h"
+
+enum { FREE, RECTANGLE, ELLIPSE };
+
+/* 64 bits to 64 others, and those to a number in [0,1) (SplitMix64's finaliser). */
+static u64 mixed(u64 x) {
+    x = (x ^ x >> 30) * 0xBF58476D1CE4E5B9u;
+    x = (x ^ x >> 27) * 0x94D049BB133111EBu;
+    return x ^ x >> 31;
+}
+
+static f64 random_of(u64 x) { return (f64)(mixed(x) >> 11) * 0x1p-53; }
+
+/* Which stratum of 16 point j has. The first four have one of each four that follow each other, the first eight one of
+   each two; so do they where the strata change places by ^. */
+static i64 stratum(i64 j) {
+    static const i64 further[4] = {0, 3, 1, 2};
+    return further[j >> 2] ^ 5 * (j & 3);
+}
+
+static f64 reversed(i64 i) { return (f64)((i & 1) << 3 | (i & 2) << 1 | (i & 4) >> 1 | i >> 3) / 16.0; }
+
+static f64 part(f64 x) { return x - floor(x); }
+
+/* Points first..first+count of the lamp of each pair, as origin[row] has them: its pattern is turned (on the torus) by
+   turn[row]. shape: FREE a sphere or a sun, of which the origin sees a disc of radius `size`; else half-axes u, v. */
+KERNEL(lamp_points,
+       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  row i32[k]  light i32[k]  position f64[L,3]  "
+       "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  out f64[p,3]!")
+i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i32 *row,
+                const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
+                const f64 *u, const f64 *v, f64 *out) {
+    (void)m, (void)L;
+    if (p != k * count) return 1;
+    for (i64 at = 0; at < k; at++) {
+        i64 i = light[at];
+        const f64 *from = origin + 3 * (i64)row[at], *own = turn + 2 * (i64)row[at], *c = position + 3 * i;
+        f64 e[3], f[3];
+        if (shape[i] == FREE) {
+            f64 d[3] = {c[0], c[1], c[2]};
+            if (!directional[i]) {
+                for (int j = 0; j < 3; j++) d[j] = c[j] - from[j];
+                f64 length = sqrt(dot(d, d));
+                for (int j = 0; j < 3; j++) d[j] /= length;
+            }
+            f64 sign = d[2] >= 0.0 ? 1.0 : -1.0, g = -1.0 / (sign + d[2]), both = d[0] * d[1] * g;
+            e[0] = size[i] * (1.0 + sign * d[0] * d[0] * g), e[1] = size[i] * sign * both, e[2] = -size[i] * sign * d[0];
+            f[0] = size[i] * both, f[1] = size[i] * (sign + d[1] * d[1] * g), f[2] = -size[i] * d[1];
+        } else {
+            memcpy(e, u + 3 * i, sizeof e), memcpy(f, v + 3 * i, sizeof f);
+        }
+        u64 key;
+        memcpy(&key, own + 1, sizeof key);
+        key = mixed(key + (u64)i * 0x9E3779B97F4A7C15u);
+        for (i64 n = first; n < first + count; n++) {
+            f64 *point = out + 3 * (at * count + n - first);
+            i64 j = stratum(n & 15) ^ (i64)(mixed(key + (u64)(n >> 4)) & 15);
+            f64 turned = own[0] + 0.7548776662466927 * (f64)i + 0.5698402909980532 * (f64)(n >> 4);
+            f64 a = ((f64)j + random_of(key ^ (u64)(256 + n - (n & 15) + j))) / 16.0, b = part(reversed(j) + turned);
+            f64 x = 2.0 * a - 1.0, y = 2.0 * b - 1.0;
+            if (shape[i] != RECTANGLE) x = sqrt(a) * cos(2 * PI * b), y = sqrt(a) * sin(2 * PI * b);
+            for (int j = 0; j < 3; j++) point[j] = c[j] + x * e[j] + y * f[j];
+        }
+    }
+    return 0;
+}
+
+/* The turns of nodes: a Kronecker sequence, so that neighbours' points stand between each other. */
+KERNEL(lamp_turns_of_nodes, "nodes i32[n,3]  out f64[n,2]!")
+i64 lamp_turns_of_nodes(i64 n, const i32 *nodes, f64 *out) {
+    static const f64 step[2][3] = {{0.8191725133961645, 0.6710436067037893, 0.5497004779019703},
+                                   {0.2207440846057596, 0.3247179572447460, 0.8812714616335696}};
+    for (i64 k = 0; k < n; k++)
+        for (int j = 0; j < 2; j++)
+            out[2 * k + j] = part(step[j][0] * nodes[3 * k] + part(step[j][1] * nodes[3 * k + 1]) +
+                                  part(step[j][2] * nodes[3 * k + 2]));
+    return 0;
+}
+
+/* The turns of receivers: at random, from their own positions, the same for any tiles, threads and order. */
+KERNEL(lamp_turns_of_points, "P f64[n,3]  out f64[n,2]!")
+i64 lamp_turns_of_points(i64 n, const f64 *P, f64 *out) {
+    for (i64 k = 0; k < n; k++) {
+        u64 key = 0x9E3779B97F4A7C15u, bits;
+        for (int j = 0; j < 3; j++) {
+            memcpy(&bits, P + 3 * k + j, sizeof bits);
+            key = (key ^ bits) * 0xD6E8FEB86659FD93u;
+            key ^= key >> 32;
+        }
+        for (int j = 0; j < 2; j++) out[2 * k + j] = random_of(key + (u64)j * 0x9E3779B97F4A7C15u);
+    }
+    return 0;
+}

@@ -1,0 +1,221 @@
+/* Shares of lamps at nodes, and their means at receivers (shares.py). */
+#include <stdlib.h>
+
+#include "targets.h"
+
+enum { EMPTY = 49, STEPS = 8 };  /* a blocker's distance a as 8 bits: EMPTY + STEPS·log2(a/h); 0: there is none */
+
+static u64 mixed_key(u64 x, u64 word) {
+    x = (x ^ word) * 0xD6E8FEB86659FD93u;
+    return x ^ x >> 32;
+}
+
+/* Receivers of one cell and one side of one triangle are a group, which has one set of candidates: those of `place`,
+   the middle of the cell put onto the triangle's plane. group: of each receiver; first: its first receiver; lit: what
+   lights its receivers ask for. Without triangles each receiver is a group. Returns how many there are. */
+KERNEL(shares_groups,
+       "h f64  rotation f64[3,3]  origin f64[3]  centre f64[3]  scale f64  vertices f32[v,3]  triangles i32[t,3]  "
+       "P f64[n,3]  N f64[n,3]  triangle i32[n]?  soft u64[n,W]  table i32[e]!  cells i64[n,3]!  group i32[n]!  "
+       "first i64[n]!  place f64[n,3]!  lit u64[n,W]!")
+i64 shares_groups(i64 v, i64 t, i64 n, i64 W, i64 e, f64 h, const f64 *R, const f64 *origin, const f64 *centre,
+                  f64 scale, const f32 *vertices, const i32 *triangles, const f64 *P, const f64 *N,
+                  const i32 *triangle, const u64 *soft, i32 *table, i64 *cells, i32 *group, i64 *first, f64 *place,
+                  u64 *lit) {
+    i64 count = 0, last = -1;
+    (void)v, (void)t;
+    for (i64 p = 0; p < n; p++) {
+        const f64 *at = P + 3 * p, *normal = N + 3 * p;
+        f64 x[3], q[3];
+        for (int j = 0; j < 3; j++) x[j] = (at[j] - origin[j]) / h;
+        i64 cell[3], found = -1;
+        int far = 0;
+        for (int j = 0; j < 3; j++) {
+            q[j] = floor(R[j] * x[0] + R[3 + j] * x[1] + R[6 + j] * x[2]);
+            far |= !(fabs(q[j]) < 2e9);
+            cell[j] = far ? 0 : (i64)q[j];
+        }
+        i64 slot = 0;
+        if (triangle && !far) {
+            if (last >= 0 && triangle[first[last]] == triangle[p] && !memcmp(cells + 3 * last, cell, sizeof cell) &&
+                !memcmp(N + 3 * first[last], normal, 3 * sizeof *normal))
+                found = last;  /* as neighbours often are */
+            if (found < 0) {
+                u64 key = mixed_key(mixed_key(mixed_key((u64)cell[0], (u64)cell[1]), (u64)cell[2]), (u64)triangle[p]);
+                for (slot = (i64)(key & ((u64)e - 1)); table[slot] >= 0; slot = (slot + 1) & (e - 1)) {
+                    i64 other = table[slot];
+                    if (triangle[first[other]] == triangle[p] && !memcmp(cells + 3 * other, cell, sizeof cell) &&
+                        !memcmp(N + 3 * first[other], normal, 3 * sizeof *normal)) {
+                        found = other;
+                        break;
+                    }
+                }
+            }
+        }
+        if (found < 0) {
+            found = count++;
+            first[found] = p;
+            memcpy(cells + 3 * found, cell, sizeof cell), memcpy(place + 3 * found, at, 3 * sizeof *at);
+            memset(lit + W * found, 0, (size_t)W * sizeof *lit);
+            if (triangle && !far) {
+                const f32 *corner = vertices + 3 * (i64)triangles[3 * (i64)triangle[p]];
+                f64 middle[3], above = 0.0;
+                table[slot] = (i32)found;
+                for (int j = 0; j < 3; j++) {
+                    middle[j] = origin[j];
+                    for (int r = 0; r < 3; r++) middle[j] += h * R[3 * j + r] * ((f64)cell[r] + 0.5);
+                    above += normal[j] * (middle[j] - (centre[j] + scale * corner[j]));
+                }
+                for (int j = 0; j < 3; j++) place[3 * found + j] = middle[j] - above * normal[j];
+            }
+        }
+        group[p] = (i32)found, last = triangle && !far ? found : -1;
+        for (i64 w = 0; w < W; w++) lit[W * found + w] |= soft[W * p + w];
+    }
+    return count;
+}
+
+/* Lamps of `lit` that the plane of a group cuts, or that are so near to it that they may be cut: no node stands for
+   what is seen of them. */
+KERNEL(shares_grazing,
+       "place f64[g,3]  N f64[n,3]  first i64[g]  position f64[L,3]  directional bool[L]  shape u8[L]  size f64[L]  "
+       "u f64[L,3]  v f64[L,3]  lit u64[g,W]  out u64[g,W]!")
+i64 shares_grazing(i64 g, i64 n, i64 L, i64 W, const f64 *place, const f64 *N, const i64 *first, const f64 *position,
+                   const u8 *directional, const u8 *shape, const f64 *size, const f64 *u, const f64 *v,
+                   const u64 *lit, u64 *out) {
+    (void)n;
+    memset(out, 0, (size_t)(g * W) * sizeof *out);
+    for (i64 p = 0; p < g; p++)
+        for (i64 i = 0; i < L; i++) {
+            if (!has(lit + W * p, i)) continue;
+            const f64 *normal = N + 3 * first[p];
+            f64 way[3], reach = size[i];
+            for (int j = 0; j < 3; j++) way[j] = position[3 * i + j] - (directional[i] ? 0.0 : place[3 * p + j]);
+            if (shape[i]) reach = fabs(dot(u + 3 * i, normal)) + fabs(dot(v + 3 * i, normal));
+            if (dot(way, normal) <= reach) out[W * p + (i >> 6)] |= bit(i);
+        }
+    return 0;
+}
+
+/* What a group's candidates say of the lights it asks for: `seen` by all with all their `points` points, or `mixed`;
+   of the others by none. seen_points (u,L): how many of them each sees. */
+KERNEL(shares_sorted,
+       "start i64[g,s]  candidate i32[c]  points i64  seen_points u8[u,L]  lit u64[g,W]  seen u64[g,W]!  mixed u64[g,W]!")
+i64 shares_sorted(i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, const i64 *start, const i32 *candidate, i64 points,
+                  const u8 *seen_points, const u64 *lit, u64 *seen, u64 *mixed) {
+    u8 *least = malloc((size_t)(2 * L)), *most = least + L;
+    (void)c, (void)u;
+    if (!least) return 1;
+    for (i64 p = 0; p < g; p++) {
+        i64 begin = start[p * s], end = start[p * s + s - 1];
+        memset(least, 255, (size_t)L), memset(most, 0, (size_t)L);
+        for (i64 at = begin; at < end; at++) {
+            const u8 *row = seen_points + (i64)candidate[at] * L;
+            for (i64 i = 0; i < L; i++) {
+                least[i] = row[i] < least[i] ? row[i] : least[i];
+                most[i] = row[i] > most[i] ? row[i] : most[i];
+            }
+        }
+        memset(seen + W * p, 0, (size_t)W * sizeof *seen), memset(mixed + W * p, 0, (size_t)W * sizeof *mixed);
+        for (i64 i = 0; i < L; i++) {
+            if (!has(lit + W * p, i)) continue;
+            if (begin == end || (least[i] != most[i] || (least[i] && least[i] != points)))
+                mixed[W * p + (i >> 6)] |= bit(i);
+            else if (least[i])
+                seen[W * p + (i >> 6)] |= bit(i);
+        }
+    }
+    free(least);
+    return 0;
+}
+
+/* How far each ray from origin[row] has come to the place (u, v) of a triangle (−1: none), as 8 bits; 0: none. */
+KERNEL(shares_distances,
+       "centre f64[3]  scale f64  vertices f32[v,3]  triangles i32[t,3]  h f64  origin f64[n,3]  triangle i32[n]  "
+       "a f32[n]  b f32[n]  out u8[n]!")
+i64 shares_distances(i64 v, i64 t, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
+                     f64 h, const f64 *origin, const i32 *triangle, const f32 *a, const f32 *b, u8 *out) {
+    (void)v, (void)t;
+    for (i64 k = 0; k < n; k++) {
+        out[k] = 0;
+        if (triangle[k] < 0) continue;
+        Edges s = edges_of(vertices, triangles + 3 * (i64)triangle[k]);
+        f64 square_of = 0.0;
+        for (int j = 0; j < 3; j++)
+            square_of += square(centre[j] + scale * (s.a[j] + a[k] * s.e[j] + b[k] * s.f[j]) - origin[3 * k + j]);
+        f64 code = EMPTY + STEPS * 0.5 * log2(square_of / (h * h) + 1e-300);
+        out[k] = (u8)(code < 1.0 ? 1.0 : code > 255.0 ? 255.0 : code);
+    }
+    return 0;
+}
+
+/* Two unit vectors across a unit normal. */
+static void across(const f64 *n, f64 *e, f64 *f) {
+    f64 sign = n[2] >= 0.0 ? 1.0 : -1.0, a = -1.0 / (sign + n[2]), b = n[0] * n[1] * a;
+    e[0] = 1.0 + sign * n[0] * n[0] * a, e[1] = sign * b, e[2] = -sign * n[0];
+    f[0] = b, f[1] = sign + n[1] * n[1] * a, f[2] = -n[1];
+}
+
+#define RIDGE 0.02  /* of the variance along the plane that is added, in r² */
+
+/* S of pairs of receiver P[row] and light: the mean of its group's candidates' shares, each slid along the light's way
+   onto the receiver's plane and weighed by how far it lies there from P. shares (u,2L): of each light how many of
+   `points` points the node sees, and the distance of what is nearest in the way. narrow (L,): `narrowest`. width: the
+   narrowest penumbra that was met, over r; 0: too few candidates to say. */
+KERNEL(shares_mean,
+       "P f64[n,3]  N f64[n,3]  row i32[k]  light i32[k]  group i32[n]  start i64[g,s]  candidate i32[c]  "
+       "position f64[u,3]  shares u8[u,l]  points i64  h f64  r f64  light_position f64[L,3]  "
+       "directional bool[L]  narrow f64[L]  facing f64[L,3]  S f32[k]!  width f32[k]!")
+i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f64 *P, const f64 *N, const i32 *row,
+                const i32 *light, const i32 *group, const i64 *start, const i32 *candidate, const f64 *position,
+                const u8 *shares, i64 points, f64 h, f64 r, const f64 *light_position,
+                const u8 *directional, const f64 *narrow, const f64 *facing, f32 *S, f32 *width) {
+    f64 distance[256];
+    (void)n, (void)g, (void)c, (void)u, (void)L;
+    for (int code = 0; code < 256; code++) distance[code] = h * exp2((f64)(code - EMPTY) / STEPS);
+    for (i64 at = 0; at < k; at++) {
+        i64 p = row[at], i = light[at];
+        const f64 *o = P + 3 * p, *normal = N + 3 * p, *lamp = light_position + 3 * i, *axis = facing + 3 * i;
+        const i64 *range = start + s * (i64)group[p];
+        f64 total = 0.0, seen = 0.0, least = 1e30, e[3], f[3], m[2] = {0}, mm[3] = {0}, sm[2] = {0};
+        across(normal, e, f);
+        for (i64 q = range[0]; q < range[s - 1]; q++) {
+            i64 node = candidate[q];
+            const f64 *x = position + 3 * node;
+            f64 d[3] = {x[0] - o[0], x[1] - o[1], x[2] - o[2]}, way[3];
+            f64 above = dot(d, normal), near = dot(d, d) / (r * r);
+            for (int j = 0; j < 3; j++) way[j] = lamp[j] - (directional[i] ? 0.0 : x[j]);
+            f64 rise = dot(way, normal);
+            if (near >= 1.0 || above <= 0.0 || rise <= 0.0) continue;
+            f64 slide = above / rise, off = 0.0;
+            for (int j = 0; j < 3; j++) d[j] = (d[j] - slide * way[j]) / r;
+            off = dot(d, d);
+            if (off >= 1.0) continue;
+            f64 weight = (1.0 - off) * (1.0 - near), share = weight * shares[node * l + 2 * i];
+            f64 a0 = dot(d, e), b0 = dot(d, f);
+            total += weight, seen += share;
+            m[0] += weight * a0, m[1] += weight * b0, sm[0] += share * a0, sm[1] += share * b0;
+            mm[0] += weight * a0 * a0, mm[1] += weight * a0 * b0, mm[2] += weight * b0 * b0;
+            u8 code = shares[node * l + 2 * i + 1];
+            if (code) {
+                f64 length = sqrt(dot(way, way)), a = distance[code] + slide * length, size = narrow[i];
+                if (axis[0] != 0.0 || axis[1] != 0.0 || axis[2] != 0.0) size *= fabs(dot(axis, way)) / length;
+                f64 rest = directional[i] ? 1.0 : length * (1.0 + slide) - a;
+                f64 w = rest > 0.0 ? size * a / rest : 1e30;
+                least = w < least ? w : least;
+            }
+        }
+        S[at] = 0.0f;
+        if (total > 0.0) {
+            /* The plane through them that fits best, at P; pulled towards the mean where they tell little of it. */
+            f64 ridge = RIDGE;
+            m[0] /= total, m[1] /= total, seen /= total;
+            f64 c0 = mm[0] / total - m[0] * m[0] + ridge, c1 = mm[1] / total - m[0] * m[1];
+            f64 c2 = mm[2] / total - m[1] * m[1] + ridge, det = c0 * c2 - c1 * c1;
+            f64 s0 = sm[0] / total - seen * m[0], s1 = sm[1] / total - seen * m[1];
+            f64 value = (seen - ((c2 * s0 - c1 * s1) * m[0] + (c0 * s1 - c1 * s0) * m[1]) / det) / points;
+            S[at] = (f32)(value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value);
+        }
+        width[at] = (f32)(total < 0.8 ? 0.0 : least / r);
+    }
+    return 0;
+}

@@ -1,0 +1,189 @@
+"""Nodes that hold the share of a lamp that they see, on one lattice, and the means of it at receivers.
+
+A node that some receiver asks for traces FIRST points of the lamp. Receivers of one lattice cell on one triangle are a
+*group*, with one set of candidates: where all of them see all of these points, or none, the group is done. Only the
+nodes of the others trace all POINTS, and note how far away the nearest thing in the way is.
+
+A receiver's mean takes each node *slid* onto the receiver's plane, along the way from the lamp's centre: what the node
+sees is what that place sees, as long as nothing lies between. So it is asked for only where the certificate says that
+nothing does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rays.tracer import Targets
+from ..support.bits import mask_of
+from ..support.native import kernel, needs_memory
+from . import pairs
+from .lamp_points import Shapes, points, turns_of_nodes
+from .meshes.averaging import ask
+from .meshes.certificate import Certificate
+from .meshes.lattice import candidates, lattice
+from .meshes.node_store import NodeStore
+from .method import Check, Receivers, Setup
+
+FIRST = 4  # points of a lamp that every node traces
+POINTS = 16  # that nodes near penumbrae trace
+ACROSS = 0.8661  # steps: from the middle of a cell to what is farthest in it
+PAIRS = 1 << 15  # of node and lamp traced at once
+
+_groups, _sorted, _mean = kernel("shares_groups"), kernel("shares_sorted"), kernel("shares_mean")
+_distances, _grazing = kernel("shares_distances"), kernel("shares_grazing")
+
+
+class Groups(NamedTuple):
+    """Receivers by cells and triangles, and their candidates."""
+
+    group: NDArray[np.int32]  # (n,) of each receiver
+    first: NDArray[np.int64]  # (g,) its first receiver
+    place: NDArray[np.float64]  # (g,3) where its candidates are around
+    lit: NDArray[np.uint64]  # (g,W) lights that its receivers ask for
+    start: NDArray[np.int64]  # (g,2) see `lattice.candidates`
+    candidate: NDArray[np.int32]
+    nodes: NDArray[np.int32]  # (u,3)
+    position: NDArray[np.float64]  # (u,3) world
+
+
+class Lamps(NamedTuple):
+    """What nodes and receivers must know of the lamps."""
+
+    targets: Targets  # their centres
+    shapes: Shapes
+    narrow: NDArray[np.float64]  # (L,) half of the least width (`lamp_points.narrowest`)
+    facing: NDArray[np.float64]  # (L,3) the normal of AREA lamps, 0 of others, which look the same from everywhere
+
+
+class Shares:
+    """One lattice of such nodes."""
+
+    def __init__(self, lamps: Lamps, setup: Setup, h: float) -> None:
+        """h: step, world; r = h·kI."""
+        assert setup.lattice is not None
+        settings, self.count = setup.settings, len(lamps.narrow)
+        self.h, self.r = h, h * settings.kI
+        self.lattice = lattice(h, np.array([settings.kI + ACROSS]), settings.lattice_rotation, settings.lattice_origin)
+        self._lamps, self._tracer, self._stats = lamps, setup.tracer, setup.stats
+        self._surfaces = setup.lattice.surfaces
+        self._casters = setup.casters.soft
+        self._first = NodeStore(self.count, 1, np.uint8)
+        self._all = NodeStore(self.count, 2, np.uint8)
+        self._every = np.stack([mask_of(range(self.count), self.count)])
+        self.certificate: Certificate | None = None
+
+    @property
+    def reach(self) -> float:
+        """How far from a receiver its group's candidates may be, world."""
+        return self.h * (float(self.lattice.reach[-1]) + ACROSS)
+
+    @property
+    def nodes(self) -> int:
+        """How many nodes there are."""
+        return max(self._first.count, self._all.count)
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the nodes."""
+        return self._first.bytes + self._all.bytes
+
+    def groups(self, at: Receivers) -> Groups:
+        """The groups of receivers, which ask for the lights in at.active."""
+        n, s, L, N = len(at.P), self._surfaces, self.lattice, at.normals()
+        table = np.full(1 << int(2 * n + 2).bit_length(), -1, np.int32)
+        cells, group = np.empty((n, 3), np.int64), np.empty(n, np.int32)
+        first, place, lit = np.empty(n, np.int64), np.empty((n, 3)), np.empty_like(at.active)
+        count = _groups(L.h, L.rotation, L.origin, s.centre, s.scale, s.vertices, s.triangles, at.P, N, at.triangle,
+                        at.active, table, cells, group, first, place, lit)
+        first, place, lit = first[:count].copy(), place[:count].copy(), lit[:count].copy()
+        start, candidate, nodes = candidates(L, place, N[first])
+        return Groups(group, first, place, lit, start, candidate, nodes, L.position(nodes))
+
+    def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """Lights that all candidates of each group see (g,W), and those that they do not agree on."""
+        need = self._need(g, g.lit)
+        seen_points = self._first.values(g.nodes, need, lambda nodes, todo: self._trace_first(nodes, todo, check))
+        seen, mixed = np.empty_like(g.lit), np.empty_like(g.lit)
+        needs_memory(_sorted(g.start, g.candidate, FIRST, seen_points, g.lit, seen, mixed))
+        return seen, mixed
+
+    def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:
+        """Lamps (g,W) that the plane of a group may cut."""
+        out = np.empty_like(g.lit)
+        _grazing(g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes, g.lit, out)
+        return out
+
+    def shares(self, g: Groups, lights: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
+        """Shares and distances (u,2L) of the nodes of groups, right for `lights` (g,W)."""
+        found: NDArray[np.uint8] = self._all.values(g.nodes, self._need(g, lights),
+                                                    lambda nodes, todo: self._trace_all(nodes, todo, check))
+        return found
+
+    def mean(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], g: Groups,
+             shares: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """S (k,) of pairs of receiver and light, and the width of the narrowest penumbra near, in r; 0: too few nodes.
+        """
+        S, width = np.empty(len(row), np.float32), np.empty(len(row), np.float32)
+        _mean(at.P, at.N, row, light, g.group, g.start, g.candidate, g.position, shares, POINTS, self.h, self.r,
+              *self._lamps.targets, self._lamps.narrow, self._lamps.facing, S, width)
+        return S, width
+
+    def _need(self, g: Groups, lights: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        need = np.zeros((len(g.nodes), lights.shape[1]), np.uint64)
+        ask(g.start, g.candidate, lights, self._every, need)
+        return need
+
+    def _pairs(self, todo: NDArray[np.uint64],
+               check: Check) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32], int]]:
+        """(row, light, casters) of what is to be traced, in bounded pieces."""
+        for casters in self._casters:
+            for i in range(0, len(todo), PAIRS):
+                for row, light in pairs.blocks(todo[i:i + PAIRS] & casters.lights, self.count):
+                    for k in range(0, len(row), PAIRS):
+                        check()
+                        yield row[k:k + PAIRS] + np.int32(i), light[k:k + PAIRS], casters.casters
+
+    def _trace_first(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
+        """How many of the FIRST points nodes (n,3) see, of the lights in todo (n,W): (n,L)."""
+        found = np.zeros((len(nodes), self.count), np.uint8)
+        x, turn = self.lattice.position(nodes), turns_of_nodes(nodes)
+        for row, light, casters in self._pairs(todo, check):
+            target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, 0, FIRST)
+            of = np.repeat(row, FIRST)
+            blocked = self._tracer.occluded(x, of, target, np.arange(len(of), dtype=np.int32), None, closed=False,
+                                            kind="opaque", casters=casters)
+            found[row, light] = FIRST - blocked.reshape(-1, FIRST).sum(1, dtype=np.uint8)
+            self._stats.add(long_rays=len(of))
+        return found
+
+    def _trace_all(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
+        """How many of all POINTS they see, and how far away something in the way is, as 8 bits or 0: (n,2L)."""
+        found = np.zeros((len(nodes), self.count, 2), np.uint8)
+        x, turn = self.lattice.position(nodes), turns_of_nodes(nodes)
+        for row, light, casters in self._pairs(todo, check):
+            target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, 0, POINTS)
+            of, order = np.repeat(row, POINTS), np.arange(len(row) * POINTS, dtype=np.int32)
+            blocked = self._tracer.occluded(x, of, target, order, None, closed=False, kind="opaque",
+                                            casters=casters).reshape(-1, POINTS)
+            found[row, light, 0] = POINTS - blocked.sum(1, dtype=np.uint8)
+            some = np.flatnonzero(blocked.any(1))
+            ends = blocked[some].argmax(1), POINTS - 1 - blocked[some, ::-1].argmax(1)  # the first and last of them
+            a, b = (self._distance(x[row[some]], target, some * POINTS + end, casters) for end in ends)
+            found[row[some], light[some], 1] = np.minimum(np.where(a > 0, a, 255), np.where(b > 0, b, 255))
+            self._stats.add(long_rays=len(of) + 2 * len(some))
+        return found.reshape(len(nodes), -1)
+
+    def _distance(self, origin: NDArray[np.float64], targets: Targets, target: NDArray[np.intp],
+                  casters: int) -> NDArray[np.uint8]:
+        """How far from origins (n,3) the first thing on the way to their targets is, as 8 bits; 0: there is none."""
+        s, directional, out = self._surfaces, targets.directional[target], np.empty(len(origin), np.uint8)
+        way = targets.position[target] - np.where(directional[:, None], 0.0, origin)
+        length = np.sqrt((way * way).sum(1))
+        triangle, u, v = self._tracer.closest("opaque", origin, way / length[:, None], None,
+                                              np.where(directional, 1e300, length), casters)
+        _distances(s.centre, s.scale, s.vertices, s.triangles, self.h, origin, triangle, u, v, out)
+        return out
