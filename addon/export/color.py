@@ -44,10 +44,10 @@ def working_space() -> str:
     return found.working_space if found and not os.environ.get("OCIO") else "scene_linear"
 
 
-def luminance(color) -> float:
-    """Return the luminance Y of a colour in the scene's linear light."""
-    weights = [Color(one).from_scene_linear_to_xyz_d65()[1] for one in IDENTITY]
-    return float(np.dot(weights, list(color)[:3]))
+def luminance_weights() -> tuple[float, float, float]:
+    """What each channel of the scene's linear light adds to the Y of a colour."""
+    red, green, blue = (Color(one).from_scene_linear_to_xyz_d65()[1] for one in IDENTITY)
+    return red, green, blue
 
 
 def _matrix(method: str) -> list[list[float]]:

@@ -74,7 +74,7 @@ class Geometry:
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays of the engine's Geometry."""
         assert isinstance(self.meshes, Meshes)
-        found, textured = self.meshes.found, bool(self._materials.images) or self._materials.every_uv
+        found, textured = self.meshes.found, self._materials.textured or self._materials.every_uv
         return joined([mesh.arrays() for mesh in found], textured) | self.instances({
             id(mesh): i for i, mesh in enumerate(found)})
 
@@ -106,7 +106,7 @@ class Geometry:
             "index": ob.pass_index,
             "cast_soft_shadows": all(o.light_meshes.cast_soft_shadows for o in seen),
             "receive_soft_shadows": all(o.light_meshes.receive_soft_shadows for o in seen),
-        } | _terminator(ob))
+        } | _terminator(ob) | _texture_space(ob.data))
         return len(self.objects) - 1
 
     def _mesh(self, ob, data, source, parent) -> Any:
@@ -166,6 +166,14 @@ def _terminator(ob) -> dict[str, float]:
     cycles = getattr(ob, "cycles", None)  # it belongs to another add-on, which may be switched off
     return {"shadow_terminator_geometry_offset": getattr(cycles, "shadow_terminator_geometry_offset", 0.1),
             "shadow_terminator_shading_offset": getattr(cycles, "shadow_terminator_offset", 0.0)}
+
+
+def _texture_space(mesh) -> dict[str, list[float]]:
+    """The box of a mesh over which Generated coordinates go from 0 to 1, where it is not the engine's default."""
+    place, size = list(mesh.texspace_location), list(mesh.texspace_size)
+    if place == [0.0] * 3 and size == [1.0] * 3:
+        return {}
+    return {"texture_location": place, "texture_size": size}
 
 
 class Meshes:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cryptomatte import DEFAULT
+from . import values
 from .images import Images
 from .nodes import Nodes, uses_nodes
 from .report import Report
@@ -40,8 +41,9 @@ class Materials:
         if changed or repainted:
             self._translated.clear()
             self._images.clear(repainted)
-            # In case it is not asked for any more.
-            self.descriptions = [d | {"image": -1, "alpha_image": -1} for d in self.descriptions]
+            # Should one not be asked for any more.
+            self.descriptions = [{name: value for name, value in d.items() if name != "program"}
+                                 | {"image": -1, "alpha_image": -1} for d in self.descriptions]
 
     def forget_files(self, names: set[str]) -> None:
         """Forget these files in the snapshot's folder, which were removed."""
@@ -50,6 +52,11 @@ class Materials:
     @property
     def images(self) -> list[dict]:
         return self._images.descriptions
+
+    @property
+    def textured(self) -> bool:
+        """Whether any material is placed by a UV map."""
+        return any(name is not None for name in self._uv_maps)
 
     def index(self, material) -> int:
         """Return the number of `material` (None: Blender's default). It is translated when it is first asked for.
@@ -84,40 +91,88 @@ class Materials:
         return maps[0] if maps else None
 
     def _translate(self, index: int, material, report: Report) -> None:
-        surface = translate(material, report) if material else Surface()
+        nodes = _nodes(material, report, lambda node: self._images.index(node, report))
+        surface = translated(material, nodes)
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
-        description |= surface.whitted()
+        found = surface.whitted()
         overrides = material.light_meshes if material else None
         if overrides:
-            description |= _overrides(overrides) | {
+            found |= _overrides(overrides)
+        description |= _written(found)
+        if overrides:
+            description |= {
                  name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
             description |= {"transparent_shadow": material.use_transparent_shadow, "index": material.pass_index}
-        if surface.image and not (overrides and overrides.override_Od):
-            description["image"] = self._images.index(surface.image, report)
-        if surface.alpha_image and not (overrides and overrides.override_alpha):
-            description["alpha_image"] = self._images.index(surface.alpha_image, report)
-        textured = max(description["image"], description["alpha_image"]) >= 0
+        asked = nodes.uv_maps if nodes and _uses_uv(description) else []
+        if nodes and len(asked) > 1:
+            nodes.warn("its nodes ask for several UV maps; the first is used for all", f"'{asked[0] or 'the default'}'")
         self.descriptions[index:index + 1] = [description]
-        self._uv_maps[index:index + 1] = [surface.uv_map if textured else None]
+        self._uv_maps[index:index + 1] = [asked[0] if asked else None]
+        values.forget()
+
+
+def _nodes(material, report: Report, image) -> Nodes | None:
+    return Nodes(material.node_tree, "Material", material.name, report, image) if (
+        material and uses_nodes(material)) else None
+
+
+def translated(material, nodes: Nodes | None) -> Surface:
+    """The surface that the nodes of `material` describe, or its viewport colour where it has none (None: Blender's).
+    """
+    if nodes:
+        return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
+    return Surface.diffuse(tuple(material.diffuse_color)[:3]) if material else Surface()  # as Cycles
 
 
 def translate(material, report: Report) -> Surface:
-    """Return the surface that the nodes of `material` describe, or its viewport colour if it has no nodes."""
-    if uses_nodes(material):
-        nodes = Nodes(material.node_tree, "Material", material.name, report)
-        return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
-    return Surface.diffuse(tuple(material.diffuse_color)[:3])  # as in Cycles
+    """The surface of `material` for who only wants to look at it: images have no numbers."""
+    return translated(material, _nodes(material, report, lambda node: 0))
+
+
+# What stands for a value that differs from place to place, where a single one is wanted: in the panel when an override
+# begins, and in the engine's plan.
+_TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "nShiny": 50.0, "mirror": [0.5] * 3,
+            "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5}
+
+
+def typical(name: str, value: Any) -> Any:
+    """Whitted's parameter `name` with the value that was translated, or one that is typical where it differs."""
+    channels = value if isinstance(value, list) else [value]
+    return value if values.is_constant(*channels) else _TYPICAL[name]
+
+
+def _written(found: dict[str, Any]) -> dict[str, Any]:
+    """What the engine's Material says of Whitted's parameters: numbers, images, and a program for all else."""
+    description = {name: typical(name, value) for name, value in found.items()}
+    varies = {name: value for name, value in found.items() if description[name] is not value}
+    if "Od" in varies and (image := values.plain_image(varies["Od"], 0)) >= 0:
+        description["image"] = image
+        del varies["Od"]
+    if "alpha" in varies and (image := values.plain_image([varies["alpha"]], 3)) >= 0:
+        description |= {"alpha_image": image, "alpha": 1.0}
+        del varies["alpha"]
+    if varies:
+        operations, results = values.compiled(varies)
+        description["program"] = {"operations": operations, "values": results}
+    return description
+
+
+def _uses_uv(description: dict[str, Any]) -> bool:
+    """Whether anything that is left after overrides is placed by a UV map."""
+    program = description.get("program", {"operations": []})
+    return (max(description["image"], description["alpha_image"]) >= 0
+            or any(name == "uv" for name, *_ in program["operations"]))
 
 
 def translated_value(material, name: str):
-    """Return Whitted's parameter `name`, translated from the nodes, without overrides. The panel shows it."""
-    return translate(material, Report()).whitted()[name]
+    """Whitted's parameter `name` as translated from the nodes, without overrides: what the panel shows."""
+    return typical(name, translate(material, Report()).whitted()[name])
 
 
 def _overrides(settings) -> dict:
-    values = {}
+    found = {}
     for name in Surface().whitted():
         if getattr(settings, f"override_{name}"):
             value = getattr(settings, name)
-            values[name] = list(value) if name in _TUPLES else value
-    return values
+            found[name] = list(value) if name in _TUPLES else value
+    return found

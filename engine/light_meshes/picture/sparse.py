@@ -135,11 +135,12 @@ class Sparse:
     def direct(self, hits: Hits, direction: NDArray, pixel: NDArray, box: tuple[int, int, int, int], check: Check,
                parts: bool, work: NDArray | None) -> Sums:
         """As `Lighting.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
-        m = self._world.materials
+        m = hits.table
         Od, sums = self._lighting.unshaded(hits, parts, True)
         colour, terms, _ = sums  # there are no shadow passes, the plan makes sure
         with self._stats.stage("interpolation"):
             film, left = self._film(hits, pixel, box)
+            left = left[hits.row[left] == hits.material[left]]  # what a program says is no corner's
             done, light = np.zeros(len(film), np.bool_), np.empty((len(film), 6 if self._gloss else 3))
         for k, step in enumerate(self._steps):
             check()
@@ -152,9 +153,9 @@ class Sparse:
         with self._stats.stage("interpolation"):
             some, rest = np.flatnonzero(done), np.flatnonzero(~done)
             matt, glossy = (terms["Diffuse"], terms["Glossy"]) if terms else (colour, colour)
-            _add(some, hits.material, m.kd, Od, light, 0, matt)
+            _add(some, hits.row, m.kd, Od, light, 0, matt)
             if self._gloss:
-                _add(some, hits.material, m.ks, m.Os.take(hits.material, axis=0), light, 3, glossy)
+                _add(some, hits.row, m.ks, m.Os.take(hits.row, axis=0), light, 3, glossy)
             if terms:
                 colour += matt + glossy
         self._stats.add(computed=len(rest))

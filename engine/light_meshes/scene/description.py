@@ -17,6 +17,7 @@ from ..support.text import quoted
 from . import transforms
 from .errors import SceneError
 from .mesh import Mesh, at_least, numbers
+from .programs import NO_PROGRAM, Program
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
@@ -185,6 +186,7 @@ class Material:
     receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp (method §4c)
     index: int = 0  # the artist's number for the Material Index pass
     cryptomatte: int = 0  # the number of its name for Cryptomatte
+    program: Program = NO_PROGRAM  # computes some of these values point by point, from the material's nodes
 
 
 @dataclass(frozen=True)
@@ -225,6 +227,9 @@ class Object:
     index: int = 0  # the artist's number for the Object Index pass
     cryptomatte: int = 0  # the number of its name for Cryptomatte
     cryptomatte_asset: int = 0  # and the number for its topmost parent
+    # Generated coordinates go from 0 to 1 over a box in the object's own space: its centre, and half of its size.
+    texture_location: RGB = (0.0, 0.0, 0.0)
+    texture_size: RGB = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

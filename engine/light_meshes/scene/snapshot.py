@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..support.text import quoted
+from . import programs
 from .arrays import ARRAYS, check_geometry, read_geometry
 from .description import (
     CAUSTICS,
@@ -125,7 +126,7 @@ def write(scene: Scene, folder: Path) -> None:
 
 def _plain(item: Any) -> dict[str, Any]:
     return {
-        k: v.tolist() if isinstance(v, np.ndarray) else v
+        k: v.tolist() if isinstance(v, np.ndarray) else programs.plain(v) if isinstance(v, programs.Program) else v
         for k, v in ((f.name, getattr(item, f.name)) for f in dataclasses.fields(item))
     }
 
@@ -278,6 +279,8 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
         if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
             raise SceneError(f"{where}: its matrix is flat: a scale of 0 leaves nothing to see")
         return matrix
+    if (cls, name) == (Material, "program"):
+        return programs.program(value, where)
     if value is None and default is None:
         return None
     if (cls, name) == (Settings, "method"):
@@ -298,6 +301,8 @@ def check(scene: Scene) -> None:
     g = scene.geometry
     check_geometry(g, len(scene.objects), len(scene.materials))
     for material in scene.materials:
+        if not all(0 <= image < len(scene.images) for image in material.program.images()):
+            raise SceneError(f"material {quoted(material.name)}: its program looks at an image that does not exist")
         for image in (material.image, material.alpha_image):
             if not -1 <= image < len(scene.images):
                 raise SceneError(f"material {quoted(material.name)}: image {image} does not exist")

@@ -65,6 +65,11 @@ class Materials(NamedTuple):
     mirror: NDArray[np.float64]  # (M,3)
     emission: NDArray[np.float64]  # (M,3)
     image: NDArray[np.int32]
+    kt: NDArray[np.float64]  # (M,3)
+    ior: NDArray[np.float64]
+    fresnel: NDArray[np.bool_]
+    alpha: NDArray[np.float64]
+    alpha_image: NDArray[np.int32]
 
 
 def material_arrays(materials: tuple[Material, ...]) -> Materials:
@@ -77,7 +82,9 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
 
     return Materials(
         colour("Od"), column("ka"), column("kd"), column("ks"), colour("Os"), column("nShiny"), colour("mirror"),
-        colour("emission"), np.array([m.image for m in materials], np.int32),
+        colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
+        np.array([m.fresnel for m in materials], np.bool_), column("alpha"),
+        np.array([m.alpha_image for m in materials], np.int32),
     )
 
 
@@ -98,7 +105,7 @@ class Lit(NamedTuple):
     def taken(self) -> tuple[NDArray, ...]:
         """Return the arguments for the kernels in `shading.c`, in their order."""
         m, h = self.materials, self.hits
-        return (*self.lights, m.kd, m.ks, m.Os, m.nShiny, h.P, h.Ng, h.Ns, self.direction, self.Od, h.material)
+        return (*self.lights, m.kd, m.ks, m.Os, m.nShiny, h.P, h.Ng, h.Ns, self.direction, self.Od, h.row)
 
 
 def reaching(lit: Lit, unlit: bool, active: NDArray[np.uint64]) -> None:
