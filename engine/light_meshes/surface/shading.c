@@ -72,9 +72,9 @@ static int fill(Block *b, i64 first, const Materials *materials, const Receivers
 }
 
 /* What arrives from a light at a receiver: whether ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both multiplied
-   by |L − P|. */
+   by |L − P|. `lit` has the width of the numbers, so that the compiler need not convert vectors. */
 typedef struct {
-    int lit;
+    i64 lit;
     f64 power, inverse, cosine, lobe;
 } Arriving;
 
@@ -88,11 +88,12 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
 }
 
 /* Sets the light's bit for the receivers that it reaches. */
-INLINE void mark(int kind, const Source *s, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
+INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, const Block *b, u64 *bits) {
+    u64 matt_colour = s->diffuse ? colour : 0, gloss_colour = s->glossy ? colour << 3 : 0;
     for (int k = 0; k < SIDE; k++) {
         Arriving a = arriving(kind, s, b, k);
-        int matt = s->diffuse & ((b->returns[k] & colour) != 0), gloss = s->glossy & ((b->returns[k] & colour << 3) != 0);
-        int lit = a.lit & (unlit | (matt & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
+        i64 matt = (b->returns[k] & matt_colour) != 0, gloss = (b->returns[k] & gloss_colour) != 0;
+        i64 lit = a.lit & (unlit | (matt & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
         bits[k] |= lit ? own : 0;
     }
 }
@@ -168,6 +169,10 @@ i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour,
                     i64 p = k < count ? first + k : n - 1;
                     share[c][k] = S[(p * L + i) * C + c];
                 }
+            u32 any = 0;  /* −0 and 0 are none */
+            for (i64 c = 0; c < C; c++)
+                for (int k = 0; k < SIDE; k++) any |= share[c][k] != 0.0;
+            if (!any) continue;
             if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
             if (shines && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
         }
