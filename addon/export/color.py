@@ -38,6 +38,11 @@ def to_rec709() -> list[list[float]]:
     return _matrix("from_scene_linear_to_rec709_linear")
 
 
+def from_xyz() -> list[list[float]]:
+    """The matrix, rows, from CIE XYZ with white at D65 to the scene's linear light."""
+    return _matrix("from_xyz_d65_to_scene_linear")
+
+
 def working_space() -> str:
     """Return the configuration's name for the scene's linear light."""
     found = getattr(bpy.data, "colorspace", None)  # 5.0+

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..cryptomatte import DEFAULT
 from . import values
+from .channels import Asked, Channels, Key
 from .images import Images
 from .nodes import Nodes, uses_nodes
 from .report import Report
@@ -24,7 +25,9 @@ class Materials:
         self.every_uv = False  # whether UVs are needed also without images, for the UV pass
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
-        self._reports: list[Report] = []  # the warnings of each material's translation
+        self._channels = Channels()
+        self._asked_for: list[Asked] = []  # by each material's program
+        self._reports: list[Report] = []  # of each material's translation
         self._translated: set[int] = set()
         self.begin(report, depsgraph)
 
@@ -32,7 +35,7 @@ class Materials:
         """Begin another snapshot. The same materials keep their numbers. They may have `changed`, and their images may
         have been `repainted`.
         """
-        self._report, self._depsgraph = report, depsgraph
+        self._report, self.depsgraph = report, depsgraph
         self._override = depsgraph.view_layer_eval.material_override
         self._asked: set[int] = set()
         frame = depsgraph.scene_eval.frame_current
@@ -68,7 +71,7 @@ class Materials:
         index = self._indices.setdefault(key, len(self._indices))
         if key not in self._translated:
             report = Report()
-            self._translate(index, material.evaluated_get(self._depsgraph) if material else None, report)
+            self._translate(index, material.evaluated_get(self.depsgraph) if material else None, report)
             self._reports[index:index + 1] = [report]
             self._translated.add(key)
         if key not in self._asked:
@@ -83,15 +86,21 @@ class Materials:
         description = self.descriptions[index]
         return description["alpha"] == 0 and description["alpha_image"] < 0
 
-    def uv_map(self, indices: Iterable[int]) -> str | None:
-        """Return the UV map that the images of these materials need: a name, "" for the mesh's default, None if there
-        are no images.
-        """
-        maps = [m for m in (self._uv_maps[i] for i in indices) if m is not None]
-        return maps[0] if maps else None
+    def uv_maps(self, indices: Iterable[int]) -> tuple[str | None, ...]:
+        """The UV map that each of these materials wants: a name, "" for the mesh's own, None for no images."""
+        return tuple(self._uv_maps[i] for i in indices)
+
+    def corners(self, indices: Iterable[int]) -> dict[Key, int]:
+        """What these materials ask for at the corners of triangles, and the channels for it, in their order."""
+        return _numbered(self._channels.corners, [self._asked_for[i].corners for i in indices])
+
+    def instances(self, indices: Iterable[int]) -> dict[Key, int]:
+        """What these materials ask of instances, and the channels for it."""
+        return _numbered(self._channels.instances, [self._asked_for[i].instances for i in indices])
 
     def _translate(self, index: int, material, report: Report) -> None:
-        nodes = _nodes(material, report, lambda node: self._images.index(node, report))
+        asked = Asked(self._channels)
+        nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)
         surface = translated(material, nodes)
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
         found = surface.whitted()
@@ -103,17 +112,23 @@ class Materials:
             description |= {
                  name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
             description |= {"transparent_shadow": material.use_transparent_shadow, "index": material.pass_index}
-        asked = nodes.uv_maps if nodes and _uses_uv(description) else []
-        if nodes and len(asked) > 1:
-            nodes.warn("its nodes ask for several UV maps; the first is used for all", f"'{asked[0] or 'the default'}'")
         self.descriptions[index:index + 1] = [description]
-        self._uv_maps[index:index + 1] = [asked[0] if asked else None]
+        self._uv_maps[index:index + 1] = [nodes.uv_map if nodes and _uses_uv(description) else None]
+        self._asked_for[index:index + 1] = [asked]
         values.forget()
 
 
-def _nodes(material, report: Report, image) -> Nodes | None:
-    return Nodes(material.node_tree, "Material", material.name, report, image) if (
-        material and uses_nodes(material)) else None
+def _nodes(material, report: Report, image, asked: Asked | None = None) -> Nodes | None:
+    if not (material and uses_nodes(material)):
+        return None
+    nodes = Nodes(material.node_tree, "Material", material.name, report, image, asked)
+    nodes.pass_index, nodes.displacement_method = material.pass_index, material.displacement_method
+    return nodes
+
+
+def _numbered(channels: dict[Key, int], asked: Iterable[set[Key]]) -> dict[Key, int]:
+    """Those channels that are asked for, in the order of their numbers."""
+    return {key: channels[key] for key in sorted(set().union(*asked), key=channels.__getitem__)}
 
 
 def translated(material, nodes: Nodes | None) -> Surface:
@@ -126,7 +141,7 @@ def translated(material, nodes: Nodes | None) -> Surface:
 
 def translate(material, report: Report) -> Surface:
     """The surface of `material` for who only wants to look at it: images have no numbers."""
-    return translated(material, _nodes(material, report, lambda node: 0))
+    return translated(material, _nodes(material, report, lambda node, tile: 0))
 
 
 # What stands for a value that differs from place to place, where a single one is wanted: in the panel when an override
@@ -143,8 +158,8 @@ def typical(name: str, value: Any) -> Any:
 
 def _written(found: dict[str, Any]) -> dict[str, Any]:
     """What the engine's Material says of Whitted's parameters: numbers, images, and a program for all else."""
-    description = {name: typical(name, value) for name, value in found.items()}
-    varies = {name: value for name, value in found.items() if description[name] is not value}
+    description = {name: typical(name, value) for name, value in found.items() if name != "normal"}
+    varies = {name: value for name, value in found.items() if name == "normal" or description[name] is not value}
     if "Od" in varies and (image := values.plain_image(varies["Od"], 0)) >= 0:
         description["image"] = image
         del varies["Od"]

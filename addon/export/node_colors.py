@@ -84,7 +84,9 @@ def hsv(color: Triple) -> Triple:
 def from_hsv(color: Triple) -> Triple:
     """The colour of a hue, a saturation and a value."""
     hue, saturation, value = color
-    sixth = fraction(hue) * 6.0
+    # As Blender: what is no hue, below 0 or above 1, is taken for one of the last sixth, from magenta to red.
+    none = v.maximum(v.less(hue, 0.0), v.greater(hue, 1.0))
+    sixth = v.where(none, fraction(hue * 6.0) + 5.0, fraction(hue) * 6.0)
 
     def channel(offset: float) -> Value:
         k = fraction((sixth + offset) * (1.0 / 6.0)) * 6.0
@@ -261,7 +263,7 @@ def bright_contrast_node(nodes, node, socket) -> Triple:
 def gamma_node(nodes, node, socket) -> Triple:
     """The Gamma node."""
     gamma = nodes.value(node, "Gamma")
-    return tuple(v.where(v.greater(c, 0.0), v.power(c, gamma), c)
+    return tuple(v.where(v.unary("absolute", abs, gamma), v.where(v.greater(c, 0.0), v.power(c, gamma), c), 1.0)
                  for c in nodes.color(node, "Color"))  # type: ignore[return-value]
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import struct
 
+import bpy
+
 from . import values as v
 from .node_inputs import generated, uv
 from .node_math import floor, scaled
@@ -22,12 +24,44 @@ def image(nodes, node, socket) -> Triple | Value | None:
     if node.image is None:
         return (0.0, 0.0, 0.0) if socket.name == "Color" else 0.0  # as Cycles, where none is chosen
     place = _place(nodes, node, lambda: uv(nodes, ""))
-    x, y, _ = _projected(node.projection, place)
+    if node.image.source == 'TILED' and node.projection != 'BOX':
+        found = _tiled(nodes, node, *_projected(node.projection, place)[:2])
+        return found[:3] if socket.name == "Color" else found[3]  # type: ignore[return-value]
     number = nodes.image(node)
     if number < 0:
         return UNREAD
-    r, g, b, alpha = v.outputs("image", 4, float(number), x, y)
-    return (r, g, b) if socket.name == "Color" else alpha
+    if node.projection == 'BOX':
+        found = _boxed(float(number), place, node.projection_blend)
+    else:
+        x, y, _ = _projected(node.projection, place)
+        found = v.outputs("image", 4, float(number), x, y)
+    return found[:3] if socket.name == "Color" else found[3]  # type: ignore[return-value]
+
+
+def _tiled(nodes, node, x: Value, y: Value) -> tuple[Value, ...]:
+    """An image of UDIM tiles, each a unit square of its own; magenta where there is none, as Blender shows it."""
+    column, row = floor(x), floor(y)
+    found: tuple[Value, ...] = (1.0, 0.0, 1.0, 1.0)
+    for tile in node.image.tiles:
+        number = nodes.image(node, tile.number)
+        if number < 0:
+            continue
+        across, up = (tile.number - 1001) % 10, (tile.number - 1001) // 10
+        here = v.less(v.unary("absolute", abs, column - across), 0.5) * v.less(v.unary("absolute", abs, row - up), 0.5)
+        texels = v.outputs("image", 4, float(number), x - float(across), y - float(up))
+        found = tuple(v.where(here, a, b) for a, b in zip(texels, found, strict=True))
+    return found
+
+
+def _boxed(number: float, place: Triple, blend: float) -> tuple[Value, ...]:
+    """An image that is projected onto the sides of a box, none of them mirrored."""
+    x, y, z = place
+    normal = v.outputs("object_normal", 3)
+    sides = [(v.where(v.less(normal[0], 0.0), 1.0 - y, y), z), (v.where(v.greater(normal[1], 0.0), 1.0 - x, x), z),
+             (v.where(v.greater(normal[2], 0.0), 1.0 - y, y), x)]
+    weights = v.outputs("box", 3, blend)
+    images = [v.outputs("image", 4, number, *side) for side in sides]
+    return tuple(v.dot(weights, channel) for channel in zip(*images, strict=True))
 
 
 def _projected(kind: str, place: Triple) -> Triple:
@@ -164,7 +198,39 @@ def brick(nodes, node, socket) -> Triple | Value:
                  for a, b, c in zip(first, second, joint, strict=True))  # type: ignore[return-value]
 
 
+# In the order of the engine's voronoi.c.
+VORONOI_FEATURES = ('F1', 'F2', 'SMOOTH_F1', 'DISTANCE_TO_EDGE', 'N_SPHERE_RADIUS')
+VORONOI_DISTANCES = ('EUCLIDEAN', 'MANHATTAN', 'CHEBYCHEV', 'MINKOWSKI')
+
+
+def voronoi_hash() -> float:
+    """How this Blender chooses the points of cells: another pattern from 5.0 on."""
+    return float(bpy.app.version >= (5, 0))
+
+
+def voronoi(nodes, node, socket) -> Triple | Value:
+    """The Voronoi Texture node."""
+    dimensions = float(node.voronoi_dimensions[0])
+    place = _place(nodes, node, generated) if dimensions > 1 else (0.0, 0.0, 0.0)
+    w = nodes.value(node, "W") if dimensions in (1.0, 4.0) else 0.0
+    scale = nodes.value(node, "Scale")
+    x, y, z = scaled(place, scale)
+    how = [nodes.value(node, name) for name in ("Detail", "Roughness", "Lacunarity", "Smoothness", "Exponent",
+                                                "Randomness")]
+    found = v.outputs("voronoi", 8, dimensions, float(VORONOI_FEATURES.index(node.feature)),
+                      float(VORONOI_DISTANCES.index(node.distance)), float(node.normalize), voronoi_hash(),
+                      w * scale if dimensions == 1 else x, y, z, w * scale, *how)
+    if socket.name == "Color":
+        return found[1:4]
+    if socket.name == "Position":
+        return tuple(v.divide(p, scale) for p in found[4:7])  # type: ignore[return-value]
+    if socket.name == "W":
+        return v.divide(found[4] if dimensions == 1 else found[7], scale)
+    return found[0]
+
+
 NODES = {
+    'ShaderNodeTexVoronoi': voronoi,
     'ShaderNodeTexNoise': noise,
     'ShaderNodeTexWhiteNoise': white_noise,
     'ShaderNodeTexWave': wave,

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import bpy
 
+from .channels import Asked
 from .color import luminance_weights
 from .report import Report, shown
 from .values import Triple, Value, dot, is_constant
@@ -52,15 +53,18 @@ class Link(NamedTuple):
 class Nodes:
     """A node tree, what kind of thing it describes and its name, for warnings, and where warnings go.
 
-    image: (image texture node) → its number in the snapshot, negative where it cannot be had; None: values that differ
-    from place to place are not to be had, as of a lamp.
+    image: (image texture node, UDIM tile) → its number in the snapshot, negative where it cannot be had; None: values
+    that differ from place to place are not to be had, as of a lamp.
     """
 
     def __init__(self, tree, kind: str, owner: str, report: Report,
-                 image: Callable[[Placed], int] | None = None) -> None:
+                 image: Callable[[Placed, int], int] | None = None, asked: Asked | None = None) -> None:
         self.tree, self.kind, self.owner, self._report = tree, kind, owner, report
         self._image = image
-        self.uv_maps: list[str] = []  # that values ask for, each once; "": the mesh's own
+        self.uv_map: str | None = None  # that operation "uv" means; "": the mesh's own, None: nothing asks for it
+        self.asked = asked or Asked()  # all else that it asks of meshes and instances
+        self.pass_index, self.displacement_method = 0, 'BUMP'  # of the material
+        self.displaced: Triple | None = None  # its normal by its displacement, which is shown as bumps
         self._values: dict[tuple, Any] = {}  # of outputs that were asked for before
         self._open: set[tuple] = set()  # outputs that are being computed
 
@@ -114,14 +118,9 @@ class Nodes:
             socket = following
         return None, socket
 
-    def image(self, node: Placed) -> int:
-        """The number of an image texture node's image, negative where it cannot be had."""
-        return self._image(node) if self._image else -1
-
-    def asks_for_uv(self, name: str) -> None:
-        """Note that a value depends on this UV map."""
-        if name not in self.uv_maps:
-            self.uv_maps.append(name)
+    def image(self, node: Placed, tile: int = 0) -> int:
+        """The number of an image texture node's image, or of its UDIM tile; negative where it cannot be had."""
+        return self._image(node, tile) if self._image else -1
 
     def color(self, node, socket) -> Triple:
         """The colour of an input."""
@@ -180,6 +179,13 @@ class Nodes:
         if found is UNREAD:
             return plain(socket), socket.type
         if found is None or (self._image is None and not constant(found)):
+            from .node_means import mean  # which reads inputs by this class
+
+            value = mean(self, link.from_node, link.from_socket)
+            if value is not None and (self._image is not None or constant(value)):
+                self.not_translated(link.from_node, f"its mean is used in '{socket.name}' of "
+                                    f"'{self.plain_name(node)}'", shown(value) if constant(value) else "")
+                return value, link.from_socket.type
             value = plain(socket)
             self.not_translated(link.from_node, f"the value in '{socket.name}' of '{self.plain_name(node)}' is used",
                                 shown(value))

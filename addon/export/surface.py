@@ -36,6 +36,7 @@ class Surface:
     ior: Value = 1.0
     fresnel: bool = False  # reflects and passes by Fresnel's equations
     alpha: Value = 1.0  # share of the surface that is there
+    normal: Triple | None = None  # for shading; None: the surface's own
 
     @classmethod
     def principled(cls, color: Triple, metallic: Value, roughness: Value, specular: Value,
@@ -107,6 +108,7 @@ class Surface:
             ior=_weighted((a.ior,), (b.ior,), through_a, through_b)[0],
             fresnel=a.fresnel if mostly_a else b.fresnel,
             alpha=alpha,
+            normal=_bent(a, b, v.largest((seen_a, shine_a, through_a)), v.largest((seen_b, shine_b, through_b))),
         )
 
     def whitted(self) -> dict[str, Any]:
@@ -129,7 +131,7 @@ class Surface:
             "mirror": list(scaled(self.specular, mirrored(self.roughness))),
             "emission": list(self.emission),
             "kt": list(self.kt), "ior": self.ior, "fresnel": self.fresnel, "alpha": self.alpha,
-        }
+        } | ({"normal": list(self.normal)} if self.normal else {})
 
 
 def mirrored(roughness: Value) -> Value:
@@ -150,6 +152,18 @@ def added(a: Triple, b: Triple) -> Triple:
 
 def _triple(numbers) -> Triple:
     return tuple(numbers)  # type: ignore[return-value]
+
+
+def _bent(a: Surface, b: Surface, weight_a: Value, weight_b: Value) -> Triple | None:
+    """The normal of two surfaces together: one, as the engine has no more, each as much as it is seen."""
+    if a.normal is b.normal or (a.normal and b.normal and all(x is y for x, y in zip(a.normal, b.normal, strict=True))):
+        return a.normal
+    if v.is_constant(weight_b) and weight_b == 0:
+        return a.normal
+    if v.is_constant(weight_a) and weight_a == 0:
+        return b.normal
+    own: Triple = v.outputs("normal", 3)  # type: ignore[assignment]
+    return v.normalized(_weighted(a.normal or own, b.normal or own, weight_a, weight_b))
 
 
 def _weighted(a: tuple, b: tuple, weight_a: Value, weight_b: Value) -> Any:

@@ -2,8 +2,9 @@
 
 from dataclasses import replace
 
-from . import left_out
+from . import left_out, node_bumps
 from . import values as v
+from .node_inputs import normal
 from .nodes import Nodes
 from .report import shown
 from .surface import BLACK, Surface, scaled
@@ -15,10 +16,10 @@ def surface(nodes: Nodes, output) -> Surface:
     if output is None:
         nodes.warn("there is no output node; it is rendered black")
         return Surface.emitting(BLACK)
-    for extra in ("Displacement", "Volume"):
-        node = nodes.source(output, extra)
-        if node is not None:
-            nodes.not_translated(node, f"it is rendered without {extra.lower()}")
+    volume = nodes.source(output, "Volume")
+    if volume is not None:
+        nodes.not_translated(volume, "it is rendered without volume")
+    _displace(nodes, output)
     if nodes.source(output, "Volume") and not nodes.source(output, "Surface"):
         return Surface.transparent((1.0, 1.0, 1.0))  # a volume has no surface
     return _shader(nodes, output, "Surface")
@@ -32,7 +33,8 @@ def _shader(nodes: Nodes, node, socket) -> Surface:
     translate = _SHADERS.get(shader.bl_idname)
     if translate:
         left_out.inputs(nodes, shader)
-        return translate(nodes, shader)
+        found = translate(nodes, shader)
+        return replace(found, normal=node_bumps.given(nodes, shader)) if "Normal" in shader.inputs else found
     # Most shaders have a colour, and the colour of a surface is what one sees first.
     if "Color" in shader.inputs:
         nodes.not_translated(shader, "it is rendered as a diffuse surface of its colour")
@@ -43,7 +45,6 @@ def _shader(nodes: Nodes, node, socket) -> Surface:
 
 def _principled(nodes: Nodes, node) -> Surface:
     metallic, roughness, specular = (nodes.value(node, s) for s in ("Metallic", "Roughness", "Specular IOR Level"))
-    _without_bumps(nodes, node)
     color = nodes.color(node, "Base Color")
     base = Surface.principled(color, metallic, roughness, specular, nodes.value(node, "IOR"))
     transmission = v.clamp(nodes.value(node, "Transmission Weight")) * (1 - metallic)
@@ -58,17 +59,14 @@ def _principled(nodes: Nodes, node) -> Surface:
 
 
 def _diffuse(nodes: Nodes, node) -> Surface:
-    _without_bumps(nodes, node)
     return Surface.diffuse(nodes.color(node, "Color"))
 
 
 def _glossy(nodes: Nodes, node) -> Surface:
-    _without_bumps(nodes, node)
     return Surface.glossy(nodes.color(node, "Color"), nodes.value(node, "Roughness"))
 
 
 def _glass(nodes: Nodes, node) -> Surface:
-    _without_bumps(nodes, node)
     return _glassy(nodes, node, nodes.color(node, "Color"), node.bl_idname == 'ShaderNodeBsdfGlass')
 
 
@@ -114,10 +112,19 @@ _SHADERS = {
 }
 
 
-def _without_bumps(nodes: Nodes, node) -> None:
-    bump = nodes.source(node, "Normal")
-    if bump is not None:
-        nodes.not_translated(bump, "the surface is rendered without it")
+def _displace(nodes: Nodes, output) -> None:
+    """Show displacement as bumps, as Cycles' "Bump Only"."""
+    node = nodes.source(output, "Displacement")
+    if node is None:
+        return
+    height = node_bumps.displacement(nodes, node)
+    if height is None:
+        nodes.not_translated(node, "it is rendered without displacement")
+        return
+    if nodes.displacement_method != 'BUMP':
+        nodes.warn("its displacement is shown as bumps only; the surface itself stays where it is")
+    if not v.is_constant(height):
+        nodes.displaced = node_bumps.bumped(height, normal(), width=node_bumps.DISPLACEMENT_WIDTH)
 
 
 def is_zero(value: Value) -> bool:

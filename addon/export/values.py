@@ -215,6 +215,23 @@ def plain_image(values: Sequence[Value], first: int) -> int:
     return int(number) if plain and same else -1
 
 
+# What is evaluated beside a point for bumps, and how many arguments it has without a shift.
+SHIFTED = {"uv": 0, "position": 0, "object": 0, "generated": 0, "attribute": 1}
+
+
+def shifted(value: Value, step: int, width: float) -> Value:
+    """The value one step beside each point, for bumps: see the engine's `Points.shifted`."""
+    if not isinstance(value, Expression):
+        return value
+    made: dict[Expression, Expression] = {}
+    for e in _ordered([value]):
+        arguments = tuple(made[a] if isinstance(a, Expression) else a for a in e.arguments)
+        if SHIFTED.get(e.name) == len(arguments):
+            arguments += (float(step), width)
+        made[e] = operation(e.name, *arguments, output=e.output)
+    return made[value]
+
+
 def compiled(results: dict[str, Any]) -> tuple[list[list], dict[str, Any]]:
     """(operations, results with expressions replaced by [register]) for the engine's Material.program.
 
@@ -242,7 +259,9 @@ def compiled(results: dict[str, Any]) -> tuple[list[list], dict[str, Any]]:
 
 # Operations with more than one output.
 OUTPUTS = {"image": 4, "uv": 2, "generated": 3, "object": 3, "object_normal": 3, "object_location": 3, "position": 3,
-           "normal": 3, "true_normal": 3, "incoming": 3, "noise": 4, "white_noise": 4, "magic": 3, "brick": 2}
+           "normal": 3, "true_normal": 3, "incoming": 3, "noise": 4, "white_noise": 4, "magic": 3, "brick": 2,
+           "voronoi": 8, "corner_normal": 3, "to_camera": 3, "to_world_normal": 3, "window": 2, "bump": 3,
+           "box": 3, "parametric": 2}
 
 
 def _flat(result: Any) -> Iterable[Any]:

@@ -3,7 +3,8 @@
 import bpy
 import numpy as np
 import pytest
-from node_trees import Tree, check
+from node_pictures import check
+from node_trees import Tree
 
 pytestmark = pytest.mark.slow
 

@@ -2,7 +2,8 @@
 
 import bpy
 import pytest
-from node_trees import Tree, check
+from node_pictures import check
+from node_trees import Tree
 
 pytestmark = pytest.mark.slow
 

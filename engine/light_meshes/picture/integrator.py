@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..film.passes import REFLECTED, TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
-from ..surface import shading
+from ..surface import points, shading
 from .prepared import Prepared
 from .wave import Rays, joined
 
@@ -80,7 +80,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):
-        hits = ready.world.look(hits, rays.direction)
+        hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
     children: list[tuple[str, Rays]] = []
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)
@@ -130,6 +130,15 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
         bounced = rays.seen_as(REFLECTED)._replace(clear=np.zeros_like(rays.clear))
         children += _mirrored(ready, bounced, hits, share * face.mirror, events)
     return children
+
+
+def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:
+    """What rays (n,) are to programs of materials."""
+    if kind == "camera":
+        return np.full(len(rays.pixel), points.CAMERA, np.int8)
+    if rays.mirrored is not None:
+        return np.where(rays.mirrored > 0, points.REFLECTED, points.TRANSMITTED).astype(np.int8)
+    return np.full(len(rays.pixel), points.REFLECTED, np.int8)
 
 
 def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, first: Box | None, tile: Tile,

@@ -41,9 +41,9 @@ class World:
     materials: shading.Materials
     looks: Looks
 
-    def look(self, hits: Hits, direction: NDArray[np.float64]) -> Hits:
-        """The hits of rays along `direction`, with what the programs of their materials say of them."""
-        return self.looks(self.materials, hits, direction)
+    def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
+        """The hits of rays along `direction`, with what the programs of their materials say of them; see `Looks`."""
+        return self.looks(self.materials, hits, direction, ray)
 
     def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return the objects (n,) to which triangles (n,) belong."""
@@ -86,9 +86,9 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
     with stats.stage("textures"):
         images, unread = textures.load(scene.images, textures.alphas(scene), processors.count(),
                                        old.textures if old else [])
-    looks = Looks(scene, surfaces, images)
+    looks = Looks(scene, surfaces, images, camera)
     alike = old if old and surfaces is old.surfaces else None
-    if alike and _interfaces_key(scene, images) == _interfaces_key(alike.scene, alike.textures):
+    if alike and _interfaces_key(scene, images, camera) == _interfaces_key(alike.scene, alike.textures, alike.camera):
         glass = alike.glass
     else:
         glass = Interfaces(scene, surfaces, images, looks)
@@ -123,11 +123,13 @@ def _frame_key(camera: Camera) -> tuple:
     return camera.matrix.tolist(), camera.window, camera.perspective, camera.clip_start
 
 
-def _interfaces_key(scene: Scene, images: list[textures.Texture | None]) -> tuple:
+def _interfaces_key(scene: Scene, images: list[textures.Texture | None], camera: Camera) -> tuple:
     """What `Interfaces` depends on beside the triangles."""
     return (
         [(m.alpha, m.alpha_image, m.kt, m.mirror, m.ior, m.priority, m.fresnel, m.transparent_shadow, m.program)
          for m in scene.materials],
         [texture and texture.key for texture in images], scene.settings.refraction,
         [o.visible_shadow for o in scene.objects],
+        [(camera.matrix.tobytes(), camera.window, camera.perspective, camera.width, camera.height)
+         for m in scene.materials if m.program.sees_camera()][:1],
     )

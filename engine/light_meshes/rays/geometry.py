@@ -59,10 +59,12 @@ class Hits(NamedTuple):
     front: NDArray[np.bool_]  # (n,) whether the ray came from the outside, as given by the winding
     row: NDArray[np.int32]  # (n,) of `table`, which says what the material is at this very point (see `looks`)
     table: Any = None
+    smooth: Any = None  # (n,3) the shading normal before a program bent it; None: it is Ns
 
     def at(self, rows: Any) -> Hits:
         """Return only these hits."""
-        return Hits._make([*(a[rows] for a in self[:8]), self.table])
+        return Hits._make([*(a[rows] for a in self[:8]), self.table,
+                           None if self.smooth is None else self.smooth[rows]])
 
 
 class Placed(NamedTuple):

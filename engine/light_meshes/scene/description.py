@@ -263,6 +263,10 @@ class Geometry:
     instance_mesh: NDArray[np.int32]  # (I,)
     instance_object: NDArray[np.int32]  # (I,) index into Scene.objects
     instance_matrix: NDArray[np.float64]  # (I,4,4) local to world
+    # What programs of materials ask for by channel (operations "attribute" and "instance"): at triangles' corners, and
+    # of instances. Of no triangles, or no channels, where nothing asks.
+    attributes: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3, 0), np.float32))  # (T,3,A)
+    instance_values: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0), np.float32))  # (I,K)
 
     @classmethod
     def from_meshes(cls, meshes: Sequence[Mesh], materials: Sequence[int | NDArray[np.integer[Any]]] | None = None,

@@ -24,6 +24,9 @@ Argument = float | tuple[int] | tuple[float, ...]  # a number, a register, or a 
 OPERATIONS: dict[str, tuple[int, int]] = {
     "backfacing": (0, 1), "uv": (0, 2), "image": (3, 4), "where": (3, 1), "table": (4, 1),
     "noise": (13, 4), "white_noise": (5, 4), "bend": (5, 1), "magic": (5, 3), "brick": (11, 2),
+    "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
+    "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2),
+    "bump": (9, 3), "object_scale": (0, 1), "box": (1, 3), "parametric": (0, 2),
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
     **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
@@ -31,11 +34,14 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     **dict.fromkeys(("add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "greater", "less",
                      "modulo", "arctan2"), (2, 1)),
 }
+# These may have two more arguments, for bumps: they are taken one step beside the point, along the first (1) or the
+# second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
+SHIFTED = {"uv", "position", "object", "generated", "attribute"}
 # Parameters of a Material that a program may set: (channels, smallest, largest value).
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),
     "nShiny": (1, 0.0, 1e9), "mirror": (3, 0.0, 1e30), "emission": (3, 0.0, 1e30), "kt": (3, 0.0, 1e30),
-    "ior": (1, 0.01, 100.0), "alpha": (1, 0.0, 1.0)}
+    "ior": (1, 0.01, 100.0), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30)}
 
 
 @dataclass(frozen=True)
@@ -77,6 +83,11 @@ class Program:
         """The images that it looks at."""
         return {int(o.arguments[0]) for o in self.operations if o.name == "image"}
 
+    def sees_camera(self) -> bool:
+        """Whether what it gives depends on where the camera is."""
+        return any(o.name in ("to_camera", "window") or (
+            o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0]) for o in self.operations)
+
 
 NO_PROGRAM = Program()
 
@@ -104,7 +115,7 @@ def program(data: Any, where: str) -> Program:
             raise SceneError(f"{at} is {quoted(item)}; the engine does not know it")
         name, given = item[0], item[1:]
         wanted, outputs = OPERATIONS[name]
-        if len(given) != wanted:
+        if len(given) not in (wanted, wanted + 2 * (name in SHIFTED)):
             raise SceneError(f"{at} ({name}) has {len(given)} arguments; it takes {wanted}")
         arguments = []
         for k, argument in enumerate(given):
@@ -132,7 +143,9 @@ def program(data: Any, where: str) -> Program:
 # Arguments that are choices, not registers: operation → (place, smallest, largest); None: any number.
 _CHOICES: dict[str, tuple[tuple[int, float, float], ...]] = {
     "image": ((0, 0, 1e9),), "table": ((2, 0, 1), (3, 0, 1)), "noise": ((0, 1, 4), (1, 0, 4), (2, 0, 1)),
-    "white_noise": ((0, 1, 4),), "magic": ((4, 0, 10),), "brick": ((1, 0, 99), (3, 0, 99))}
+    "white_noise": ((0, 1, 4),), "magic": ((4, 0, 10),),
+    "attribute": ((0, 0, 1e6),), "instance": ((0, 0, 1e6),), "ray": ((0, 0, 3),),
+    "voronoi": ((0, 1, 4), (1, 0, 4), (2, 0, 3), (3, 0, 1), (4, 0, 1)), "brick": ((1, 0, 99), (3, 0, 99))}
 
 
 def _check_choices(name: str, arguments: list[Any], where: str) -> None:
@@ -141,6 +154,11 @@ def _check_choices(name: str, arguments: list[Any], where: str) -> None:
         value = arguments[place]
         if not (isinstance(value, float) and value.is_integer() and low <= value <= high):
             raise SceneError(f"{where} ({name}): its argument {place} must be a whole number from {low:g} to {high:g}")
+    shift = arguments[OPERATIONS[name][0]:]
+    if shift and not (shift[0] in (0.0, 1.0, 2.0) and isinstance(shift[1], float) and 0 < shift[1] <= 1e6):
+        raise SceneError(f"{where} ({name}): a shift must be 0, 1 or 2, and its width a positive number")
+    if name == "bump" and not (isinstance(arguments[8], float) and 0 < arguments[8] <= 1e6):
+        raise SceneError(f"{where} (bump): its width must be a positive number")
     if name == "brick" and not (isinstance(arguments[0], float) and isinstance(arguments[2], float)):
         raise SceneError(f"{where} (brick): offset and squash must be numbers")
 

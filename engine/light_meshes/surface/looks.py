@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.geometry import Hits, Surfaces
-from ..scene.description import Scene
+from ..scene.description import Camera, Scene
 from ..scene.programs import Program
-from .programs import Points, run
+from .points import SHADOW, Around, Points
+from .programs import run, unit
 from .shading import Materials
 from .textures import Texture
 
@@ -24,32 +25,34 @@ _LETS_THROUGH = {"alpha", "kt"}
 class Looks:
     """The programs of a scene's materials, ready to be run."""
 
-    def __init__(self, scene: Scene, surfaces: Surfaces, textures: Sequence[Texture | None]) -> None:
+    def __init__(self, scene: Scene, surfaces: Surfaces, textures: Sequence[Texture | None], camera: Camera) -> None:
         self._programs: tuple[Program, ...] = tuple(m.program for m in scene.materials)
         self._surfaces, self._textures = surfaces, textures
         self._varies = np.array([bool(p) for p in self._programs], np.bool_)
         self._cuts = np.array([bool(_LETS_THROUGH & set(p.values)) for p in self._programs], np.bool_)
         self.any = bool(self._varies.any())
         if self.any:
-            g = scene.geometry
-            self._to_object = np.linalg.pinv(g.instance_matrix)[:, :3]
-            size = np.array([o.texture_size for o in scene.objects], np.float64).reshape(-1, 3)[g.instance_object]
-            place = np.array([o.texture_location for o in scene.objects], np.float64).reshape(-1, 3)[g.instance_object]
-            scale = np.where(size != 0, 0.5 / np.where(size != 0, size, 1.0), 0.0)
-            self._to_generated = self._to_object * scale[:, :, None]
-            self._to_generated[:, :, 3] += 0.5 - place * scale
+            self._around = Around(scene, surfaces, camera)
 
-    def __call__(self, table: Materials, hits: Hits, direction: NDArray[np.float64]) -> Hits:
-        """The hits of rays along `direction` (n,3) with rows of their own where their material has a program."""
+    def __call__(self, table: Materials, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
+        """The hits of rays along `direction` (n,3) with rows of their own where their material has a program.
+
+        Its normal, if it says one, becomes the shading normal Ns. ray (n,): kinds of rays, as `points` has them.
+        """
         rows = np.flatnonzero(self._varies[hits.material]) if self.any else np.zeros(0, np.int64)
         if not len(rows):
             return hits
         own = Materials(*(column[hits.material[rows]] for column in table))
-        points = self._points(hits.at(rows), -direction[rows])
-        material = hits.material[rows]
+        h = hits.at(rows)
+        points = Points(h.P, h.Ns, h.Ng, -direction[rows], h.front, h.uv, h.triangle, ray[rows], self._around)
+        material, Ns = hits.material[rows], None
         for m in np.unique(material):
             some = np.flatnonzero(material == m)
             for name, values in run(self._programs[m], points.at(some), self._textures).items():
+                if name == "normal":
+                    Ns = hits.Ns.copy() if Ns is None else Ns
+                    Ns[rows[some]] = unit(values, h.Ns[some])
+                    continue
                 getattr(own, name)[some] = values
                 if name == "Od":
                     own.image[some] = -1
@@ -58,7 +61,8 @@ class Looks:
         row = hits.material.copy()
         row[rows] = len(table.ka) + np.arange(len(rows), dtype=np.int32)
         longer = (np.concatenate([a, b]) for a, b in zip(table, own, strict=True))
-        return hits._replace(row=row, table=Materials(*longer))
+        return hits._replace(row=row, table=Materials(*longer), Ns=hits.Ns if Ns is None else Ns,
+                             smooth=None if Ns is None else hits.Ns)
 
     def let_through(self, material: NDArray[np.int32], triangle: NDArray[np.int32], u: NDArray, v: NDArray,
                     uv: NDArray[np.float32], alpha: NDArray[np.float64], kt: NDArray[np.float64]) -> None:
@@ -72,8 +76,8 @@ class Looks:
         P = np.einsum("nk,nkj->nj", weight, corners) * s.scale + s.centre
         N = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
-        points = Points(P, N, N, N, np.ones(len(rows), np.bool_), uv[rows], s.instance[of], self._to_object,
-                        self._to_generated)
+        points = Points(P, N, N, N, np.ones(len(rows), np.bool_), uv[rows], of, np.full(len(rows), SHADOW, np.int8),
+                        self._around)
         for m in np.unique(material[rows]):
             some = np.flatnonzero(material[rows] == m)
             found = run(self._programs[m], points.at(some), self._textures, _LETS_THROUGH)
@@ -81,7 +85,3 @@ class Looks:
                 alpha[rows[some]] = found["alpha"]
             if "kt" in found:
                 kt[rows[some]] = found["kt"]
-
-    def _points(self, hits: Hits, incoming: NDArray[np.float64]) -> Points:
-        return Points(hits.P, hits.Ns, hits.Ng, incoming, hits.front, hits.uv, self._surfaces.instance[hits.triangle],
-                      self._to_object, self._to_generated)

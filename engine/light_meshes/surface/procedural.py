@@ -1,4 +1,4 @@
-"""Blender's procedural textures, for programs of materials: noise, white noise, magic, wave, brick."""
+"""Blender's procedural textures, for programs of materials: noise, white noise, magic, wave, brick, Voronoi."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..support.native import kernel
 Register = Any  # (n,) float64, or a number
 _noise, _white_noise = kernel("procedural_noise"), kernel("procedural_white_noise")
 _bend, _magic, _brick = kernel("procedural_bend"), kernel("procedural_magic"), kernel("procedural_brick")
+_voronoi = kernel("procedural_voronoi")
 
 
 def _block(n: int, *registers: Register) -> NDArray[np.float64]:
@@ -66,5 +67,17 @@ def brick(n: int, offset: float, offset_frequency: float, squash: float, squash_
     return _columns(out)
 
 
+def voronoi(n: int, dimensions: float, feature: float, metric: float, normalize: float, hashed: float,
+            *rest: Register) -> Sequence[Register]:
+    """The Voronoi texture: distance or radius, a colour, and a place (4), by choices that voronoi.c names. rest: x, y,
+    z, w, detail, roughness, lacunarity, smoothness, exponent and randomness.
+    """
+    out = np.empty((n, 8))
+    _voronoi(_block(n, *rest[:4]), _block(n, *rest[4:]), int(dimensions), int(feature), int(metric), int(normalize),
+             int(hashed), out)
+    return _columns(out)
+
+
 TEXTURES: dict[str, Callable[..., Sequence[Register]]] = {
-    "noise": noise, "white_noise": white_noise, "bend": bend, "magic": magic, "brick": brick}
+    "noise": noise, "white_noise": white_noise, "bend": bend, "magic": magic, "brick": brick,
+    "voronoi": voronoi}
