@@ -25,6 +25,7 @@ GLASS = ("BOUNDED", "PAPER")
 CAUSTICS = ("PAPER", "FOCUS")
 SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")  # the methods of `shadows.registry`
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
+HIGHLIGHTS = ("PHONG", "GGX")
 FALLOFFS = ("LINEAR", "QUADRATIC", "INVERSE_QUADRATIC")
 WEIGHTS = ("UNIFORM", "SMOOTH")
 SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE")
@@ -186,6 +187,19 @@ class Material:
     receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp (method §4c)
     index: int = 0  # the artist's number for the Material Index pass
     cryptomatte: int = 0  # the number of its name for Cryptomatte
+    # GGX: the highlights of lamps are those of microfacets instead of Phong's (ks, Os, nShiny). A metal's lobe and a
+    # dielectric's are added; both are as rough, and at least as rough as 0.1, or a lamp would be a dot.
+    highlight: str = "PHONG"
+    roughness: float = 0.5  # α is its square
+    metal: float = 0.0  # weight of the metal's lobe, and what it reflects
+    F0: RGB = (1.0, 1.0, 1.0)  # at normal incidence,
+    F90: RGB = (1.0, 1.0, 1.0)  # at a grazing angle,
+    F82: RGB = (1.0, 1.0, 1.0)  # and at 82°, as a share of what Schlick's formula has there
+    dielectric: float = 0.0  # weight of the dielectric's lobe,
+    dielectric_ior: float = 1.5  # whose index of refraction is apart from that of glass,
+    dielectric_tint: RGB = (1.0, 1.0, 1.0)  # and what colours it at normal incidence
+    layered: float = 0.0  # share of the diffuse light that is below the dielectric, and dimmed by what that reflects
+    compensation: float = 1.0  # share of the light that microfacets reflect several times which counts
     program: Program = NO_PROGRAM  # computes some of these values point by point, from the material's nodes
 
 
