@@ -26,10 +26,11 @@ _ROUND = "it is rendered with round highlights"
 # For each translated shader: the inputs that are read, and those that are left out.
 _READ = {
     'ShaderNodeBsdfPrincipled': {
-        "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Transmission Weight",
-        "Emission Color", "Emission Strength"},
+        "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Specular Tint",
+        "Transmission Weight", "Emission Color", "Emission Strength"},
     'ShaderNodeBsdfDiffuse': {"Color", "Normal"},
     'ShaderNodeBsdfGlossy': {"Color", "Roughness", "Normal"},
+    'ShaderNodeBsdfMetallic': {"Base Color", "Edge Tint", "IOR", "Extinction", "Roughness", "Normal"},
     'ShaderNodeBsdfGlass': {"Color", "Roughness", "IOR", "Normal"},
     'ShaderNodeBsdfRefraction': {"Color", "Roughness", "IOR", "Normal"},
     'ShaderNodeBsdfTransparent': {"Color"},
@@ -45,7 +46,6 @@ _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
         "Subsurface Weight": LeftOut(
             instead="it is rendered without subsurface scattering",
             details=("Subsurface Radius", "Subsurface Scale", "Subsurface IOR", "Subsurface Anisotropy")),
-        "Specular Tint": LeftOut(1.0, "it is rendered as white"),
         "Anisotropic": LeftOut(instead=_ROUND, details=("Anisotropic Rotation", "Tangent")),
         "Coat Weight": LeftOut(instead="it is rendered without a coat",
                                details=("Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal")),
@@ -54,6 +54,8 @@ _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
     },
     'ShaderNodeBsdfDiffuse': {"Roughness": LeftOut()},
     'ShaderNodeBsdfGlossy': {"Anisotropy": LeftOut(instead=_ROUND, details=("Rotation", "Tangent"))},
+    'ShaderNodeBsdfMetallic': {"Anisotropy": LeftOut(instead=_ROUND, details=("Rotation", "Tangent")),
+                               "Thin Film Thickness": _FILM},
     'ShaderNodeBsdfGlass': {"Thin Film Thickness": _FILM},
 }
 _LEFT_OUT['ShaderNodeBsdfAnisotropic'] = _LEFT_OUT['ShaderNodeBsdfGlossy']
