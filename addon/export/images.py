@@ -1,5 +1,7 @@
 """Convert image textures to files that the engine can read."""
 
+import contextlib
+import os
 import struct
 from pathlib import Path
 
@@ -9,6 +11,9 @@ import numpy as np
 from . import color
 from .image_files import engine_reads, path_of, refusal
 from .report import Report
+
+_SAVES_COPIES = "save_copy" in bpy.types.Image.bl_rna.functions["save"].parameters
+_PNG_END = b"IEND\xaeB\x60\x82"
 
 
 class Images:
@@ -80,7 +85,7 @@ class Images:
         if packed and not original.is_dirty:
             written = self._unpacked(packed, f"{name}{Path(image.filepath).suffix[:8]}")
         else:
-            written = None
+            written = self._saved(original, f"{name}.png")
         written = written or self._pixels(image, f"{name}.tif")
         if written:
             self._files += 1
@@ -95,6 +100,27 @@ class Images:
         if engine_reads(path):
             return {"path": name}
         path.unlink()
+        return None
+
+    def _saved(self, original, name: str) -> dict | None:
+        """The bytes that Blender has, saved by itself; None where that would not be all of them.
+
+        Pixels that Python asks for are floats: four times the memory of the image.
+        """
+        space = original.colorspace_settings
+        as_they_are = space.is_data or space.name == "sRGB"  # all others are converted to sRGB
+        whole = original.depth == 32 or not original.is_dirty  # who paints may make even others transparent
+        if (_SAVES_COPIES and original.source in {'FILE', 'GENERATED'} and original.file_format == 'PNG'
+                and not original.is_float and as_they_are and whole):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            path = self._folder / name
+            with contextlib.suppress(RuntimeError, OSError):  # there is another way, which tells why
+                original.save(filepath=str(path), save_copy=True)
+                with path.open("rb") as f:
+                    f.seek(-len(_PNG_END), os.SEEK_END)
+                    if f.read() == _PNG_END:  # on a full disk it is half a picture
+                        return {"path": name}
+            path.unlink(missing_ok=True)
         return None
 
     def _pixels(self, image, name: str) -> dict | None:

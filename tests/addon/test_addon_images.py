@@ -15,6 +15,7 @@ import light_meshes_addon
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from faults import go
 from light_meshes_addon.export import image_files
 from test_addon_materials import four, textured  # noqa: F401  a fixture
 
@@ -148,6 +149,81 @@ def test_two_nodes_may_show_two_frames(scene, add_plane, snapshot, tmp_path):
 ])
 def test_the_number_in_a_name(path, number, expected):
     assert image_files.numbered(path, number) == expected
+
+
+# Images that only Blender has
+
+@pytest.mark.skipif("save_copy" not in bpy.types.Image.bl_rna.functions["save"].parameters,
+                    reason="this Blender saves no copies")
+@pytest.mark.parametrize("kind", ["pattern", "painted", "painted without alpha", "floats", "JPEG",
+                                  "Non-Color", "Linear Rec.709"])
+def test_bytes_are_handed_over_as_bytes(scene, add_plane, snapshot, kind):
+    """All of them, and the image is as it was. Blender's own PNG, which takes no floats; else what Python is given."""
+    size, depth = (40, 24), "without" not in kind
+    image = bpy.data.images.new("Image", *size, alpha=depth, float_buffer=kind == "floats")
+    image.generated_type = 'COLOR_GRID'
+    if kind != "pattern":
+        pixels = np.random.default_rng(1).random(size[0] * size[1] * 4).astype(np.float32)
+        image.pixels.foreach_set(pixels)
+        image.update()
+    if kind == "JPEG":
+        image.file_format = 'JPEG'
+    if kind in {"Non-Color", "Linear Rec.709"}:
+        image.colorspace_settings.name = kind
+    before = image.is_dirty, image.filepath, image.source
+    plane = add_plane()
+    plane.data.uv_layers.new(name="UV")
+    plane.data.materials.append(textured(image, "Material"))
+    path = Path(snapshot(scene).images[0].path)
+    assert path.suffix == (".png" if kind in {"pattern", "painted", "Non-Color"} else ".tif")
+    assert (image.is_dirty, image.filepath, image.source) == before
+    file = oiio.ImageInput.open(str(path), _unassociated())
+    spec = file.spec()
+    found = np.asarray(file.read_image(oiio.FLOAT)).reshape(spec.height, spec.width, -1)
+    file.close()
+    expected = np.empty(size[0] * size[1] * 4, np.float32)
+    image.pixels.foreach_get(expected)
+    expected = expected.reshape(*size[::-1], 4)[::-1]
+    if kind == "floats":
+        np.testing.assert_array_equal(found, expected)
+    else:
+        np.testing.assert_array_equal(np.rint(found * 255), np.rint(expected * 255))
+
+
+def _unassociated():
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    return config
+
+
+@pytest.mark.skipif(not os.access("/proc/self/clear_refs", os.W_OK), reason="this system does not tell")
+@pytest.mark.skipif("save_copy" not in bpy.types.Image.bl_rna.functions["save"].parameters,
+                    reason="this Blender saves no copies")
+def test_a_generated_image_takes_few_bytes(tmp_path):
+    """Of 4096²: its own 4 bytes a texel, and little more. Floats, and bytes made of them, took 20 together."""
+    lines, output = go(tmp_path, """
+        def memory(what):
+            status = Path("/proc/self/status").read_text()
+            return int(status.split(what + ":")[1].split()[0]) * 1024
+
+        fast()
+        render()
+        image = bpy.data.images.new("Large", 4096, 4096)
+        tree = bpy.data.objects["Cube"].active_material.node_tree
+        node = tree.nodes.new('ShaderNodeTexImage')
+        node.image = image
+        tree.links.new(node.outputs[0], tree.nodes["Principled BSDF"].inputs["Base Color"])
+        scene.render.resolution_x = scene.render.resolution_y = 16
+        Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+        before = memory("VmRSS")
+        render()
+        print("PEAK", (memory("VmHWM") - before) / 4096**2)
+        leave()
+    """)
+    assert lines[:2] == ["RESULT {'FINISHED'} True"] * 2, output
+    peak = float(output.split("PEAK", 1)[1].split()[0])
+    print(f"{peak:.1f} bytes a texel")
+    assert peak < 10
 
 
 # What is no file

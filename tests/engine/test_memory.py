@@ -66,6 +66,16 @@ def test_a_scene_too_large_is_refused_before_it_starts(child, tmp_path):
     assert child.of(9)[-1]["event"] == "done"
 
 
+def test_the_parent_holds_the_picture_as_well(child, tmp_path):
+    """As Blender does: a picture that just goes into memory once is refused before it starts."""
+    side = int(np.sqrt(0.9 * memory.available() / 16))
+    scene = tabletop(16)
+    snapshot.write(replace(scene, camera=replace(scene.camera, width=side, height=side)), tmp_path / "large")
+    child.send(command="render", id=1, snapshot=str(tmp_path / "large"), framebuffer="frame", passes=["Combined"])
+    first = child.next()
+    assert first["event"] == "error" and f"{side:,} × {side:,} pixels" in first["message"]
+
+
 def test_images_count_before_they_are_read(tmp_path, monkeypatch):
     """A small file may hold a large picture: its first bytes tell."""
     header = struct.pack(">IIBBBBB", 50_000, 50_000, 8, 2, 0, 0, 0)

@@ -160,6 +160,28 @@ def test_a_store_that_grew_too_large_is_dropped(still_life, monkeypatch):
     assert kept["nodes_kept"] == 0 and kept["long_rays"] == fresh["long_rays"]
 
 
+@pytest.mark.parametrize("small", [0, reuse.SMALL_BYTES], ids=["stores of any size", "small stores stay"])
+def test_a_long_flight_keeps_what_a_few_pictures_need(still_life, monkeypatch, small):
+    """And its pictures are those of one that keeps nothing."""
+    monkeypatch.setattr(reuse, "SMALL_BYTES", small)
+    monkeypatch.setattr(reuse, "KEPT_PICTURES", 1.3)
+    ready, counts, needs, drops = None, [], [], 0
+    for n in range(20):
+        scene = with_camera(still_life, (2.5 + 0.3 * n, -4.5 + 0.2 * n, 3.0))
+        kept, ready = drawn(scene, ready)
+        counts.append(kept.statistics["nodes"])
+        drops += kept.statistics["nodes_kept"] == 0
+        if n % 4 == 0 or kept.statistics["nodes_kept"] == 0:
+            fresh = render_image(scene, PASSES)
+            needs.append(fresh.statistics["nodes"])
+            for name in PASSES:
+                np.testing.assert_array_equal(kept.passes[name], fresh.passes[name])
+    if small:
+        assert drops == 1 and max(counts) > 1.4 * max(needs)  # the first picture has nothing to keep
+    else:
+        assert 1 < drops < 8 and max(counts) < 1.4 * max(needs)
+
+
 # --- Objects ----------------------------------------------------------------------------------------------
 
 def test_a_moved_object_drops_what_looked_past_it():

@@ -41,17 +41,18 @@ def error(scene, rate=4):
     return difference, sparse.statistics
 
 
-@pytest.mark.parametrize("scene", [
-    tabletop(160, **FINE), still_life(160), still_life(160, weights="SMOOTH", samples=1),
-    hall(16, width=160, h=0.1, **FINE), hall(100, width=160, h=0.1, **FINE), glass(160),
+@pytest.mark.parametrize(("scene", "saved"), [
+    (tabletop(160, **FINE), 0.6), (still_life(160), 0.5), (still_life(160, weights="SMOOTH", samples=1), 0.5),
+    (hall(16, width=160, h=0.1, **FINE), 0.25), (hall(100, width=160, h=0.1, **FINE), 0.3), (glass(160), 0.6),
 ], ids=["one light", "four lights", "smooth weights, one sample", "sixteen lights", "a hundred lights", "glass"])
 @pytest.mark.parametrize("rate", [4, 8])
-def test_it_adds_less_than_can_be_seen(scene, rate):
+def test_it_adds_less_than_can_be_seen(scene, saved, rate):
+    """saved: at least so many receivers are interpolated. Lights' changes add up, so with many there are fewer."""
     difference, statistics = error(scene, rate)
     assert np.sqrt((difference**2).mean()) <= RMSE_ADDED and difference.max() <= MAX_ADDED
     shares = np.array([statistics[name] for name in ("interpolated", "refined", "computed")])
     assert shares.sum() <= statistics["camera_rays"]
-    assert shares[:2].sum() > 0.2 * shares.sum() and shares[2] > 0
+    assert shares[:2].sum() > saved * shares.sum() and shares[2] > 0
     assert statistics["points"] < shares.sum() and difference.max() > 0
 
 
@@ -118,6 +119,7 @@ def test_dark_and_bright_scenes_are_interpolated_alike(scene, power):
 def test_many_lights_need_fewer_shadow_rays():
     scene = hall(100, width=160, h=0.1, **FINE)
     exact, sparse = (render_image(scene.with_settings(shadow_rate=rate)).statistics for rate in (1, 4))
+    # Receivers are hardly fewer, 99 in 100. They were 85 while lights' changes were maximised, which passed the bound.
     assert sparse["receivers"] < exact["receivers"] and sparse["short_rays"] < 0.85 * exact["short_rays"]
     assert "between points" in sparse["plan"]["shadow rate"]
 

@@ -115,6 +115,71 @@ def test_light_meshes(both, name):
     assert np.sqrt(((ours - theirs)[inside] ** 2).mean()) / theirs[inside].mean() <= 0.06
 
 
+def steep_hills():
+    """Of the height of their squares: at this light a fifth of what Cycles lights was black in facets."""
+    chance, n = random.Random(2), 14
+    vertices = [(x - n / 2, y - n / 2, chance.uniform(0, 0.9)) for y in range(n + 1) for x in range(n + 1)]
+    first = [i * (n + 1) + j for i in range(n) for j in range(n)]
+    mesh = bpy.data.meshes.new("Steep hills")
+    mesh.from_pydata(vertices, [], [(a, a + 1, a + n + 2, a + n + 1) for a in first])
+    mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+    return mesh
+
+
+@pytest.fixture
+def low_sun(scene, add, add_light, diffuse, render, look_at):
+    """(mesh, camera, size of the sun) → a function of shadows and h, 0: automatic, that gives our picture; and Cycles'.
+
+    Both with many samples in the square of a pixel: Cycles' own filter is wider, and lights what is beside an outline.
+    """
+    def run(mesh, eye, size):
+        add(mesh, "Smooth").data.materials.append(diffuse())
+        add_light('SUN', energy=3, angle=size, rotation=(0, 1.3, 0))
+        scene.render.resolution_x, scene.render.resolution_y = 240, 180
+        scene.camera.location = eye
+        look_at(scene.camera, (0, 0, 0))
+        ours, cycles = scene.light_meshes, scene.cycles
+        ours.samples, ours.mode, cycles.samples, cycles.max_bounces = 16, 'RAY_CASTING', 64, 0
+        cycles.use_denoising = cycles.use_adaptive_sampling = False
+        cycles.sample_clamp_direct, cycles.pixel_filter_type, cycles.filter_width = 0, 'BOX', 1
+
+        def picture(engine, shadows="SHARP", h=0.0):
+            ours.shadows, ours.auto_h = shadows, not h
+            if h:
+                ours.h, ours.kI = h, 2
+            scene.render.engine = engine
+            return render(scene)["Combined"][..., 0].astype(float)
+        return lambda *values: picture('LIGHT_MESHES', *values), picture('CYCLES')
+    return run
+
+
+LOW = {"steep hills": (steep_hills, (0, -9, 6)), "monkey": (MESHES["monkey"], (0, -4, 2.5)),
+       "sphere": (MESHES["sphere"], (0, -4, 2.5)), "ball of few faces": (MESHES["ball of few faces"], (0, -4, 2.5)),
+       "cone with a sharp rim": (MESHES["cone with a sharp rim"], (0, -4, 2.5))}
+
+
+@pytest.mark.parametrize("name", LOW)
+def test_a_low_sun(low_sun, name):
+    """The issue's own bounds, 15° above the ground, against lamps that match: sharp shadows and a sun without a size,
+    and at the automatic step nothing that a small sun lights is black.
+    """
+    build, eye = LOW[name]
+    ours, theirs = low_sun(build(), eye, 0.0)
+    sharp, soft = ours("SHARP"), ours("LIGHT_MESHES")
+    assert black(sharp, theirs) <= 0.005 and rms(sharp, theirs) <= 0.06
+    assert black(soft, theirs) <= 0.005
+
+
+@pytest.mark.parametrize("name", ["steep hills", "monkey"])
+def test_what_is_left_in_soft_shadows_is_their_width(low_sun, name):
+    """The blur of edges under low light, r·cot β: it falls with h, towards what sharp shadows leave."""
+    build, eye = LOW[name]
+    ours, theirs = low_sun(build(), eye, 0.0)
+    left = [rms(ours("LIGHT_MESHES", h), theirs) for h in (0.03, 0.015, 0.0075)]
+    print(f"{name}: RMS difference {np.round(left, 3)} of the mean, of sharp shadows {rms(ours('SHARP'), theirs):.3f}")
+    assert left[0] > 1.1 * left[1] > 1.1**2 * left[2] and left[2] <= 0.06
+
+
 def test_area_sampling(both):
     ours, theirs = both(MESHES["hills"](), {}, "AREA_SAMPLING", size=0.05)
     assert black(ours, theirs) <= 0.005

@@ -139,7 +139,7 @@ class Service:
             self._kept = self._snapshot = None
         scene = self._scene(message) if keep else snapshot.read(self._path(message, "snapshot"))
         passes = _passes(message)
-        memory.check(memory.before(scene, passes))
+        memory.check(memory.before(scene, passes, copies=2))
         frame = film.Framebuffer.create(scene, passes, self._path(message, "framebuffer"))
         self._send(event="started", id=number, width=frame.width, height=frame.height, passes=frame.channels)
 

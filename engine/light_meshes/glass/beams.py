@@ -26,6 +26,8 @@ FINE = 1 / 64
 USUAL = 8  # at first light is followed through this many bends, and through twice as many if some of it goes on
 DEEPER = 8  # the second time only if it takes at most this many times the rays
 BUDGET = 3_000_000, 40  # the largest number of rays, in total and per triangle, for the beams of a light
+PLANES = 8  # the largest number of planes of a way through flat glass that is searched; the same in least_way.h
+WAYS = 64  # the largest number of ways through flat glass that are searched one by one where light may graze
 PAD = 0.3  # barycentric: a search may start for a point that is this far outside a beam
 
 
@@ -44,6 +46,7 @@ class Beams(NamedTuple):
     root: NDArray[np.int64]  # (6,) see `beam_tree`
     bounds: NDArray[np.float64]  # (nodes,11)
     child: NDArray[np.int64]  # (nodes,2)
+    flat: NDArray[np.int64]  # (s,) one beam of each signature of flat glass alone
     most: int  # the number of bends through which light was followed; less than necessary where many bodies scatter it
     cut: bool  # whether some light went on behind them
 
@@ -63,8 +66,21 @@ def trace_beams(g: Glass, s: Source, h: float) -> Beams:
         found, deepest = deeper, 2 * deepest
     arrays, cut = found
     order, root, bounds, child = beam_tree(arrays[2], arrays[3], arrays[4], arrays[5], PAD)
-    columns: Any = (*(np.ascontiguousarray(a[order]) for a in arrays), root, bounds, child, deepest, cut)
+    arrays = tuple(np.ascontiguousarray(a[order]) for a in arrays)
+    columns: Any = (*arrays, root, bounds, child, _flat(g, *arrays[6:]), deepest, cut)
     return Beams(*columns)
+
+
+def _flat(g: Glass, k: NDArray[np.int8], code: NDArray[np.int32], eta: NDArray[np.float64]) -> NDArray[np.int64]:
+    """One beam of each signature of two to PLANES bends at planes, without reflections; none of more than WAYS."""
+    used = np.arange(code.shape[1]) < k[:, None]
+    bends = (g.planar[code >> 1] >= 0) & (eta > 0)
+    planar = np.flatnonzero((bends | ~used).all(1) & (k > 1) & (k <= PLANES)).astype(np.int64)
+    if not len(planar):
+        return planar
+    signature = np.concatenate([np.where(used, code, -1), np.where(used, eta, 0)], 1)[planar]
+    first = np.sort(np.unique(signature, axis=0, return_index=True)[1])
+    return planar[first if len(first) <= WAYS else first[:0]]
 
 
 def _followed(g: Glass, s: Source, h: float, fine: float, deepest: int,

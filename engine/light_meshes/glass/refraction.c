@@ -1,11 +1,12 @@
 /* Finds refracted paths to points (refraction.py). */
-#include "paths.h"
+#include "least_way.h"
 
 enum { MOST = 64 };  /* the largest number of paths from a light to a point */
 /* relative to the first patch's radius: two paths are the same if their first points are nearer than this */
 static const f64 SAME = 1e-6;
 static const f64 MISS = 1e-8;  /* relative to the same: how far from the point a path may end */
 static const f64 PAD = 0.3;  /* barycentric: a search may start for a point that is this far outside a beam */
+static const f64 GRAZING = 0.35;  /* cosine at the exit of flat glass below which each way through it is searched */
 
 /* The beams of a light, and the trees over them (beams.py: Beams). */
 typedef struct {
@@ -17,7 +18,8 @@ typedef struct {
     const f64 *eta;
     const i64 *root;
     const f64 *bounds;
-    const i64 *child;
+    const i64 *child, *flat;
+    i64 flats;
 } Beams;
 
 /* Fills out: Π t of everything that the straight way from the light to points crosses, 0 if it would bend; but not 0
@@ -65,14 +67,45 @@ typedef struct {
     f64 first[MOST][3];
 } Known;
 
+static Signature signature_of(const Beams *beams, i64 i) {
+    return (Signature){beams->k[i], beams->code + i * beams->columns, beams->eta + i * beams->columns};
+}
+
+/* The middle of beam i on its first triangle: there light passes. */
+static Place middle_of(const Beams *beams, i64 i) {
+    const f64 *uv = beams->uv + 6 * i;
+    return (Place){beams->slot[i], (uv[0] + uv[2] + uv[4]) / 3.0, (uv[1] + uv[3] + uv[5]) / 3.0};
+}
+
+/* Whether x is so low above the plane where the light of beam i leaves flat glass that beams do not tell whether it is in
+   them: the way out changes as the root of the way to total reflection. Not where such a path is known. */
+static int may_graze(const Glass *g, const Beams *beams, i64 i, const Known *known, const f64 *x) {
+    i64 k = beams->k[i];
+    const i32 *code = beams->code + i * beams->columns;
+    i64 patch = code[k - 1] >> 1;
+    const f64 *p = place_of(g, g->planar[patch]);
+    f64 height = 0.0;
+    for (int j = 0; j < 3; j++) height += (x[j] - p[A + j]) * p[NG + j];
+    if (!(height > 0.0 && height < GRAZING * (sqrt(squared_distance(x, p + A)) + 2.0 * g->patch_size[patch]))) return 0;
+    for (i64 other = 0; other < known->count; other++) {
+        const i32 *has = beams->code + known->beam[other] * beams->columns;
+        int equal = k == beams->k[known->beam[other]];
+        for (i64 j = 0; j < k && equal; j++) equal = code[j] == has[j];
+        if (equal) return 0;
+    }
+    return 1;
+}
+
 enum { FOUND, NOWHERE, TWICE, UNREAL };
 
-/* Finds the path to which a seed leads, with its first point and its length after the last bend. */
-static int search_path(const Glass *g, Path *s, const f64 *x, Place at, Signature want, const Beams *beams,
+/* Finds the path to which a seed leads, with its first point and its length after the last bend. middle: of the beam. */
+static int search_path(const Glass *g, Path *s, const f64 *x, Place at, Place middle, Signature want, const Beams *beams,
                        const Known *known, f64 *first, f64 *along) {
     f64 size = g->patch_size[want.code[0] >> 1];
     for (int attempt = 0; attempt < 2; attempt++) {
-        at = newton(g, s, x, at, want);
+        Place seed = at;
+        at = newton(g, s, x, seed, want);
+        if (at.slot < 0) at = newton(g, s, x, middle, want);
         if (at.slot < 0) return NOWHERE;
         /* Was the path found before? */
         const f64 *p = place_of(g, at.slot);
@@ -115,21 +148,51 @@ static void spread_of(const Glass *g, const Path *s, const f64 *x, f64 along, f6
     *reach = distance * ball[3] / off;
 }
 
+/* Rows of the paths that are found, as in refraction_solve. */
+typedef struct {
+    f64 *alpha, *bends;
+    i64 *k;
+    f64 *arrival, *spread, *reach;
+} Found;
+
+/* Looks for a path to x of a beam's signature; returns 1 and fills the row where there is one that is not known. */
+static i64 search_from(const Glass *g, Path *s, const f64 *x, Place seed, i64 beam, const Beams *beams, Known *known,
+                       const Found *out, i64 row) {
+    i64 q = beams->columns;
+    f64 start[3], along;
+    Signature want = signature_of(beams, beam);
+    s->work[SEEDS]++;
+    int found = search_path(g, s, x, seed, middle_of(beams, beam), want, beams, known, start, &along);
+    if (found == NOWHERE) s->work[UNCONVERGED]++;
+    if (found == UNREAL) s->work[REJECTED]++;
+    if (found != FOUND) return 0;
+    out->k[row] = want.k;
+    for (int j = 0; j < 3; j++) {
+        out->alpha[3 * row + j] = s->alpha[j], out->arrival[3 * row + j] = s->ray[1][j];
+        for (i64 i = 0; i < q; i++) out->bends[(row * q + i) * 3 + j] = i < want.k ? s->bend[i].ray[0][j] : 0.0;
+        known->first[known->count][j] = start[j];
+    }
+    spread_of(g, s, x, along, out->spread + 2 * row, out->reach + row);
+    known->beam[known->count++] = beam;
+    return 1;
+}
+
 /* Finds the paths to points from state[0] on, until all are done or the arrays are full. state: the next point, and
    the number of rows that are filled. */
 KERNEL(refraction_solve,
        GLASS LIGHT
        "slot i32[B]  uv f64[B,3,2]  p f64[B,3,2]  d_of f64[B,3,2]  z f64[B,3]  k i8[B]  code i32[B,q]  eta f64[B,q]  "
-       "root i64[6]  bounds f64[o,11]  beam_child i64[o,2]  x f64[n,3]  state i64[2]!  count i64[n]!  alpha f64[r,3]!  "
+       "root i64[6]  bounds f64[o,11]  beam_child i64[o,2]  flat i64[e]  x f64[n,3]  state i64[2]!  count i64[n]!  alpha f64[r,3]!  "
        "bends f64[r,q,3]!  k_out i64[r]!  arrival f64[r,3]!  spread f64[r,2]!  reach f64[r]!")
-i64 refraction_solve(i64 m, i64 y, i64 b, i64 d, i64 c, i64 B, i64 q, i64 o_count, i64 n, i64 r, OF_GLASS, OF_LIGHT,
+i64 refraction_solve(i64 m, i64 y, i64 b, i64 d, i64 c, i64 B, i64 q, i64 o_count, i64 flats, i64 n, i64 r, OF_GLASS, OF_LIGHT,
                      const i32 *slot, const f64 *uv, const f64 *p_of, const f64 *d_of, const f64 *z_of, const i8 *k_of,
                      const i32 *code, const f64 *eta, const i64 *root, const f64 *bounds, const i64 *beam_child,
-                     const f64 *x, i64 *state, i64 *count, f64 *alpha, f64 *bends, i64 *k_out, f64 *arrival,
+                     const i64 *flat, const f64 *x, i64 *state, i64 *count, f64 *alpha, f64 *bends, i64 *k_out, f64 *arrival,
                      f64 *spread, f64 *reach) {
     Glass g = {m, b, place, link, planar, patch_size, ior, rank, ball, box, child};
     Path s = path_of(light, sun, total, far, around, work);
-    Beams beams = {q, slot, uv, p_of, d_of, z_of, k_of, code, eta, root, bounds, beam_child};
+    Beams beams = {q, slot, uv, p_of, d_of, z_of, k_of, code, eta, root, bounds, beam_child, flat, flats};
+    const Found out = {alpha, bends, k_out, arrival, spread, reach};
     i64 p = state[0], rows = 0, stack[STACK];
     (void)y, (void)d, (void)c, (void)B, (void)o_count;
     for (; p < n && rows + MOST <= r; p++) {
@@ -158,26 +221,15 @@ i64 refraction_solve(i64 m, i64 y, i64 b, i64 d, i64 c, i64 B, i64 q, i64 o_coun
                 /* A leaf: search a path from each beam around the point */
                 for (i64 beam = first; beam < last; beam++) {
                     Place seed;
-                    f64 start[3], along;
                     if (!inside(&beams, beam, z, a, e, &seed) || known.count == MOST) continue;
-                    work[SEEDS]++;
-                    Signature want = {k_of[beam], code + beam * q, eta + beam * q};
-                    int found = search_path(&g, &s, at, seed, want, &beams, &known, start, &along);
-                    if (found == NOWHERE) work[UNCONVERGED]++;
-                    if (found == UNREAL) work[REJECTED]++;
-                    if (found != FOUND) continue;
-                    /* Store the path */
-                    k_out[rows] = want.k;
-                    for (int j = 0; j < 3; j++) {
-                        alpha[3 * rows + j] = s.alpha[j], arrival[3 * rows + j] = s.ray[1][j];
-                        for (i64 i = 0; i < q; i++) bends[(rows * q + i) * 3 + j] = i < want.k ? s.bend[i].ray[0][j] : 0.0;
-                        known.first[known.count][j] = start[j];
-                    }
-                    spread_of(&g, &s, at, along, spread + 2 * rows, reach + rows);
-                    known.beam[known.count++] = beam;
-                    rows++;
+                    rows += search_from(&g, &s, at, seed, beam, &beams, &known, &out, rows);
                 }
             }
+        }
+        for (i64 i = 0; i < flats && known.count < MOST; i++) {
+            if (!may_graze(&g, &beams, flat[i], &known, at)) continue;
+            Place seed = least_way(&g, &s, at, signature_of(&beams, flat[i]));
+            if (seed.slot >= 0) rows += search_from(&g, &s, at, seed, flat[i], &beams, &known, &out, rows);
         }
         count[p] = rows - first_row;
     }

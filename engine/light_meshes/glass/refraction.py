@@ -115,7 +115,7 @@ class RefractedPaths:
         count = np.zeros(len(x), np.int64)
         parts = [_room(0, beams.most)]
         state = np.zeros(2, np.int64)
-        what = (*self.glass[1:], *s, *beams[:5], *beams[6:12], local)
+        what = (*self.glass[1:], *s, *beams[:5], *beams[6:13], local)
         while state[0] < len(x) and len(beams.slot):
             room = _room(len(x) - int(state[0]) + MOST, beams.most)
             _solve(*what, state, count, *room)

@@ -49,8 +49,10 @@ class Part(NamedTuple):
     remedy: str
 
 
-def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
-    """Return the parts that are known before anything is made: all but the nodes."""
+def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
+    """Return the parts that are known before anything is made: all but the nodes. `copies` of the picture are counted:
+    2 if a parent process has one as well.
+    """
     x0, y0, x1, y1 = crop_of(scene)
     pixels, threads, lights = (x1 - x0) * (y1 - y0), processors.count(), len(scene.lights)
     glass = any(m.alpha < 1 or m.alpha_image >= 0 or any(m.kt) for m in scene.materials)
@@ -65,7 +67,7 @@ def before(scene: Scene, passes: Sequence[str]) -> list[Part]:
         Part(BASE, "the engine itself", "close other programs"),
         _triangles(scene, glass),
         *_textures(scene),
-        Part(4.0 * pixels * sum(len(letters(name)) for name in passes),
+        Part(4.0 * copies * pixels * sum(len(letters(name)) for name in passes),
              f"{x1 - x0:,} × {y1 - y0:,} pixels of {len(passes)} passes", "render a smaller picture, or fewer passes"),
         Part(threads * work,
              f"{threads} threads with {lights:,} lights", "use fewer threads: --threads, or Threads under Performance"),

@@ -14,8 +14,9 @@ from .shadowing import Shadowing
 from .world import World
 
 _forget = kernel("reuse_forget")
-# if nodes need more bytes they are dropped before the next picture, so that a camera flight does not fill the memory
-KEPT_BYTES = 1 << 30
+# Nodes are dropped before the next picture if they need more bytes than the first number, or more than the second and
+# there are as many as so many pictures added at most: a camera flight must not fill the memory.
+KEPT_BYTES, SMALL_BYTES, KEPT_PICTURES = 1 << 30, 16 << 20, 4
 
 
 def nodes(new: Shadowing, old: Shadowing | None) -> int:
@@ -27,7 +28,9 @@ def nodes(new: Shadowing, old: Shadowing | None) -> int:
     if not (old and old.method.nodes and new.method.nodes):
         return 0
     kept, store, world, before = new.method.nodes, old.method.nodes.store, new.world, old.world
-    if store.bytes > KEPT_BYTES or _store_key(new) != _store_key(old):
+    store.end_picture()
+    enough = SMALL_BYTES if store.count > KEPT_PICTURES * store.largest else KEPT_BYTES
+    if store.bytes > enough or _store_key(new) != _store_key(old):
         return 0
     store.mend()
     unchanged = world.glass is before.glass and casting(world.scene) == casting(before.scene) and (
@@ -43,6 +46,7 @@ def nodes(new: Shadowing, old: Shadowing | None) -> int:
         lattice = old.method.nodes.lattice
         kept.store.inherit(store, source,
                            lambda nodes, known: _forget_near(before, lattice.position(nodes), boxes, known))
+        kept.store.largest = store.largest
     return kept.store.count
 
 

@@ -42,6 +42,8 @@ class NodeStore:
         self._lights, self._channels = lights, channels
         self.words = (lights + 63) // 64
         self.count = 0
+        self.largest = 0  # the most nodes that one picture has added
+        self._before = 0  # the nodes that were there when this picture began
         self._ready = threading.Condition()
         self._broken = False
         self._keys = keys()
@@ -64,6 +66,11 @@ class NodeStore:
         """Return for each node the lights (count,W) for which its value is known."""
         return self._known.of(0, self.count)
 
+    def end_picture(self) -> None:
+        """Take notice of how many nodes the picture has added; what is asked for from now on is another one's."""
+        self.largest = max(self.largest, self.count - self._before)
+        self._before = self.count
+
     def mend(self) -> None:
         """Forget all values that a render had begun to compute when it was cancelled or failed."""
         self._broken = False
@@ -85,6 +92,7 @@ class NodeStore:
             some = np.flatnonzero(kept.any(1))
             value = old._value(np.arange(first, last, dtype=np.uint32)[some])
             self.values(nodes[some], kept[some], partial(self._moved, value, source))
+        self._before = self.count
 
     def _moved(self, value: NDArray, source: NDArray[np.int32], _: NDArray, kept: NDArray[np.uint64]) -> NDArray:
         """Return values of another store for the lights in `kept` (n,W)."""
