@@ -1,8 +1,8 @@
 """A sheet of balls and tilted squares of shiny materials, by this bpy's Cycles and by Light Meshes.
 
-For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER LAMP.PART …, where the part is diffuse or gloss:
-writes LAMP.PART.ours.npy and LAMP.PART.theirs.npy (rows from the bottom, RGB), and cells.json, the materials' names in the
-order of the cells.
+For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER LAMP.PART …, where the part is diffuse or
+gloss: writes LAMP.PART.ours.npy and LAMP.PART.theirs.npy (rows from the bottom, RGB), and cells.json, the materials'
+names in the order of the cells.
 """
 
 import json

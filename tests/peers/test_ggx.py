@@ -1,4 +1,4 @@
-"""Highlights of GGX, and what is dimmed below them, beside Cycles: balls and tilted squares in a lamp's direct light."""
+"""Highlights of GGX, and what is dimmed below them, beside Cycles: balls and tilted squares in direct light."""
 
 import importlib.util
 import json

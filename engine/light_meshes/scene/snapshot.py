@@ -103,10 +103,10 @@ _RANGES = {
     (Material, "nShiny"): (0.0, 1e9),
     (Material, "ior"): (0.01, 100.0),
     (Material, "alpha"): (0.0, 1.0),
-    **{(Material, name): PARAMETERS[name][1:] for name in (
-        "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
-        "compensation")},
 }
+_RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
+    "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
+    "compensation")}
 
 
 def write(scene: Scene, folder: Path) -> None:
