@@ -202,11 +202,6 @@ class Material:
     compensation: float = 1.0  # share of the light that microfacets reflect several times which counts
     program: Program = NO_PROGRAM  # computes some of these values point by point, from the material's nodes
 
-    @property
-    def shines(self) -> bool:
-        """Whether lamps have highlights on it."""
-        return self.metal + self.dielectric > 0 if self.highlight == "GGX" else self.ks > 0
-
 
 @dataclass(frozen=True)
 class Image:

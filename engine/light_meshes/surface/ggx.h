@@ -100,6 +100,11 @@ static inline f64 dielectric_mean(const f64 *m, int j, f64 normal, f64 *f0) {
     return *f0 + (1.0 - *f0) * s;
 }
 
+/* Whether a material of the row m reflects anything in channel j. */
+static inline int facets_shine(const f64 *m, int j) {
+    return (m[G_METAL] > 0.0 && (m[G_F0 + j] > 0.0 || m[G_F90 + j] > 0.0)) || (m[G_DIELECTRIC] > 0.0 && m[G_IOR] != 1.0);
+}
+
 /* What a material of the row m reflects to an eye at the cosine `facing`. */
 static inline Gloss gloss_row(const f64 *m, const f64 *tables, f64 facing) {
     f64 roughness = held(m[G_ROUGHNESS], SMOOTHEST, 1.0), alpha = square(roughness), E_mean;

@@ -61,19 +61,22 @@ static Source source_of(const Lights *l, i64 i) {
                     {c[0], c[1], c[2]}, l->axes + 9 * i};
 }
 
-/* Loads what receiver k reflects by its facets; m: the row of its material, NULL if it has none. */
+/* Loads what receiver k reflects by its facets; m: the row of its material, NULL if it has none; tables: NULL if only
+   `returns` is wanted. */
 static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
     Facets *f = &b->facets;
+    for (int j = 0; m && j < 3; j++) {
+        b->gloss[j][k] = 1.0;  /* their colour is in the facets */
+        b->returns[k] &= ~((u64)1 << (3 + j));
+        b->returns[k] |= (u64)facets_shine(m, j) << (6 + j);
+    }
+    if (!tables) return;
     static const Gloss none = {.alpha2 = 1.0, .sight = 1.0, .masked = 1.0, .ior2 = 1.0};
     Gloss g = m ? gloss_row(m, tables, b->facing[k]) : none;
     f->alpha2[k] = g.alpha2, f->sight[k] = g.sight, f->masked[k] = g.masked, f->ior2[k] = g.ior2, f->normal[k] = g.normal;
     for (int j = 0; j < 3; j++) {
         f->plain[j][k] = g.plain[j], f->schlick[j][k] = g.schlick[j];
         f->edge[j][k] = g.edge[j], f->fresnel[j][k] = g.fresnel[j];
-        if (!m) continue;
-        b->gloss[j][k] = 1.0;  /* is in these */
-        b->returns[k] &= ~((u64)1 << (3 + j));
-        b->returns[k] |= (u64)(g.plain[j] > 0.0 || g.schlick[j] > 0.0 || g.fresnel[j] > 0.0) << (6 + j);
     }
 }
 
@@ -135,6 +138,7 @@ KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
 i64 shading_reaching(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
     GATHERED;
     Block block;
+    materials.tables = 0;
     for (i64 first = 0; first < n; first += SIDE) {
         fill(&block, first, &materials, &hits);
         for (i64 w = 0; w < W; w++) {
