@@ -111,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
                        help="for table.txt, results.json and figures (default: %(default)s)")
     bench.add_argument("--quick", action="store_true", help="small pictures and few of them: about two minutes")
     bench.add_argument("--only", metavar="PART,…", help="S3, S5, S7, S8, cycles, errors, growth, rates, embree, "
-                       "process, decisions; or figures, from the results that FOLDER has")
+                       "process, threads, decisions; or figures, from the results that FOLDER has")
     bench.add_argument("--debug", action="store_true", help="show tracebacks")
     bench.set_defaults(run=_bench)
     for command in (render, inspect):

@@ -7,13 +7,14 @@ import runpy
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from light_meshes import Camera, Scene, Shape, box, cylinder, rectangle
-from light_meshes.bench import command, decisions, errors, plots, rates, runs, scenes, targets
+from light_meshes.bench import command, decisions, errors, plots, rates, runs, scenes, targets, threads
 from light_meshes.bench.embree import ShadowRays
 from light_meshes.picture.plan import forced
 from light_meshes.picture.render import render_image
@@ -100,8 +101,36 @@ def test_embree_alone_gets_the_very_rays_of_the_picture():
     assert rays.trace(2) > 0
 
 
+@pytest.mark.skipif(sys.version_info >= (3, 13), reason="this Python does not tell who holds its lock")
+def test_a_lock_that_is_held_is_told_from_one_that_is_not():
+    def hold():
+        end = time.monotonic() + 0.3
+        while time.monotonic() < end:
+            sum(range(100))
+
+    scene = hall(4, width=48).with_settings(samples=4)
+    assert threads.lock_held(hold) > 0.8
+    assert threads.lock_held(lambda: time.sleep(0.3)) < 0.1
+    assert 0 < threads.lock_share(scene) < 1
+
+
+def test_preparing_is_measured():
+    found = threads.preparing(hall(4, width=300))
+    assert found["triangles"] > 100 and found["without_lamps"] == 0
+    assert all(found[what]["seconds"] > 0 and found[what]["threads"] > 0 for what in ("accelerator", "certificate"))
+
+
+def test_threads_have_their_targets():
+    busy = {"accelerator": {"seconds": 1.0, "threads": 1.9}, "certificate": {"seconds": 1.0, "threads": 1.2}}
+    found = {r["what"]: r for r in targets.targets(results(threads={
+        "lock": {"S3, 1 light": 0.01, "S7, 16 lights": 0.03},
+        "preparing": busy | {"triangles": 2_000_000, "without_lamps": 0.0}}))}
+    reached = [r["reached"] for what, r in found.items() if "lock" in what or "triangles" in what]
+    assert reached == [True, False, True, False, True]
+
+
 def results(**more):
-    empty = {"embree": None, "process": None, "scenes": [], "times": [], "errors": []}
+    empty = {"embree": None, "process": None, "threads": None, "scenes": [], "times": [], "errors": []}
     return empty | more
 
 

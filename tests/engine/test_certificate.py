@@ -11,6 +11,7 @@ from light_meshes.picture.render import prepare, render_image
 from light_meshes.rays.tracer import points
 from light_meshes.shadows.meshes.certificate import MARGIN
 from light_meshes.shadows.meshes.lattice import candidates
+from light_meshes.support import processors
 from scenes import GREY, four_lights, point, random_scene, settings, sun, tabletop
 from test_metamorphic import turned
 
@@ -165,3 +166,30 @@ def test_the_certificate_stays_while_the_casters_and_r_do():
                       with_object(scene, 2, visible_shadow=False)):
             _, _, first, then = after(scene, other)
             assert first.shadowing.certificate is not then.shadowing.certificate
+
+
+def test_it_does_not_depend_on_threads():
+    """Convex instances and planes, of several objects each, are found by threads that share them out."""
+    names = ("ball", "stairs", "cut sheet", "room", "cut box", "bowl", "coarse ball")
+    shapes = [Shape(SHAPES[name], GREY, f"{name} {n}") for n in range(2) for name in names]
+    camera = Camera.look_at((3, -4, 3), (0, 0, 0), 60, 64, 64)
+    scene = Scene.from_shapes(shapes, camera, LIGHTS, settings(h=0.04, samples=4))
+    found = []
+    for threads in (1, 2, 5):
+        processors.tell(threads)
+        try:
+            with forced(certificate=True):
+                found.append(prepare(scene, ("Combined",)).shadowing.certificate)
+        finally:
+            processors.tell(None)
+    assert len(np.unique(found[0].body)) > 10
+    for other in found[1:]:
+        for name in ("body", "clear", "keys", "cell"):
+            assert np.array_equal(getattr(found[0], name), getattr(other, name)), name
+        assert np.array_equal(found[0].only[other.keys >= 0], other.only[other.keys >= 0])
+        assert all(np.array_equal(a, b) for a, b in zip(found[0].convex, other.convex, strict=True))
+
+
+def test_without_lamps_there_is_none():
+    ready = prepare(replace(tabletop(64, shadows="LIGHT_MESHES", samples=16), lights=()), ("Combined",))
+    assert ready.shadowing.certificate is None and "certificate" not in ready.stats.seconds

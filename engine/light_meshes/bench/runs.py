@@ -21,14 +21,14 @@ from typing import Any
 from ..picture.render import render_image
 from ..scene import snapshot
 from ..scene.description import Scene
-from . import decisions, errors, rates, scenes
+from . import decisions, errors, rates, scenes, threads
 from .blender import Cycles
 from .embree import ShadowRays
 from .measure import NOT_SHADOWS, Measurement, Method, Say, in_turn
 from .scenes import Case
 
 SCENES = tuple(scenes.FILES)
-PARTS = (*SCENES, "cycles", "errors", "growth", "rates", "embree", "process", "decisions")
+PARTS = (*SCENES, "cycles", "errors", "growth", "rates", "embree", "process", "threads", "decisions")
 FORMAT = "light-meshes benchmark"
 
 
@@ -56,7 +56,7 @@ class Effort:
 QUICK = Effort(size=250, repeats=3, lights=(4, 16, 64), kI=(2.0,), steps=(), samples=(1, 4), all_samples=(1, 4),
                error_size=60, cycles_reference=64, triangles=(10_000, 100_000), most=2.0, most_target=6.0,
                seconds=120.0)
-QUICK_PARTS = ("S3", "S7", "cycles", "errors", "embree", "process")
+QUICK_PARTS = ("S3", "S7", "cycles", "errors", "embree", "process", "threads")
 SHARES = {"S3": 0.12, "S5": 0.08, "S7": 0.5, "S8": 0.08, "growth": 0.1, "embree": 0.04}  # of the seconds
 
 
@@ -70,7 +70,7 @@ class Bench:
         self.results: dict[str, Any] = {
             "format": FORMAT, "version": 1, "machine": machine(), "effort": dataclasses.asdict(effort),
             "parts": list(parts), "scenes": [], "times": [], "errors": [], "growth": [], "rates": [], "embree": None,
-            "process": None, "decisions": [], "notes": []}
+            "process": None, "threads": None, "decisions": [], "notes": []}
         self.threads = os.cpu_count() or 1
 
     def run(self, keep: Callable[[], None] = lambda: None) -> None:
@@ -95,6 +95,8 @@ class Bench:
                     self._embree()
                 elif part == "process":
                     self._process()
+                elif part == "threads":
+                    self._threads()
                 elif part == "decisions":
                     self._say("decisions of the plan")
                     many, glass, still = (scenes.sized(s, self.effort.size // 2, samples=1) for s in (
@@ -215,10 +217,22 @@ class Bench:
         self.results["embree"] = {"rays": rays.count, "shadow_stage": stage, "embree_alone": alone,
                                   "ratio": median(stage) / median(alone), "threads": self.threads}
 
+    def _threads(self) -> None:
+        """How much of the tile loop holds Python's lock, and whether preparing uses all threads."""
+        e, shares = self.effort, {}
+        for name, count in [("S3", None), *(("S7", n) for n in e.lights if n >= 16)]:
+            case = scenes.case(name, self._scene_of(name), count)
+            shares[case.title] = threads.lock_share(scenes.sized(case.scene, e.size, samples=4))
+            self._say(f"{case.title}, {e.size}², 4 a pixel: Python's lock is held {shares[case.title] or 0:.1%}")
+        large = scenes.hall(scenes.case("S7", self._scene_of("S7"), e.growth_lights).scene, max(e.triangles))
+        found = threads.preparing(scenes.sized(large, 2 * e.size, samples=4))
+        self.results["threads"] = {"lock": shares, "preparing": found}
+        self._say("{triangles:,} triangles: accelerator {accelerator[seconds]:.2f} s, certificate "
+                  "{certificate[seconds]:.2f}".format(**found))
+
     def _process(self) -> None:
-        """Measure the first render of a process with warm kernels, and its later ones."""
+        """Measure the first render of a process, and its later ones."""
         scene = scenes.sized(self._scene_of("S3"), min(250, self.effort.size), samples=1)
-        render_image(scene)  # the kernels are warm after this
         folder = self._folder / "process"
         snapshot.write(scene, folder)
         done = []

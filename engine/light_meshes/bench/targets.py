@@ -40,9 +40,24 @@ def targets(results: dict[str, Any]) -> Rows:
     for lights in sorted(memory) or (64,):
         rows.append(_row(f"memory, bytes a node, {lights} opaque lights", memory.get(lights), 16 + lights / 8 * 1.5))
     process = results["process"]
-    rows.append(_row("first render of a process over its later ones, seconds, kernels cached",
-                     process and process["first"] - process["later"], 1.0))
-    return rows + _rates(results.get("rates", []))
+    rows.append(_row("first render of a process over its later ones, seconds",
+                     process and process["first"] - process["later"], 0.5))
+    return rows + _threads(results.get("threads")) + _rates(results.get("rates", []))
+
+
+def _threads(threads: dict[str, Any] | None) -> Rows:
+    """The targets of threads that run side by side."""
+    lock = (threads or {}).get("lock") or {"S3, 1 light": None}
+    rows = [_row(f"share of the tile loop that holds Python's lock, {case}, 4 samples a pixel", share, 0.02)
+            for case, share in lock.items()]
+    found = (threads or {}).get("preparing")
+    size = f"{found['triangles']:,}" if found else "2·10⁶"
+    for what in ("accelerator", "certificate"):
+        rows.append(_row(f"threads that are busy while the {what} of {size} triangles is made",
+                         found and found[what]["threads"], 1.5, at_least=True,
+                         remark=f"{found[what]['seconds']:.2f} s" if found else ""))
+    return [*rows, _row(f"seconds of the certificate of {size} triangles without lamps",
+                        found and found["without_lamps"], 0.0)]
 
 
 def _rates(rows: Rows) -> Rows:

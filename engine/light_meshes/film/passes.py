@@ -14,7 +14,7 @@ from ..support.native import kernel
 from ..support.text import quoted
 from .mattes import KINDS, Mattes
 
-_sum = kernel("passes_add")
+_sum, _means = kernel("passes_add"), kernel("passes_means")
 
 NO_DEPTH = 1e10  # the value that Cycles writes
 
@@ -101,7 +101,6 @@ class Tile:
         """Add weight·colour to Combined. `terms` is pass → its share of the colour; it is added where the camera sees
         the surface directly.
         """
-        colour = np.broadcast_to(colour, weight.shape)
         _add(self.samples["Combined"], pixel, weight, colour)
         if part is None:
             return
@@ -109,8 +108,8 @@ class Tile:
             rows = part == how
             for name, share in shares.items():
                 if name in self.samples:
-                    share = np.broadcast_to(share, weight.shape)
-                    _add(self.samples[name], pixel[rows], weight[rows], share[rows])
+                    own = share[rows] if share.ndim > 1 else share
+                    _add(self.samples[name], pixel[rows], weight[rows], own)
 
     def take_alpha(self, pixel: NDArray, weight: NDArray) -> None:
         """Subtract the mean of weight (n,3) from alpha, where the picture stays transparent."""
@@ -140,19 +139,19 @@ class Tile:
         if name.startswith(KINDS):
             found = self.mattes.developed(name, len(self.seen) // per_pixel, per_pixel)
             return found.reshape(box[3] - box[1], box[2] - box[0], -1)
-        pixels = self.samples[name].reshape(-1, per_pixel, self.samples[name].shape[1])
-        total = pixels[:, 0]
-        if name not in _CENTRE:
-            total = total.copy()
-            for s in range(1, per_pixel):
-                total += pixels[:, s]
-            total /= per_pixel
-        return total.reshape(box[3] - box[1], box[2] - box[0], -1)
+        samples = self.samples[name]
+        if name in _CENTRE:
+            means = samples[::per_pixel]
+        else:
+            means = np.empty((len(samples) // per_pixel, samples.shape[1]))
+            _means(samples, means)
+        return means.reshape(box[3] - box[1], box[2] - box[0], -1)
 
 
 def _add(samples: NDArray[np.float64], pixel: NDArray[np.int64], weight: NDArray[np.float64],
          colour: NDArray[np.float64], first: int = 0) -> None:
     """Add weight·colour to samples[pixel], beginning at column `first`. The rays of one pixel are added in their
-    order.
+    order. `colour` has a row for each ray (n,c), or is one (c,) for all.
     """
-    _sum(samples, first, pixel, np.ascontiguousarray(weight, np.float64), np.ascontiguousarray(colour, np.float64))
+    colour = np.ascontiguousarray(colour, np.float64)
+    _sum(samples, first, pixel, np.ascontiguousarray(weight, np.float64), colour if colour.ndim > 1 else colour[None])

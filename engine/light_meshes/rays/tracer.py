@@ -1,5 +1,5 @@
 """Ray tracing with three functions: `closest`, `occluded` and `transmittance`. No other module of the engine uses
-Embree.
+`embree.py`, the only one that uses Embree.
 
 Precision (Embree uses float32): the scene is shifted and scaled (`frame`). Rays are built in float64. They start a few
 ulps of their place away from their surface, along the geometric normal (`clearance`), are aimed from the *rounded*
@@ -12,23 +12,21 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from ..scene.description import Scene
 from ..scene.errors import SceneError
 from ..support.native import kernel
+from .embree import Accelerator, accelerator, room_for
 from .geometry import Surfaces
 from .stacks import Stacks, place_of
 
-CHUNK = 16384  # rays per call: the fastest of those measured; it also limits the delay of a cancel
+CHUNK = 16384  # rays that are followed through glass at once
 # relative to the frame's box: how far a ray starts from its surface, and how far beyond a closed end it goes
 ULPS = 16 * 2.0**-23
 BUILD_BYTES = 300  # a triangle, while Embree builds its tree. It crashes or hangs where it does not get them
 
-_rays, _segments = kernel("tracer_rays"), kernel("tracer_segments")
-_cross, leave = kernel("tracer_cross"), kernel("tracer_leave")
+_segments, _cross, leave = kernel("tracer_segments"), kernel("tracer_cross"), kernel("tracer_leave")
 
 
 class Targets(NamedTuple):
@@ -64,11 +62,12 @@ class Tracer:
         glass = np.zeros(len(surfaces.triangles), np.bool_) if glass is None else glass
         bending = np.zeros(len(surfaces.triangles), np.bool_) if bending is None else bending
         self.centre, self.scale, self.reach = surfaces.centre, surfaces.scale, surfaces.reach
+        self._frame = self.centre, self.scale, self.reach
         self._surfaces, self.stacks = surfaces, stacks
-        self._embree: dict[tuple[str, int], tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        self._embree: dict[tuple[str, int], tuple[Accelerator, NDArray[np.int32] | None]] = {}
         self._seen: dict[tuple[str, int], NDArray[np.bool_]] = {}
         owner = scene.geometry.instance_object[surfaces.instance]
-        self.built: dict[bytes, tuple[EmbreeScene, NDArray[np.int32] | None]] = {}
+        self.built: dict[bytes, tuple[Accelerator, NDArray[np.int32] | None]] = {}
         built = old.built if old else {}
         every = np.ones(len(owner), np.bool_)
         kinds: dict[str, tuple[str, NDArray[np.bool_]]] = {
@@ -104,15 +103,7 @@ class Tracer:
         """
         embree, original = self._embree[kind, casters]
         n = len(origin)
-        triangle = np.empty(n, np.int32)
-        u, v = np.empty(n, np.float32), np.empty(n, np.float32)
-        for i in range(0, n, CHUNK):
-            part = slice(i, min(i + CHUNK, n))
-            o, d, t = _scratch(part.stop - i)
-            _rays(self.centre, self.scale, self.reach, origin[part], direction[part],
-                  None if normal is None else normal[part], None if reach is None else reach[part], o, d, t)
-            hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
-            triangle[part], u[part], v[part] = hit["primID"], hit["u"], hit["v"]
+        triangle, u, v = embree.closest_of(*self._frame, origin, direction, normal, reach)
         if original is not None:
             hit = triangle >= 0  # none where everything is hidden
             triangle[hit] = original[triangle[hit]]
@@ -133,15 +124,7 @@ class Tracer:
         lattice nodes); otherwise the ray ends just before the target (for lights).
         """
         embree, _ = self._embree[kind, casters]
-        n = len(origin_of)
-        blocked = np.empty(n, np.bool_)
-        for i in range(0, n, CHUNK):
-            part = slice(i, min(i + CHUNK, n))
-            o, d, t = _scratch(part.stop - i)
-            _segments(self.centre, self.scale, self.reach, origin, normal, origin_of[part], *targets, target_of[part],
-                      closed, o, d, t)
-            np.equal(embree.run(o, d, dists=t, query="OCCLUDED"), 0, out=blocked[part])
-        return blocked
+        return embree.occluded_of(*self._frame, origin, normal, origin_of, *targets, target_of, closed)
 
     def transmittance(
         self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
@@ -166,8 +149,8 @@ class Tracer:
         s = self._surfaces
         for i in range(0, len(origin_of), CHUNK):
             alive = i + np.flatnonzero(~blocked[i:i + CHUNK])
-            o, d, t = _scratch(len(alive))
-            _segments(self.centre, self.scale, self.reach, origin, normal, origin_of[alive], *targets,
+            o, d, t = room_for(len(alive))
+            _segments(*self._frame, origin, normal, origin_of[alive], *targets,
                       target_of[alive], closed, o, d, t)
             start = o.astype(np.float64)
             end = start + d.astype(np.float64) * t[:, None].astype(np.float64)
@@ -180,12 +163,11 @@ class Tracer:
                 self._together(kind, casters, triangle[origin_of[alive]], start, end, True, done, done, alive, factor,
                                through)
             while len(alive):
-                hit = embree.run(o, d, dists=t, query="INTERSECT", output=True)
-                on = hit["primID"] >= 0
-                met = hit["primID"][on] if original is None else original[hit["primID"][on]]
-                alive, start, end, passed, last, near, done = (
-                    a[on] for a in (alive, start, end, passed, last, near, done))
-                o, d, t = o[on], d[on], t[on]
+                hit = embree.closest(o, d, t)
+                on = hit.triangle >= 0
+                met: NDArray[np.int32] = hit.triangle[on] if original is None else original[hit.triangle[on]]
+                alive, start, end, passed = alive[on], start[on], end[on], passed[on]
+                last, near, done, o, d, t = last[on], near[on], done[on], o[on], d[on], t[on]
                 new, until = np.empty(len(alive), np.bool_), np.empty(len(alive))
                 _cross(s.vertices, s.triangles, s.instance, met, start, end, o, d, t, passed, last, near, new, until)
                 if self.stacks is not None:
@@ -196,11 +178,10 @@ class Tracer:
                     others = np.where(stacked, met, np.int32(-1))
                     self._together(kind, casters, others, start, end, False, done, until, alive, factor, through)
                     done = np.where(stacked, np.maximum(done, until), done)
-                through[alive[new]] *= factor(met[new], hit["u"][on][new], hit["v"][on][new])
+                through[alive[new]] *= factor(met[new], hit.u[on][new], hit.v[on][new])
                 on = (through[alive] > 0).any(1) & (t > 0)
-                alive, start, end, passed, last, near, done = (
-                    a[on] for a in (alive, start, end, passed, last, near, done))
-                o, d, t = o[on], d[on], t[on]
+                alive, start, end, passed = alive[on], start[on], end[on], passed[on]
+                last, near, done, o, d, t = last[on], near[on], done[on], o[on], d[on], t[on]
         return through
 
     def _together(self, kind: str, casters: int, triangle: NDArray[np.int32], start: NDArray, end: NDArray,
@@ -223,22 +204,13 @@ class Tracer:
             np.multiply.at(through, alive[row[:count]], factor(partner[:count], u[:count], v[:count]))
 
 
-def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[EmbreeScene, NDArray[np.int32] | None]:
-    """Return an Embree scene of the triangles in `seen`, and their original numbers (None if it contains all)."""
+def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[Accelerator, NDArray[np.int32] | None]:
+    """Return the accelerator of the triangles in `seen`, and their original numbers (None if it contains all)."""
     original = None if seen.all() else np.flatnonzero(seen).astype(np.int32)
     triangles = surfaces.triangles if original is None else surfaces.triangles[original]
     try:
         # test whether this much memory is available, because Embree does not
         np.empty(BUILD_BYTES * len(triangles) + 2**25, np.uint8)
-        embree = EmbreeScene()  # robust mode is its default and is needed: without it rays slip through edges
-        if len(triangles):
-            TriangleMesh(embree, surfaces.vertices, triangles)
+        return accelerator(surfaces.vertices, triangles), original
     except MemoryError as e:
         raise SceneError(f"out of memory while building the accelerator of {len(triangles):,} triangles") from e
-    empty = np.zeros((1, 3), np.float32)
-    embree.run(empty, empty + 1, query="OCCLUDED")  # this builds it now, because later calls come from several threads
-    return embree, original
-
-
-def _scratch(n: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    return np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, np.float32)

@@ -107,7 +107,10 @@ static f64 amount(const Lifts *l, i64 p, i64 i) {
     f64 cutoff = l->cutoff[p], way[3];
     if (cutoff == 0.0) return 0.0;
     way_to(&l->targets, i, l->P + 3 * p, way);
-    f64 length = sqrt(dot(way, way)), facet = dot(way, l->N + 3 * p) / length, smooth = dot(way, l->side + 3 * p) / length;
+    f64 square_of = dot(way, way), toward = dot(way, l->N + 3 * p), over = dot(way, l->side + 3 * p);
+    f64 beyond = cutoff * cutoff * square_of * 1.000001;  /* both cosines are above the cutoff, as mostly: no root is needed */
+    if ((toward > 0.0) & (over > 0.0) & (toward * toward > beyond) & (over * over > beyond)) return 0.0;
+    f64 length = sqrt(square_of), facet = toward / length, smooth = over / length;
     f64 most = smooth < cutoff ? 2.0 - (facet + smooth) / cutoff : 1.0 - facet / cutoff;
     return clamped(most, 0.0, 1.0);
 }
@@ -118,10 +121,12 @@ i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, c
                        const f64 *N, const f64 *position, const u8 *directional, const u64 *active, i64 *rows) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
     i64 count = 0;
-    (void)above;
+    (void)above, (void)L;
     for (i64 p = 0; p < n; p++) {
         int some = 0;
-        for (i64 i = 0; cutoff[p] > 0.0 && i < L && !some; i++) some = has(active + p * W, i) && amount(&lifts, p, i) > 0.0;
+        for (i64 w = 0; cutoff[p] > 0.0 && w < W && !some; w++)
+            for (u64 left = active[p * W + w]; left && !some; left &= left - 1)
+                some = amount(&lifts, p, 64 * w + lowest(left)) > 0.0;
         if (some) rows[count++] = p;
     }
     return count;
@@ -148,14 +153,15 @@ KERNEL(terminator_split, LIFT "soft u64[n,W]!  lifted u64[n,W]!")
 i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                      const f64 *N, const f64 *position, const u8 *directional, u64 *soft, u64 *lifted) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
-    (void)above;
+    (void)above, (void)L;
     for (i64 p = 0; p < n; p++)
-        for (i64 i = 0; cutoff[p] > 0.0 && i < L; i++) {
-            if (!has(soft + p * W, i)) continue;
-            f64 share = amount(&lifts, p, i);
-            if (share > 0.0) set_bit(lifted + p * W, i);
-            if (share == 1.0) clear_bit(soft + p * W, i);
-        }
+        for (i64 w = 0; cutoff[p] > 0.0 && w < W; w++)
+            for (u64 left = soft[p * W + w]; left; left &= left - 1) {
+                i64 i = 64 * w + lowest(left);
+                f64 share = amount(&lifts, p, i);
+                if (share > 0.0) set_bit(lifted + p * W, i);
+                if (share == 1.0) clear_bit(soft + p * W, i);
+            }
     return 0;
 }
 
@@ -171,17 +177,18 @@ i64 terminator_merge(i64 n, i64 L, i64 m, i64 W, i64 C, const f64 *above, const 
     for (i64 at = 0; at < m; at++) {
         i64 p = rows[at];
         u64 *own = soft + p * W;
-        for (i64 i = 0; i < L; i++) {
-            if (!has(lifted + at * W, i)) continue;
-            f64 share = amount(&lifts, p, i);
-            int known = has(answered + at * W, i) && (share == 1.0 || has(own, i));
-            for (i64 c = 0; c < C; c++) {
-                f32 *value = S + (p * L + i) * C + c;
-                *value = known ? (f32)((1.0 - share) * *value + share * S_lifted[(at * L + i) * C + c]) : 0;
+        for (i64 w = 0; w < W; w++)
+            for (u64 left = lifted[at * W + w]; left; left &= left - 1) {
+                i64 i = 64 * w + lowest(left);
+                f64 share = amount(&lifts, p, i);
+                int known = has(answered + at * W, i) && (share == 1.0 || has(own, i));
+                for (i64 c = 0; c < C; c++) {
+                    f32 *value = S + (p * L + i) * C + c;
+                    *value = known ? (f32)((1.0 - share) * *value + share * S_lifted[(at * L + i) * C + c]) : 0;
+                }
+                if (known) own[w] |= bit(i);
+                else own[w] &= ~bit(i);
             }
-            if (known) set_bit(own, i);
-            else clear_bit(own, i);
-        }
     }
     return 0;
 }

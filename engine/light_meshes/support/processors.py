@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 MOST = 1024  # Blender's maximum
@@ -30,6 +31,16 @@ def count() -> int:
     except OSError:
         return there
     return max(1, min([there, *map(math.ceil, allowed(groups))]))
+
+
+def each(work: Callable[[int], object], parts: int) -> None:
+    """Do work(0) … work(parts − 1) on all threads, and raise what one of them raises."""
+    if parts == 1:
+        work(0)
+        return
+    with ThreadPoolExecutor(min(parts, count())) as pool:
+        for _ in pool.map(work, range(parts)):
+            pass
 
 
 def allowed(groups: str, root: Path = Path("/sys/fs/cgroup")) -> Iterator[float]:

@@ -106,9 +106,9 @@ static u64 fill(Block *b, i64 first, const Materials *materials, const Receivers
 }
 
 /* What arrives from a light at a receiver: whether ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both multiplied
-   by |L − P|. */
+   by |L − P|. `lit` has the width of the numbers, so that the compiler need not convert vectors. */
 typedef struct {
-    int lit;
+    i64 lit;
     f64 power, inverse, cosine, lobe;
 } Arriving;
 
@@ -122,12 +122,12 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
 }
 
 /* Sets the light's bit for the receivers that it reaches. */
-INLINE void mark(int kind, const Source *s, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
-    const u64 facing = (s->diffuse ? colour : 0) | (s->glossy ? colour << 6 : 0), phong = s->glossy ? colour << 3 : 0;
+INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, const Block *b, u64 *bits) {
+    u64 facing = (s->diffuse ? colour : 0) | (s->glossy ? colour << 6 : 0), phong = s->glossy ? colour << 3 : 0;
     for (int k = 0; k < SIDE; k++) {
         Arriving a = arriving(kind, s, b, k);
-        int faces = (b->returns[k] & facing) != 0, gloss = (b->returns[k] & phong) != 0;
-        int lit = a.lit & (unlit | (faces & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
+        i64 faces = (b->returns[k] & facing) != 0, gloss = (b->returns[k] & phong) != 0;
+        i64 lit = a.lit & (unlit | (faces & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
         bits[k] |= lit ? own : 0;
     }
 }
@@ -240,6 +240,10 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
                     i64 p = k < count ? first + k : n - 1;
                     share[c][k] = S[(p * L + i) * C + c];
                 }
+            u32 any = 0;  /* −0 and 0 are none */
+            for (i64 c = 0; c < C; c++)
+                for (int k = 0; k < SIDE; k++) any |= share[c][k] != 0.0;
+            if (!any) continue;
             if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
             if (returns & PHONG && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
             if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, shine)

@@ -93,16 +93,21 @@ static int grow(Planes *p) {
     return 1;
 }
 
-/* Returns the triangle that represents the plane of triangle t, which is t itself if the plane is new. If several
-   planes have the same key, only the first is kept. */
-static i64 stands_for(Planes *planes, Plane p, i64 t) {
+/* Returns a key of a plane; it is mostly the same for planes that are hardly apart. */
+static i64 key_of_plane(Plane p) {
     f64 sign = p.n[0] + p.n[1] * 0.7 + p.n[2] * 0.4 < 0.0 ? -1.0 : 1.0;
     f64 parts[4] = {sign * p.n[0] * 0x1p12, sign * p.n[1] * 0x1p12, sign * p.n[2] * 0x1p12, sign * p.d * 0x1p20};
     u64 key = 0;
     for (int j = 0; j < 4; j++) key = (key * 0x9E3779B1u + (u64)(i64)floor(parts[j] + 0.31)) & (((u64)1 << 62) - 1);
-    i64 slot = slot_of(planes->size, planes->keys, (i64)key);
+    return (i64)key;
+}
+
+/* The triangle that stands for the plane of triangle t, t itself if it is new. Of planes that share a key all but the
+   first are lost. */
+static i64 stands_for(Planes *planes, i64 key, i64 t) {
+    i64 slot = slot_of(planes->size, planes->keys, key);
     if (planes->keys[slot] < 0) {
-        planes->keys[slot] = (i64)key, planes->near[slot] = (i32)t;
+        planes->keys[slot] = key, planes->near[slot] = (i32)t;
         planes->count++;
     }
     return planes->near[slot];
@@ -119,44 +124,59 @@ static int in_plane(const f32 *vertices, const i32 *triangles, i64 t, Plane p, i
     return flat;
 }
 
-/* Fills body and clear: the instances that seem convex, and the planes of the others. For each convex instance also
-   the range low..high of its vertices, and its number of boxes of GROUP·GROUP vertices, added up in `first`. Returns
-   1 if there is not enough memory. */
-KERNEL(certificate_bodies,
-       SURFACES "ends i64[e]  reach f64  body i32[t]!  clear u8[t]!  low i64[e]!  high i64[e]!  first i64[e]!")
-i64 certificate_bodies(i64 v, i64 t, i64 e, const f32 *vertices, const i32 *triangles, const i64 *ends, f64 reach,
-                       i32 *body, u8 *clear, i64 *low, i64 *high, i64 *first) {
-    Planes planes = {0};
+/* Fills body and clear for those of the instances from number `from` on that seem convex, with the range low..high of
+   their vertices and their number of boxes of GROUP·GROUP vertices; the number is 0 for all others. */
+KERNEL(certificate_convex,
+       SURFACES "ends i64[e]  from i64  body i32[t]!  clear u8[t]!  low i64[k]!  high i64[k]!  boxes i64[k]!")
+i64 certificate_convex(i64 v, i64 t, i64 e, i64 k, const f32 *vertices, const i32 *triangles, const i64 *ends, i64 from,
+                       i32 *body, u8 *clear, i64 *low, i64 *high, i64 *boxes) {
     (void)t;
-    if (!grow(&planes)) return 1;
-    first[0] = 0;
-    for (i64 i = 0; i + 1 < e; i++) {
+    for (i64 i = 0; i + 1 < e && i < k; i++) {
         i64 begin = ends[i], end = ends[i + 1];
-        first[i + 1] = first[i];
+        boxes[i] = 0;
         if (end == begin) continue;
         low[i] = v, high[i] = 0;
-        for (i64 k = 3 * begin; k < 3 * end; k++) {
-            low[i] = triangles[k] < low[i] ? triangles[k] : low[i];
-            high[i] = triangles[k] + 1 > high[i] ? triangles[k] + 1 : high[i];
+        for (i64 c = 3 * begin; c < 3 * end; c++) {
+            low[i] = triangles[c] < low[i] ? triangles[c] : low[i];
+            high[i] = triangles[c] + 1 > high[i] ? triangles[c] + 1 : high[i];
         }
-        if (seems_convex(vertices, triangles, begin, end, low[i], high[i])) {
-            for (i64 k = begin; k < end; k++) body[k] = (i32)i, clear[k] = UNSURE;
-            first[i + 1] += (high[i] - low[i] + GROUP * GROUP - 1) / (GROUP * GROUP);
-            continue;
-        }
-        for (i64 k = begin; k < end; k++) {
-            Plane p = plane_of(vertices, triangles + 3 * k);
-            if (!(p.height > NEEDLE)) continue;
-            i64 u = stands_for(&planes, p, k);
-            if (2 * planes.count > planes.size && !grow(&planes)) {
-                free(planes.keys), free(planes.near);
-                return 1;
-            }
-            if (in_plane(vertices, triangles, k, p, u, reach)) body[k] = (i32)(e + u), clear[k] = ABOVE | BELOW;
-        }
+        if (!seems_convex(vertices, triangles, begin, end, low[i], high[i])) continue;
+        for (i64 c = begin; c < end; c++) body[c] = (i32)(from + i), clear[c] = UNSURE;
+        boxes[i] = (high[i] - low[i] + GROUP * GROUP - 1) / (GROUP * GROUP);
+    }
+    return 0;
+}
+
+/* Names of the planes of triangles begin..end; −1: of a convex instance, or too thin. */
+KERNEL(certificate_keys, SURFACES "begin i64  end i64  body i32[t]  keys i64[t]!")
+i64 certificate_keys(i64 v, i64 t, const f32 *vertices, const i32 *triangles, i64 begin, i64 end, const i32 *body,
+                     i64 *keys) {
+    (void)v;
+    for (i64 k = begin; k < end && k < t; k++) {
+        Plane p = plane_of(vertices, triangles + 3 * k);
+        keys[k] = body[k] < 0 && p.height > NEEDLE ? key_of_plane(p) : -1;
+    }
+    return 0;
+}
+
+/* Fills body and clear of what lies in one plane, of the names whose turn it is: number `part` of `parts`. body: from
+   `first` on. Returns 1 where memory is lacking. */
+KERNEL(certificate_planes,
+       SURFACES "keys i64[t]  part i64  parts i64  reach f64  first i64  body i32[t]!  clear u8[t]!")
+i64 certificate_planes(i64 v, i64 t, const f32 *vertices, const i32 *triangles, const i64 *keys, i64 part, i64 parts,
+                       f64 reach, i64 first, i32 *body, u8 *clear) {
+    Planes planes = {0};
+    int some = grow(&planes);
+    (void)v;
+    for (i64 k = 0; k < t && some; k++) {
+        if (keys[k] < 0 || (keys[k] ^ keys[k] >> 31) % parts != part) continue;
+        i64 u = stands_for(&planes, keys[k], k);
+        if (in_plane(vertices, triangles, k, plane_of(vertices, triangles + 3 * k), u, reach))
+            body[k] = (i32)(first + u), clear[k] = ABOVE | BELOW;
+        some = 2 * planes.count <= planes.size || grow(&planes);
     }
     free(planes.keys), free(planes.near);
-    return 0;
+    return !some;
 }
 
 typedef struct {
@@ -171,12 +191,12 @@ static int by_place(const void *a, const void *b) {
 /* Copies the vertices of the convex instances, sorted so that neighbours in space are adjacent: by the interleaved
    bits of x, y and z (Morton order). The last boxes are filled up with the last vertex. Returns 1 if there is not
    enough memory. */
-KERNEL(certificate_sorted, "vertices f32[v,3]  low i64[e]  high i64[e]  first i64[e]  out f64[3,n]!")
-i64 certificate_sorted(i64 v, i64 e, i64 n, const f32 *vertices, const i64 *low, const i64 *high, const i64 *first,
+KERNEL(certificate_sorted, "vertices f32[v,3]  low i64[k]  high i64[k]  first i64[e]  out f64[3,n]!")
+i64 certificate_sorted(i64 v, i64 instances, i64 e, i64 n, const f32 *vertices, const i64 *low, const i64 *high, const i64 *first,
                        f64 *out) {
     Ordered *own = malloc((size_t)(v ? v : 1) * sizeof *own);
     if (!own) return 1;
-    for (i64 i = 0; i + 1 < e; i++) {
+    for (i64 i = 0; i < instances && i + 1 < e; i++) {
         f64 floor_of[3], size = 1e-30;
         i64 count = high[i] - low[i];
         if (first[i + 1] == first[i]) continue;

@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 
 from ...rays.geometry import Surfaces
 from ...rays.tracer import ULPS
+from ...support import processors
 from ...support.native import kernel, needs_memory
 
-_find_bodies, _sorted, _boxes = kernel("certificate_bodies"), kernel("certificate_sorted"), kernel("certificate_boxes")
+_convex, _keys, _planes = kernel("certificate_convex"), kernel("certificate_keys"), kernel("certificate_planes")
+_sorted, _boxes = kernel("certificate_sorted"), kernel("certificate_boxes")
 _about, _fill, _grown = kernel("certificate_about"), kernel("certificate_fill"), kernel("certificate_grown")
 _holds = kernel("certificate_holds")
 
@@ -97,16 +99,44 @@ def _bodies(s: Surfaces, reach: float, body: NDArray[np.int32], clear: NDArray[n
     there are none.
     """
     ends = np.searchsorted(s.instance, np.arange(s.instance.max(initial=-1) + 2)).astype(np.int64)
-    low, high, first = np.zeros_like(ends), np.zeros_like(ends), np.zeros_like(ends)
-    needs_memory(_find_bodies(s.vertices, s.triangles, ends, reach, body, clear, low, high, first))
+    count, parts = len(body), processors.count()
+    low, high, own = (np.zeros(len(ends) - 1, np.int64) for _ in range(3))
+    cuts = np.searchsorted(ends, np.arange(parts + 1) * count // parts)  # of the instances, about equal in triangles
+    cuts[0], cuts[-1] = 0, len(own)
+
+    def find_convex(part: int) -> None:
+        first, last = cuts[part], cuts[part + 1]
+        _convex(s.vertices, s.triangles, ends[first:last + 1], first, body, clear, low[first:last], high[first:last],
+                own[first:last])
+
+    processors.each(find_convex, parts)
+    _find_planes(s, reach, len(ends), body, clear)
     if not (body >= 0).any():
         return None
+    first = np.concatenate([[0], np.cumsum(own)])
     vertices = np.empty((3, first[-1] * GROUP * GROUP))
-    needs_memory(_sorted(s.vertices, low, high, first, vertices))
+    processors.each(lambda part: needs_memory(_sorted(
+        s.vertices, low[cuts[part]:cuts[part + 1]], high[cuts[part]:cuts[part + 1]],
+        first[cuts[part]:cuts[part + 1] + 1], vertices)), parts)
     boxes, larger = (np.empty((first[-1] * n, 2, 3)) for n in (GROUP, 1))
     _boxes(vertices, GROUP, boxes)
     _boxes(vertices, GROUP * GROUP, larger)
     return Convex(vertices, boxes, larger, first)
+
+
+def _find_planes(s: Surfaces, reach: float, first: int, body: NDArray[np.int32], clear: NDArray[np.uint8]) -> None:
+    """Fill body, from number `first` on, and clear of triangles that lie in one plane and are of no body yet."""
+    count, parts = len(body), processors.count()
+    keys = np.empty(count, np.int64)
+
+    def name(part: int) -> None:
+        _keys(s.vertices, s.triangles, part * count // parts, (part + 1) * count // parts, body, keys)
+
+    def find(part: int) -> None:
+        needs_memory(_planes(s.vertices, s.triangles, keys, part, parts, reach, first, body, clear))
+
+    processors.each(name, parts)
+    processors.each(find, parts)
 
 
 def _grid(s: Surfaces, wanted: NDArray[np.int64], body: NDArray[np.int32], cell: float,

@@ -47,6 +47,41 @@ static void by_ring(i64 rings, const i64 *start, i64 count, const i32 *ring, i32
     for (i64 c = 0; c < count; c++) candidate[place[ring[c]]++] = unsorted[c];
 }
 
+typedef f64 Four __attribute__((vector_size(32)));
+typedef i64 FourTests __attribute__((vector_size(32)));
+
+static inline Four four_of(const f64 *x) {
+    Four v;
+    memcpy(&v, x, sizeof v);
+    return v;
+}
+
+/* Which of four tests are true, as bits. */
+static inline u32 bits_of(FourTests t) {
+#ifdef __AVX__
+    return (u32)__builtin_ia32_movmskpd256((Four)t);
+#else
+    return (u32)((t[0] & 1) | (t[1] & 2) | (t[2] & 4) | (t[3] & 8));
+#endif
+}
+
+static const u8 WHICH[16][4] = {{0}, {0}, {1}, {0, 1}, {2}, {0, 2}, {1, 2}, {0, 1, 2},
+                                {3}, {0, 3}, {1, 3}, {0, 1, 3}, {2, 3}, {0, 2, 3}, {1, 2, 3}, {0, 1, 2, 3}};
+
+/* The offsets (3,n) within `largest` (squared) of f, and above the plane through f with normal m: fills passed with
+   their numbers, and what follows with anything; returns how many there are. n: a multiple of 4. Without a branch, which
+   no processor could foretell. */
+static i64 inside(i64 n, const f64 *offsets, const f64 *f, const f64 *m, f64 largest, f64 tau, i32 *passed) {
+    i64 kept = 0;
+    for (i64 c = 0; c < n; c += 4) {
+        Four d0 = four_of(offsets + c) - f[0], d1 = four_of(offsets + n + c) - f[1], d2 = four_of(offsets + 2 * n + c) - f[2];
+        u32 bits = bits_of((d0 * d0 + d1 * d1 + d2 * d2 <= largest) & (d0 * m[0] + d1 * m[1] + d2 * m[2] > tau));
+        for (int k = 0; k < 4; k++) passed[kept + k] = (i32)c + WHICH[bits][k];
+        kept += __builtin_popcount(bits);
+    }
+    return kept;
+}
+
 /* Finds the candidates of receivers from state[0] on, until all are done or an array may be too short. state: the
    next receiver, and the numbers of cells, nodes and candidates. rows (cells, offsets): which node is at an offset
    from the cell; −1: not looked up yet. Returns 1 if there is not enough memory. */
@@ -61,11 +96,13 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
     const f64 *off0 = offsets, *off1 = offsets + most, *off2 = offsets + 2 * most;
     i64 p = state[0], cell_count = state[1], count = state[2], total = state[3];
     f64 largest = reach[K - 1] * reach[K - 1];
-    u8 *taken = malloc((size_t)most);
-    i32 *passed = malloc((size_t)most * sizeof *passed), *ring = malloc((size_t)most * sizeof *ring);
+    i64 fours = (most + 3) / 4 * 4;
+    f64 *padded = malloc((size_t)(3 * fours) * sizeof *padded);  /* offsets; what is added is never inside */
+    i32 *passed = malloc((size_t)(fours + 4) * sizeof *passed), *ring = malloc((size_t)most * sizeof *ring);
     i32 *unsorted = malloc((size_t)most * sizeof *unsorted);
     i64 *place = malloc((size_t)K * sizeof *place);
-    if (!taken || !passed || !ring || !unsorted || !place) goto end;
+    if (!padded || !passed || !ring || !unsorted || !place) goto end;
+    for (i64 c = 0; c < 3 * fours; c++) padded[c] = c % fours < most ? offsets[c / fours * most + c % fours] : INFINITY;
     for (; p < n && total + most <= a && count + most <= u; p++) {
         const f64 *normal = N + 3 * p;
         f64 x = (P[3 * p] - origin[0]) / h, y = (P[3 * p + 1] - origin[1]) / h, z = (P[3 * p + 2] - origin[2]) / h;
@@ -93,15 +130,7 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
             }
             /* Steps 1 and 2: which offsets are in the ball and above the plane? */
             i32 *row_at = rows + cell * most;
-            for (i64 c = 0; c < most; c++) {  /* without a branch, because no processor could predict it */
-                f64 d0 = off0[c] - f0, d1 = off1[c] - f1, d2 = off2[c] - f2;
-                taken[c] = (d0 * d0 + d1 * d1 + d2 * d2 <= largest) & (d0 * m[0] + d1 * m[1] + d2 * m[2] > tau);
-            }
-            i64 kept = 0;
-            for (i64 c = 0; c < most; c++) {
-                passed[kept] = (i32)c;
-                kept += taken[c];
-            }
+            i64 kept = inside(fours, padded, (f64[3]){f0, f1, f2}, m, largest, tau, passed);
             /* The node at each of them, and its ring */
             for (i64 w = 0; w < kept; w++) {
                 i64 c = passed[w], row = row_at[c];
@@ -116,23 +145,25 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
                     }
                     row_at[c] = (i32)row;
                 }
+                candidate[total + w] = (i32)row;
+            }
+            for (i64 w = 0; K > 1 && w < kept; w++) {
+                f64 d0 = off0[passed[w]] - f0, d1 = off1[passed[w]] - f1, d2 = off2[passed[w]] - f2;
+                f64 d = d0 * d0 + d1 * d1 + d2 * d2;
                 i64 g = 0;
-                if (K > 1) {
-                    f64 d0 = off0[c] - f0, d1 = off1[c] - f1, d2 = off2[c] - f2;
-                    f64 d = d0 * d0 + d1 * d1 + d2 * d2;
-                    while (d > reach[g] * reach[g]) g++;
-                    ring[total - begin[0]] = (i32)g;
-                }
-                candidate[total++] = (i32)row;
+                while (d > reach[g] * reach[g]) g++;
+                ring[w] = (i32)g;
                 begin[g + 1]++;
             }
+            if (K == 1) begin[1] = kept;
+            total += kept;
         }
         for (i64 g = 0; g < K; g++) begin[g + 1] += begin[g];
         if (K > 1) by_ring(K, begin, total - begin[0], ring, candidate + begin[0], unsorted, place);
     }
     state[0] = p, state[1] = cell_count, state[2] = count, state[3] = total;
 end:;
-    i64 failed = !taken || !passed || !ring || !unsorted || !place;
-    free(taken), free(passed), free(ring), free(unsorted), free(place);
+    i64 failed = !padded || !passed || !ring || !unsorted || !place;
+    free(padded), free(passed), free(ring), free(unsorted), free(place);
     return failed;
 }

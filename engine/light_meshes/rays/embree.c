@@ -1,0 +1,94 @@
+/* Embree's own interface, by the addresses of its functions, which Python found in the library (embree.py): rays that are
+   ready made, and rays that are made here on the way. Layouts as in Embree 4's rtcore_ray.h. */
+#include "tracer.h"
+
+#define ALIGNED _Alignas(64)
+
+typedef struct {
+    f32 from[3], nearest, way[3], time, end;
+    u32 mask, id, flags;
+    f32 normal[3], u, v;
+    u32 triangle, geometry, instances[2], spare[4];
+} __attribute__((aligned(16))) RayHit;
+
+enum { WIDEST = 16 };  /* shadow rays at once, at most */
+enum { X, Y, Z, NEAREST, DX, DY, DZ, TIME, END, MASK, ID, FLAGS, ROWS };  /* of a packet, which has a value a ray */
+
+typedef void (*Closest)(void *scene, RayHit *ray, void *arguments);
+typedef void (*Occluded)(const i32 *valid, void *scene, f32 *rays, void *arguments);
+
+/* The first triangle on each ray, or −1, where on it, and how far (at t, where the rays' ends stood). */
+KERNEL(embree_closest,
+       "function u64  scene u64  o f32[n,3]  d f32[n,3]  t f32[n]!  triangle i32[n]!  u f32[n]!  v f32[n]!")
+i64 embree_closest(i64 n, u64 function, u64 scene, const f32 *o, const f32 *d, f32 *t, i32 *triangle, f32 *u, f32 *v) {
+    Closest closest = (Closest)(uintptr_t)function;
+    RayHit ray;
+    memset(&ray, 0, sizeof ray);
+    ray.mask = ~(u32)0;
+    for (i64 k = 0; k < n; k++) {
+        memcpy(ray.from, o + 3 * k, sizeof ray.from), memcpy(ray.way, d + 3 * k, sizeof ray.way);
+        ray.nearest = 0.0f, ray.end = t[k], ray.u = ray.v = 0.0f;
+        ray.triangle = ray.geometry = ray.instances[0] = ray.instances[1] = ~(u32)0;
+        closest((void *)(uintptr_t)scene, &ray, 0);
+        triangle[k] = (i32)ray.triangle, u[k] = ray.u, v[k] = ray.v, t[k] = ray.end;
+    }
+    return 0;
+}
+
+/* Whether anything is on each ray. function: traces packets of `wide` rays, 4, 8 or 16. */
+KERNEL(embree_occluded, "function u64  wide i64  scene u64  o f32[n,3]  d f32[n,3]  t f32[n]  blocked bool[n]!")
+i64 embree_occluded(i64 n, u64 function, i64 wide, u64 scene, const f32 *o, const f32 *d, const f32 *t, u8 *blocked) {
+    Occluded occluded = (Occluded)(uintptr_t)function;
+    ALIGNED f32 rays[ROWS * WIDEST] = {0};
+    ALIGNED i32 valid[WIDEST];
+    if (wide > WIDEST) return 0;
+    memset(rays + MASK * wide, 255, (size_t)wide * sizeof *rays);
+    for (i64 first = 0; first < n; first += wide) {
+        i64 count = n - first < wide ? n - first : wide;
+        for (i64 k = 0; k < wide; k++) {
+            i64 from = first + (k < count ? k : 0);
+            valid[k] = k < count ? -1 : 0;
+            for (i64 j = 0; j < 3; j++)
+                rays[(X + j) * wide + k] = o[3 * from + j], rays[(DX + j) * wide + k] = d[3 * from + j];
+            rays[END * wide + k] = t[from];
+        }
+        occluded(valid, (void *)(uintptr_t)scene, rays, 0);
+        for (i64 k = 0; k < count; k++) blocked[first + k] = rays[END * wide + k] < 0.0f;
+    }
+    return 0;
+}
+
+enum { BLOCK = 256 };  /* rays that are made before they are traced: so few stay near the processor */
+
+/* tracer_rays, and the first triangle on each: −1: none. */
+KERNEL(embree_closest_of,
+       "function u64  scene u64  centre f64[3]  scale f64  reach f64  origin f64[n,3]  direction f64[n,3]  "
+       "normal f64[n,3]?  length f64[n]?  triangle i32[n]!  u f32[n]!  v f32[n]!")
+i64 embree_closest_of(i64 n, u64 function, u64 scene, const f64 *centre, f64 scale, f64 reach, const f64 *origin,
+                      const f64 *direction, const f64 *normal, const f64 *length, i32 *triangle, f32 *u, f32 *v) {
+    f32 o[3 * BLOCK], d[3 * BLOCK], t[BLOCK];
+    for (i64 k = 0; k < n; k += BLOCK) {
+        i64 count = n - k < BLOCK ? n - k : BLOCK;
+        tracer_rays(count, centre, scale, reach, origin + 3 * k, direction + 3 * k, normal ? normal + 3 * k : 0,
+                    length ? length + k : 0, o, d, t);
+        embree_closest(count, function, scene, o, d, t, triangle + k, u + k, v + k);
+    }
+    return 0;
+}
+
+/* tracer_segments, and whether anything is on each. */
+KERNEL(embree_occluded_of,
+       "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  origin f64[m,3]  normal f64[m,3]?  "
+       "origin_of i32[n]  position f64[q,3]  directional bool[q]  target_of i32[n]  closed i64  blocked bool[n]!")
+i64 embree_occluded_of(i64 m, i64 n, i64 q, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach,
+                       const f64 *origin, const f64 *normal, const i32 *origin_of, const f64 *position,
+                       const u8 *directional, const i32 *target_of, i64 closed, u8 *blocked) {
+    f32 o[3 * BLOCK], d[3 * BLOCK], t[BLOCK];
+    for (i64 k = 0; k < n; k += BLOCK) {
+        i64 count = n - k < BLOCK ? n - k : BLOCK;
+        tracer_segments(m, count, q, centre, scale, reach, origin, normal, origin_of + k, position, directional,
+                        target_of + k, closed, o, d, t);
+        embree_occluded(count, function, wide, scene, o, d, t, blocked + k);
+    }
+    return 0;
+}

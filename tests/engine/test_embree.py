@@ -1,0 +1,106 @@
+"""Embree by its own C interface against embreex's `run`: the same answers, bit by bit."""
+
+import numpy as np
+import pytest
+from light_meshes.picture.render import render_image
+from light_meshes.rays import embree, tracer
+from scenes import four_lights, tabletop
+
+
+def soup(triangles, seed=0):
+    """Triangles of all sizes, some of them in strips that share edges and vertices."""
+    random = np.random.default_rng(seed)
+    corners = random.uniform(-1, 1, (triangles, 1, 3)) + random.uniform(-0.3, 0.3, (triangles, 3, 3))
+    grid = np.stack(np.meshgrid(np.linspace(-1, 1, 20), np.linspace(-1, 1, 20), indexing="ij"), -1).reshape(-1, 2)
+    sheet = np.concatenate([grid, 0.2 * np.sin(3 * grid[:, :1] + 2 * grid[:, 1:])], 1)
+    k = (np.arange(19)[:, None] * 20 + np.arange(19)).ravel()
+    faces = np.concatenate([np.stack([k, k + 1, k + 20], 1), np.stack([k + 1, k + 21, k + 20], 1)])
+    vertices = np.concatenate([corners.reshape(-1, 3), sheet]).astype(np.float32)
+    return vertices, np.concatenate([np.arange(3 * triangles).reshape(-1, 3), faces + 3 * triangles]).astype(np.int32)
+
+
+def rays(vertices, faces, n, seed=1):
+    """Rays of any kind: to anywhere, to vertices, to the middles of edges, from surfaces, short and long."""
+    random = np.random.default_rng(seed)
+    o = random.uniform(-1.5, 1.5, (n, 3))
+    to = random.uniform(-1, 1, (n, 3))
+    corners = vertices[faces[random.integers(len(faces), size=n)]].astype(np.float64)
+    to[::4] = corners[::4, 0]
+    to[1::4] = (corners[1::4, 0] + corners[1::4, 1]) / 2
+    o[::5] = corners[::5].mean(1)
+    o = o.astype(np.float32)
+    d = (to - o).astype(np.float32)
+    return o, d, random.uniform(0.5, 1.5, n).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def both():
+    """The two, of the same triangles, and those."""
+    assert embree._device() is not None, "embreex's library has not been found"
+    shape = soup(100)
+    return embree.Direct(*shape), embree.ByRun(*shape), shape
+
+
+@pytest.mark.parametrize("n", [1, 7, 16, 17, 100_003])
+def test_ready_made_rays_meet_the_same(both, n):
+    direct, by_run, shape = both
+    o, d, t = rays(*shape, n)
+    blocked = direct.occluded(o, d, t)
+    assert (blocked == by_run.occluded(o, d, t)).all()
+    far, farther = t.copy(), t.copy()
+    one, other = direct.closest(o, d, far), by_run.closest(o, d, farther)
+    hit = other.triangle >= 0
+    assert (one.triangle == other.triangle).all() and (far == farther).all()
+    assert (one.u[hit] == other.u[hit]).all() and (one.v[hit] == other.v[hit]).all()
+    assert n < 100 or (0.1 < blocked.mean() < 0.9 and 0.1 < hit.mean() < 0.9)
+
+
+@pytest.mark.parametrize("normals", [False, True])
+def test_rays_made_on_the_way_meet_the_same(both, normals):
+    direct, by_run, shape = both
+    n = 40_001
+    o, d, t = (a.astype(np.float64) for a in rays(*shape, n))
+    random = np.random.default_rng(2)
+    unit = d / np.linalg.norm(d, axis=1, keepdims=True)
+    frame = np.array([0.1, 0.2, 0.3]), 1.7, 1.0
+    normal = -unit if normals else None
+    for length in (None, t):
+        one, other = (a.closest_of(*frame, o, unit, normal, length) for a in (direct, by_run))
+        hit = other.triangle >= 0
+        assert 0.1 < hit.mean() < 0.9 and (one.triangle == other.triangle).all() and (one.u[hit] == other.u[hit]).all()
+    target, directional = random.uniform(-1, 1, (50, 3)), random.random(50) < 0.3
+    which, to = random.integers(n, size=n).astype(np.int32), random.integers(50, size=n).astype(np.int32)
+    for closed in (False, True):
+        segments = *frame, o, normal, which, target, directional, to, closed
+        one, other = (a.occluded_of(*segments) for a in (direct, by_run))
+        assert 0.1 < one.mean() < 0.9 and (one == other).all()
+
+
+def test_nothing_meets_nothing():
+    shape = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
+    o, d, t = rays(*soup(10), 33)
+    for accelerator in embree.Direct(*shape), embree.ByRun(*shape):
+        assert not accelerator.occluded(o, d, t).any()
+        assert (accelerator.closest(o, d, t.copy()).triangle == -1).all()
+
+
+@pytest.mark.parametrize("scene", [tabletop, four_lights])
+def test_pictures_do_not_depend_on_the_way_to_embree(scene, monkeypatch):
+    scene = scene(60, shadows="LIGHT_MESHES", samples=4)
+    direct = render_image(scene).passes["Combined"]
+    monkeypatch.setattr(embree, "_made", lambda: None)
+    built = []
+    monkeypatch.setattr(tracer, "accelerator", lambda *shape: built.append(embree.accelerator(*shape)) or built[-1])
+    by_run = render_image(scene).passes["Combined"]
+    assert built and all(isinstance(a, embree.ByRun) for a in built)
+    assert (direct == by_run).all() and direct.std() > 0.01
+
+
+def test_another_version_of_embree_is_not_called(monkeypatch):
+    monkeypatch.setattr(embree, "VERSION", 5)
+    assert embree._made.__wrapped__() is None
+
+
+def test_without_the_library_embreex_is_called(monkeypatch):
+    monkeypatch.setattr(embree, "_libraries", list)
+    assert embree._made.__wrapped__() is None
