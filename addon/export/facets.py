@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from . import values as v
@@ -25,6 +25,10 @@ class Facets:
     tint: Triple = WHITE
     layered: Value = 0.0  # share of the diffuse light that is below the dielectric
     compensation: Value = 1.0  # share that has the distribution Multiscatter GGX
+    coat: Value = 0.0  # weight of a clear coat
+    coat_roughness: Value = 0.0
+    coat_ior: Value = 1.5
+    coat_tint: Triple = WHITE
 
     @classmethod
     def glossy(cls, color: Triple, roughness: Value, compensation: Value = 1.0) -> Facets:
@@ -67,6 +71,15 @@ class Facets:
         return cls(roughness=roughness, dielectric=weight, ior=ior, tint=tuple(v.divide(c, weight) for c in color),
                    compensation=compensation)
 
+    def coated(self, weight: Value, roughness: Value, ior: Value, tint: Triple) -> Facets:
+        """These facets below a clear coat."""
+        return replace(self, coat=v.clamp(weight), coat_roughness=v.clamp(roughness), coat_ior=v.maximum(ior, 1.0),
+                       coat_tint=_held(tint))
+
+    def coat_reflectance(self) -> Value:
+        """What the coat reflects at normal incidence."""
+        return self.coat * squared((self.coat_ior - 1) / (self.coat_ior + 1))
+
     def plus(self, other: Facets, mine: Value, others: Value, below: tuple[Value, Value]) -> Facets:
         """The weighted sum of two; where there can only be one value it is the mean.
 
@@ -74,6 +87,7 @@ class Facets:
         """
         a, b = self, other
         metals, plates = (mine * a.metal, others * b.metal), (mine * a.dielectric, others * b.dielectric)
+        coats = mine * a.coat, others * b.coat
         shine = tuple(m * v.largest(s.F0) + d * squared((s.ior - 1) / (s.ior + 1))
                       for m, d, s in zip(metals, plates, (a, b), strict=True))
         return Facets(
@@ -84,11 +98,15 @@ class Facets:
             ior=weighted((a.ior,), (b.ior,), *plates)[0], tint=weighted(a.tint, b.tint, *plates),
             layered=weighted((a.layered,), (b.layered,), *below)[0],
             compensation=weighted((a.compensation,), (b.compensation,), *shine)[0],
+            coat=coats[0] + coats[1], coat_tint=weighted(a.coat_tint, b.coat_tint, *coats),
+            coat_roughness=weighted((a.coat_roughness,), (b.coat_roughness,), *coats)[0],
+            coat_ior=weighted((a.coat_ior,), (b.coat_ior,), *coats)[0],
         )
 
     def parameters(self) -> dict[str, Any]:
         """What the engine's Material says of it; nothing where nothing shines."""
-        if v.is_constant(self.metal, self.dielectric) and self.metal == self.dielectric == 0:
+        lobes = self.metal, self.dielectric, self.coat
+        if v.is_constant(*lobes) and not any(lobes):
             return {}
         return {
             "highlight": 'GGX', "roughness": v.clamp(self.roughness),
@@ -96,6 +114,8 @@ class Facets:
             "dielectric": v.maximum(self.dielectric, 0.0), "dielectric_ior": v.clamp(self.ior, 1e-5, 1000.0),
             "dielectric_tint": list(self.tint), "layered": v.clamp(self.layered),
             "compensation": v.clamp(self.compensation),
+            "coat": v.clamp(self.coat), "coat_roughness": self.coat_roughness,
+            "coat_ior": v.minimum(self.coat_ior, 1000.0), "coat_tint": list(self.coat_tint),
         }
 
 

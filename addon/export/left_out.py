@@ -27,6 +27,7 @@ _ROUND = "it is rendered with round highlights"
 _READ = {
     'ShaderNodeBsdfPrincipled': {
         "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Specular Tint",
+        "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal",
         "Transmission Weight", "Emission Color", "Emission Strength"},
     'ShaderNodeBsdfDiffuse': {"Color", "Normal"},
     'ShaderNodeBsdfGlossy': {"Color", "Roughness", "Normal"},
@@ -47,8 +48,6 @@ _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
             instead="it is rendered without subsurface scattering",
             details=("Subsurface Radius", "Subsurface Scale", "Subsurface IOR", "Subsurface Anisotropy")),
         "Anisotropic": LeftOut(instead=_ROUND, details=("Anisotropic Rotation", "Tangent")),
-        "Coat Weight": LeftOut(instead="it is rendered without a coat",
-                               details=("Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal")),
         "Sheen Weight": LeftOut(instead="it is rendered without a sheen", details=("Sheen Roughness", "Sheen Tint")),
         "Thin Film Thickness": _FILM,
     },

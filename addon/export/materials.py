@@ -138,7 +138,8 @@ def translate(material, report: Report) -> Surface:
 _TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "nShiny": 50.0, "mirror": [0.5] * 3,
             "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5,
             "roughness": 0.5, "metal": 0.5, "F0": [0.8] * 3, "F90": [1.0] * 3, "F82": [1.0] * 3, "dielectric": 0.5,
-            "dielectric_ior": 1.5, "dielectric_tint": [1.0] * 3, "layered": 1.0, "compensation": 1.0}
+            "dielectric_ior": 1.5, "dielectric_tint": [1.0] * 3, "layered": 1.0, "compensation": 1.0,
+            "coat": 0.5, "coat_roughness": 0.1, "coat_ior": 1.5, "coat_tint": [1.0] * 3}
 
 
 def typical(name: str, value: Any) -> Any:

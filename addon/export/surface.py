@@ -124,6 +124,7 @@ class Surface:
         rough = v.maximum(self.roughness, 1e-3)
         fourth = rough ** 4 if v.is_constant(rough) else (rough * rough) * (rough * rough)
         n = v.minimum(v.maximum((2 / fourth - 2) / 4, 1.0), LARGEST_EXPONENT)
+        coat = self.facets.coat_reflectance() * mirrored(self.facets.coat_roughness)
         shine = v.largest(self.specular)
         shines = v.greater(shine, 0.0)
         return {
@@ -131,7 +132,7 @@ class Surface:
             "ks": shine * (n + 2) / 2,
             "Os": [v.where(shines, c * v.divide(1.0, shine), 1.0) for c in self.specular],
             "nShiny": n,
-            "mirror": list(scaled(self.specular, mirrored(self.roughness))),
+            "mirror": list(_triple(c * mirrored(self.roughness) + coat for c in self.specular)),
             "emission": list(self.emission),
             "kt": list(self.kt), "ior": self.ior, "fresnel": self.fresnel, "alpha": self.alpha,
         }

@@ -54,6 +54,12 @@ def _principled(nodes: Nodes, node) -> Surface:
         # As Cycles: the base colour is that of two crossings.
         root = tuple(v.square_root(c) if not v.is_constant(c) else max(c, 0.0) ** 0.5 for c in color)
         base = base.plus(_glassy(nodes, node, root, True), 1 - transmission, transmission)
+    coat = nodes.value(node, "Coat Weight")
+    if not is_zero(coat):
+        if nodes.source(node, "Coat Normal"):
+            nodes.not_translated(nodes.source(node, "Coat Normal"), "the coat is rendered without it")
+        base = replace(base, facets=base.facets.coated(
+            coat, nodes.value(node, "Coat Roughness"), nodes.value(node, "Coat IOR"), nodes.color(node, "Coat Tint")))
     strength = nodes.value(node, "Emission Strength")
     if not is_zero(strength) and not (v.is_constant(strength) and strength < 0):
         base = base.plus(Surface.emitting(scaled(nodes.color(node, "Emission Color"), strength)))

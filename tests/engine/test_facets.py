@@ -107,6 +107,25 @@ def test_a_white_plastic_reflects_all_or_a_little_less(roughness, ior, cosine):
     assert bare == pytest.approx(1 + expected, abs=0.02) and (bare > light).all()
 
 
+def test_a_coat_is_a_dielectric_above_all_else():
+    """The light of a coated surface is that of the coat alone, and what gets past it of the light of the bare one."""
+    lamps = [sun(-d, 0.5) for d in directions(5)]
+    base = metal(roughness=0.5, metal=0.5, F0=(0.9, 0.5, 0.1), Od=(0.2, 0.4, 0.6), kd=0.5)
+    coated = replace(base, coat=1.0, coat_roughness=0.3, coat_ior=1.6)
+    alone = plastic(kd=0.0, roughness=0.3, dielectric_ior=1.6)
+    below = replace(alone, kd=1.0)  # white, dimmed by the coat
+    for cosine in (0.1, 0.5, 0.95):
+        light = {m: seen(m, cosine, lamps) for m in (base, coated, alone, below)}
+        left = (light[below] - light[alone]) / (0.5 * directions(5)[:, 2].sum())
+        assert light[coated] == pytest.approx(light[alone] + left * light[base], rel=1e-5)
+        assert (left < 0.97).all()
+        # Beer's law along the way in the coat.
+        tinted = seen(replace(coated, coat_tint=(0.5, 1.0, 0.25)), cosine, lamps)
+        way = 1 / np.sqrt(1 - (1 - cosine**2) / 1.6**2)
+        expected = light[alone] + left * light[base] * np.array([0.5, 1.0, 0.25]) ** way
+        assert tinted == pytest.approx(expected, rel=1e-5)
+
+
 def test_half_of_the_diffuse_light_may_lie_bare():
     lamps = [replace(sun((0.3, 0.2, -1.0), 1.0), glossy=False)]
     under, bare, half = (seen(plastic(layered=share), 0.5, lamps) for share in (1.0, 0.0, 0.5))

@@ -55,6 +55,11 @@ def cases():
         if "PHYSICAL_CONDUCTOR" in bpy.types.ShaderNodeBsdfMetallic.bl_rna.properties["fresnel_type"].enum_items:
             found["copper"] = metallic, {"IOR": (0.27, 0.68, 1.3), "Extinction": (3.6, 2.6, 2.3), "Roughness": 0.5}, {
                 "fresnel_type": 'PHYSICAL_CONDUCTOR'}
+    coat = {"Base_Color": (0.6, 0.1, 0.1, 1), "Roughness": 0.5, "Coat_Weight": 1.0}
+    found["coat"] = principled(Coat_Roughness=0.2, **coat)
+    found["rough coat"] = principled(Coat_Roughness=0.7, Coat_IOR=2.0, **coat)
+    coat |= {"Coat_Weight": 0.6, "Coat_Tint": TINT}
+    found["tinted coat"] = principled(Coat_Roughness=0.15, Metallic=0.5, **coat)
     found["diffuse"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD}, {}
     return found
 

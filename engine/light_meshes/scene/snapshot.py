@@ -106,7 +106,7 @@ _RANGES = {
 }
 _RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
     "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
-    "compensation")}
+    "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
 
 
 def write(scene: Scene, folder: Path) -> None:

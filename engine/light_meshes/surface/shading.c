@@ -15,13 +15,13 @@ typedef struct {
 } Facets;
 
 /* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for Phong's gloss;
-   bits 6..8: for that of GGX. `facets` is filled if any material has GGX. */
+   bits 6..8: for that of GGX; bit 9: whether it has a coat. `facets` and `coat` are filled if any material has GGX. */
 typedef struct {
     f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
     u64 returns[SIDE];
-    Facets facets;
+    Facets facets, coat;
 } Block;
-enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6 };
+enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9 };
 
 /* All lights and materials, and the hits of rays with `direction`, as in shading.py. */
 typedef struct {
@@ -42,7 +42,7 @@ typedef struct {
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
                "axes f64[L,3,3]  diffuse bool[L]  glossy bool[L]  "
-#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,19]?  tables f64[T]?  "
+#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,25]?  tables f64[T]?  "
 #define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  "
 #define TAKEN                                                                                                      \
     const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,            \
@@ -61,10 +61,19 @@ static Source source_of(const Lights *l, i64 i) {
                     {c[0], c[1], c[2]}, l->axes + 9 * i};
 }
 
+/* Puts a receiver's `Gloss`, as much of it as gets through to it and back, at place k. */
+static void put(Facets *f, int k, const Gloss *g, const f64 *through) {
+    f->alpha2[k] = g->alpha2, f->sight[k] = g->sight, f->masked[k] = g->masked;
+    f->ior2[k] = g->ior2, f->normal[k] = g->normal;
+    for (int j = 0; j < 3; j++) {
+        f->plain[j][k] = through[j] * g->plain[j], f->schlick[j][k] = through[j] * g->schlick[j];
+        f->edge[j][k] = through[j] * g->edge[j], f->fresnel[j][k] = through[j] * g->fresnel[j];
+    }
+}
+
 /* Loads what receiver k reflects by its facets; m: the row of its material, NULL if it has none; tables: NULL if only
    `returns` is wanted. */
 static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
-    Facets *f = &b->facets;
     for (int j = 0; m && j < 3; j++) {
         b->gloss[j][k] = 1.0;  /* their colour is in the facets */
         b->returns[k] &= ~((u64)1 << (3 + j));
@@ -72,12 +81,16 @@ static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
     }
     if (!tables) return;
     static const Gloss none = {.alpha2 = 1.0, .sight = 1.0, .masked = 1.0, .ior2 = 1.0};
-    Gloss g = m ? gloss_row(m, tables, b->facing[k]) : none;
-    f->alpha2[k] = g.alpha2, f->sight[k] = g.sight, f->masked[k] = g.masked, f->ior2[k] = g.ior2, f->normal[k] = g.normal;
-    for (int j = 0; j < 3; j++) {
-        f->plain[j][k] = g.plain[j], f->schlick[j][k] = g.schlick[j];
-        f->edge[j][k] = g.edge[j], f->fresnel[j][k] = g.fresnel[j];
+    f64 coat[G_COLUMNS], through[3] = {1.0, 1.0, 1.0};
+    Gloss base = none, above = none;
+    if (m && m[G_COAT] > 0.0) {
+        coat_row(m, coat);
+        above = gloss_row(coat, tables, b->facing[k]);
+        b->returns[k] |= COAT;
     }
+    put(&b->coat, k, &above, through);
+    if (m) base = gloss_row(m, tables, b->facing[k]), under_coat(m, tables, b->facing[k], through);
+    put(&b->facets, k, &base, through);
 }
 
 /* Loads the receivers from `first` on; the last receiver also fills places that are left over. Returns the bits
@@ -194,8 +207,7 @@ INLINE f64 reflectance(const Facets *f, int j, int k, f64 c, f64 fifth, f64 s) {
 
 /* The share of a light's intensity that receiver k reflects by its facets, in each channel: f_att·π·D·G·F/(4·N·V).
    1/π is in the intensity. */
-INLINE void facet_power(const Block *b, Arriving a, int k, f64 *power) {
-    const Facets *f = &b->facets;
+INLINE void facet_power(const Block *b, const Facets *f, Arriving a, int k, f64 *power) {
     f64 facing = a.cosine * a.inverse, toward = 1.0 + (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse;
     toward = toward > 1e-9 ? toward : 1e-9;
     toward = toward < 2.0 ? toward : 2.0;
@@ -210,11 +222,11 @@ INLINE void facet_power(const Block *b, Arriving a, int k, f64 *power) {
 
 /* total += S·I·`facet_power`. */
 INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b,
-                       f64 (*total)[SIDE]) {
+                       const Facets *f, f64 (*total)[SIDE]) {
     const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
     for (int k = 0; k < SIDE; k++) {
         f64 power[3];
-        facet_power(b, arriving(kind, s, b, k), k, power);
+        facet_power(b, f, arriving(kind, s, b, k), k, power);
         total[0][k] += red[k] * (power[0] * s->colour[0]);
         total[1][k] += green[k] * (power[1] * s->colour[1]);
         total[2][k] += blue[k] * (power[2] * s->colour[2]);
@@ -246,7 +258,8 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
             if (!any) continue;
             if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
             if (returns & PHONG && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
-            if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, shine)
+            if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.facets, shine)
+            if (returns & COAT && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.coat, shine)
         }
         for (int k = 0; k < count; k++)
             for (int j = 0; j < 3; j++) {
@@ -267,8 +280,10 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
     if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
     if (s->glossy && b->returns[k] & PHONG && a.lobe > 0.0 && a.cosine > 0.0) one[1] += power * lobe_power(a, nShiny);
     if (!s->glossy || !(b->returns[k] & GGX)) return;
-    f64 gloss[3];
-    facet_power(b, a, k, gloss);
+    f64 gloss[3], coat[3] = {0.0};
+    facet_power(b, &b->facets, a, k, gloss);
+    if (b->returns[k] & COAT) facet_power(b, &b->coat, a, k, coat);
+    for (int j = 0; j < 3; j++) gloss[j] += coat[j];
     one[1] += most * fmax(gloss[0] * s->colour[0], fmax(gloss[1] * s->colour[1], gloss[2] * s->colour[2]));
 }
 

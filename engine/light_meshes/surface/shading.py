@@ -84,9 +84,13 @@ class Materials(NamedTuple):
     dielectric_tint: NDArray[np.float64]  # (M,3)
     layered: NDArray[np.float64]
     compensation: NDArray[np.float64]
+    coat: NDArray[np.float64]
+    coat_roughness: NDArray[np.float64]
+    coat_ior: NDArray[np.float64]
+    coat_tint: NDArray[np.float64]  # (M,3)
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-        """What the kernels want to know of GGX, a row (19,) a material, and its tables; (None, None): none has it."""
+        """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
         return (np.column_stack(self[14:]), _facet_tables()) if self.ggx.any() else (None, None)
 
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -123,6 +127,7 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
         colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
         colour("dielectric_tint"), column("layered"), column("compensation"),
+        column("coat"), column("coat_roughness"), column("coat_ior"), colour("coat_tint"),
     )
 
 
@@ -186,7 +191,7 @@ def unlit(materials: Materials, material: NDArray[np.int32], Ia: NDArray[np.floa
 def dim(materials: Materials, hits: Hits, direction: NDArray[np.float64], Od: NDArray[np.float64]) -> None:
     """Take from Od (n,3) of hits of rays along `direction` what a dielectric above reflects before it gets there."""
     ggx, tables = materials.facets()
-    if ggx is not None and materials.layered.any():
+    if ggx is not None and (materials.layered.any() or materials.coat.any()):
         _dim(ggx, tables, direction, hits.Ns, hits.row, Od)
 
 
