@@ -210,8 +210,8 @@ def clamp_node(nodes, node, socket) -> Value:
     return v.minimum(v.maximum(value, low), high)
 
 
-def _mapped(kind: str, value: Value, a: Value, b: Value, to_a: Value, to_b: Value, steps: Value,
-            clamps: bool) -> Value:
+def _mapped(kind: str, clamps: bool, value: Value, a: Value, b: Value, to_a: Value, to_b: Value,
+            steps: Value) -> Value:
     """Map Range of one number."""
     if kind in ('SMOOTHSTEP', 'SMOOTHERSTEP'):
         t = v.clamp(v.divide(value - a, b - a))
@@ -236,8 +236,8 @@ def map_range_node(nodes, node, socket) -> Value | Triple:
         found.append((4.0, 4.0, 4.0) if vector else 4.0)  # the steps, which only one kind has
     kind, clamps = node.interpolation_type, node.clamp
     if not vector:
-        return _mapped(kind, *found[:6], clamps=clamps)
-    each = [_mapped(kind, *numbers, clamps=clamps) for numbers in zip(*found[:6], strict=True)]
+        return _mapped(kind, clamps, *found[:6])
+    each = [_mapped(kind, clamps, *numbers) for numbers in zip(*found[:6], strict=True)]
     return each[0], each[1], each[2]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 
 from . import values as v
 from .node_inputs import generated, uv
@@ -43,11 +44,16 @@ def _projected(kind: str, place: Triple) -> Triple:
     return around, v.where(long, up, 0.0), 0.0
 
 
+def _single(x: Value) -> Value:
+    """x in single precision."""
+    return v.unary("single", lambda a: struct.unpack("f", struct.pack("f", a))[0], x)
+
+
 def checker(nodes, node, socket) -> Triple | Value:
     """The Checker Texture node."""
     place = scaled(_place(nodes, node, generated), nodes.value(node, "Scale"))
-    # As Blender: what lies on the edge of a cell is of the cell above.
-    cells = [v.unary("absolute", abs, floor((p + 1.05e-6) * 0.999999)) for p in place]
+    # As Blender, in single precision: what lies on the edge of a cell is of the cell above.
+    cells = [v.unary("absolute", abs, floor(_single(_single(_single(p) + 1e-6) * 0.999999))) for p in place]
     odd = [c - floor(c * 0.5) * 2.0 for c in cells]
     same = 1.0 - v.unary("absolute", abs, odd[0] - odd[1])
     first = 1.0 - v.unary("absolute", abs, same - odd[2])

@@ -27,7 +27,7 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
     **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
-                     "arcsine", "arccosine", "arctangent", "sinh", "cosh", "tanh"), (1, 1)),
+                     "arcsine", "arccosine", "arctangent", "sinh", "cosh", "tanh", "single"), (1, 1)),
     **dict.fromkeys(("add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "greater", "less",
                      "modulo", "arctan2"), (2, 1)),
 }

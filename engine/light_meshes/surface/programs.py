@@ -133,6 +133,7 @@ _OPERATIONS: dict[str, Callable[..., Register]] = {
     "minimum": np.minimum, "maximum": np.maximum, "modulo": _modulo, "arctan2": np.arctan2,
     "greater": lambda a, b: np.greater(a, b).astype(np.float64), "less": lambda a, b: np.less(a, b).astype(np.float64),
     "where": lambda condition, a, b: np.where(np.not_equal(condition, 0), a, b),
+    "single": lambda a: np.asarray(a, np.float32).astype(np.float64),
     "log": lambda a: np.where(np.greater(a, 0), np.log(np.where(np.greater(a, 0), a, 1.0)), 0.0),
     "exponent": np.exp, "sqrt": lambda a: np.sqrt(np.maximum(a, 0.0)), "absolute": np.abs, "floor": np.floor,
     "truncate": np.trunc, "sine": np.sin, "cosine": np.cos, "tangent": np.tan, "arcsine": np.arcsin,
