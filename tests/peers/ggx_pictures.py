@@ -57,7 +57,8 @@ def cases():
                 "fresnel_type": 'PHYSICAL_CONDUCTOR'}
     coat = {"Base_Color": (0.6, 0.1, 0.1, 1), "Roughness": 0.5, "Coat_Weight": 1.0}
     found["coat"] = principled(Coat_Roughness=0.2, **coat)
-    found["rough coat"] = principled(Coat_Roughness=0.7, Coat_IOR=2.0, **coat)
+    if bpy.app.version >= (4, 5):  # Cycles 4.2 dims what is below a rough coat as if it were smooth
+        found["rough coat"] = principled(Coat_Roughness=0.7, Coat_IOR=2.0, **coat)
     coat |= {"Coat_Weight": 0.6, "Coat_Tint": TINT}
     found["tinted coat"] = principled(Coat_Roughness=0.15, Metallic=0.5, **coat)
     found["diffuse"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD}, {}
