@@ -13,6 +13,7 @@ from .report import Report
 from .surface import Surface
 from .surface_nodes import surface
 
+_PHONG = {"ks", "Os", "nShiny"}  # an override of one of these has Phong's highlights
 _TUPLES = {"Od", "Os", "mirror", "emission", "kt"}
 
 
@@ -105,8 +106,11 @@ class Materials:
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
         found = surface.whitted()
         overrides = material.light_meshes if material else None
-        if overrides:
-            found |= _overrides(overrides)
+        chosen = _overrides(overrides) if overrides else {}
+        found |= chosen
+        if not chosen.keys() & _PHONG and (highlight := surface.facets.parameters()):
+            # Phong's stand for these where one number must do, as in the engine's plan.
+            found |= highlight | {name: typical(name, found[name]) for name in _PHONG}
         description |= _written(found)
         if overrides:
             description |= {
@@ -147,7 +151,10 @@ def translate(material, report: Report) -> Surface:
 # What stands for a value that differs from place to place, where a single one is wanted: in the panel when an override
 # begins, and in the engine's plan.
 _TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "nShiny": 50.0, "mirror": [0.5] * 3,
-            "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5}
+            "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5,
+            "roughness": 0.5, "metal": 0.5, "F0": [0.8] * 3, "F90": [1.0] * 3, "F82": [1.0] * 3, "dielectric": 0.5,
+            "dielectric_ior": 1.5, "dielectric_tint": [1.0] * 3, "layered": 1.0, "compensation": 1.0,
+            "coat": 0.5, "coat_roughness": 0.1, "coat_ior": 1.5, "coat_tint": [1.0] * 3}
 
 
 def typical(name: str, value: Any) -> Any:

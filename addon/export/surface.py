@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from . import values as v
+from .facets import NO_FACETS, WHITE, Facets, squared, weighted
 from .nodes import constant
 from .values import Triple, Value
 
@@ -14,8 +15,8 @@ BLACK: Triple = (0.0, 0.0, 0.0)
 # A surface smoother than the first mirrors its surroundings, one rougher than the second does not, between
 # them the mirror image fades: the engine's reflections are not blurred, so a rough surface must have none.
 MIRROR_ROUGHNESS = (0.1, 0.15)
-# Highlights do not become smaller than this (roughness 0.2): a point light in a mirror would be a dot that
-# no number of samples finds in every frame.
+# Phong's highlights do not become smaller than this (roughness 0.2; those of GGX end at 0.1): a point light in a mirror
+# would be a dot that no number of samples finds in every frame.
 LARGEST_EXPONENT = 312.0
 
 
@@ -37,18 +38,19 @@ class Surface:
     fresnel: bool = False  # reflects and passes by Fresnel's equations
     alpha: Value = 1.0  # share of the surface that is there
     normal: Triple | None = None  # for shading; None: the surface's own
+    facets: Facets = NO_FACETS  # the highlights of lamps
 
     @classmethod
     def principled(cls, color: Triple, metallic: Value, roughness: Value, specular: Value,
-                   ior: Value = 1.5) -> Surface:
+                   ior: Value = 1.5, tint: Triple = WHITE, compensation: Value = 1.0) -> Surface:
         """Principled BSDF: diffuse with a faint white reflection, or a metal's coloured reflection."""
         ior = v.maximum(ior, 1e-5)
-        ratio = (ior - 1) / (ior + 1) / 0.2
         # Fresnel's, at normal incidence; 4 % at 1.5
-        f0 = 0.08 * specular * (ratio ** 2 if v.is_constant(ratio) else ratio * ratio)
+        f0 = v.minimum(2.0 * v.maximum(specular, 0.0) * squared((ior - 1) / (ior + 1)), 1.0)
         # A metal has no diffuse part; what it does not mirror sharply of the world, ambient light stands for.
         return cls(color=color, kd=1 - metallic, ka=1 - metallic * mirrored(roughness), roughness=roughness,
-                   specular=_triple(f0 * (1 - metallic) + c * metallic for c in color))
+                   specular=_triple(f0 * t * (1 - metallic) + c * metallic for c, t in zip(color, tint, strict=True)),
+                   facets=Facets.principled(color, metallic, roughness, specular, ior, tint, compensation))
 
     @classmethod
     def diffuse(cls, color: Triple) -> Surface:
@@ -56,16 +58,17 @@ class Surface:
         return cls(color=color)
 
     @classmethod
-    def glossy(cls, color: Triple, roughness: Value) -> Surface:
-        """Glossy BSDF: a metal."""
-        return cls.principled(color, 1.0, roughness, 0.0)
+    def metal(cls, color: Triple, facets: Facets) -> Surface:
+        """Glossy and Metallic BSDF: nothing diffuse; color: what is reflected at normal incidence."""
+        return cls(color=color, kd=0.0, ka=1 - mirrored(facets.roughness), roughness=facets.roughness, specular=color,
+                   facets=facets)
 
     @classmethod
-    def glass(cls, color: Triple, ior: Value, fresnel: bool) -> Surface:
+    def glass(cls, color: Triple, ior: Value, fresnel: bool, facets: Facets = NO_FACETS) -> Surface:
         """Glass and Refraction BSDF: nothing diffuse, `color` passes at each crossing."""
-        ratio = (ior - 1) / (ior + 1)
-        f0 = (ratio ** 2 if v.is_constant(ratio) else ratio * ratio) if fresnel else 0.0
-        return cls(color=BLACK, kd=0.0, ka=0.0, specular=(f0,) * 3, roughness=0.0, kt=color, ior=ior, fresnel=fresnel)
+        f0 = squared((ior - 1) / (ior + 1)) if fresnel else 0.0
+        return cls(color=BLACK, kd=0.0, ka=0.0, specular=(f0,) * 3, roughness=0.0, kt=color, ior=ior, fresnel=fresnel,
+                   facets=facets)
 
     @classmethod
     def transparent(cls, color: Triple) -> Surface:
@@ -93,22 +96,24 @@ class Surface:
         shine_a, shine_b = mine * v.largest(a.specular), others * v.largest(b.specular)
         # Of two colours, each counts as much as it is seen: in diffuse, else in ambient light.
         seen_a, seen_b = mine * a.kd, others * b.kd
+        facets = a.facets.plus(b.facets, mine, others, (seen_a, seen_b))
         matt = v.greater(seen_a + seen_b, 0.0)
         seen_a, seen_b = v.where(matt, seen_a, mine * a.ka), v.where(matt, seen_b, others * b.ka)
         through_a, through_b = mine * v.largest(a.kt), others * v.largest(b.kt)
         mostly_a = not v.is_constant(through_a, through_b) or through_a >= through_b
         return Surface(
-            color=_weighted(a.color, b.color, seen_a, seen_b),
+            color=weighted(a.color, b.color, seen_a, seen_b),
             kd=mine * a.kd + others * b.kd,
             ka=mine * a.ka + others * b.ka,
             specular=added(scaled(a.specular, mine), scaled(b.specular, others)),
-            roughness=_weighted((a.roughness,), (b.roughness,), shine_a, shine_b)[0],
+            roughness=weighted((a.roughness,), (b.roughness,), shine_a, shine_b)[0],
             emission=added(scaled(a.emission, mine), scaled(b.emission, others)),
             kt=added(scaled(a.kt, mine), scaled(b.kt, others)),
-            ior=_weighted((a.ior,), (b.ior,), through_a, through_b)[0],
+            ior=weighted((a.ior,), (b.ior,), through_a, through_b)[0],
             fresnel=a.fresnel if mostly_a else b.fresnel,
             alpha=alpha,
             normal=_bent(a, b, v.largest((seen_a, shine_a, through_a)), v.largest((seen_b, shine_b, through_b))),
+            facets=facets,
         )
 
     def whitted(self) -> dict[str, Any]:
@@ -121,6 +126,7 @@ class Surface:
         rough = v.maximum(self.roughness, 1e-3)
         fourth = rough ** 4 if v.is_constant(rough) else (rough * rough) * (rough * rough)
         n = v.minimum(v.maximum((2 / fourth - 2) / 4, 1.0), LARGEST_EXPONENT)
+        coat = self.facets.coat_reflectance() * mirrored(self.facets.coat_roughness)
         shine = v.largest(self.specular)
         shines = v.greater(shine, 0.0)
         return {
@@ -128,7 +134,7 @@ class Surface:
             "ks": shine * (n + 2) / 2,
             "Os": [v.where(shines, c * v.divide(1.0, shine), 1.0) for c in self.specular],
             "nShiny": n,
-            "mirror": list(scaled(self.specular, mirrored(self.roughness))),
+            "mirror": list(_triple(c * mirrored(self.roughness) + coat for c in self.specular)),
             "emission": list(self.emission),
             "kt": list(self.kt), "ior": self.ior, "fresnel": self.fresnel, "alpha": self.alpha,
         } | ({"normal": list(self.normal)} if self.normal else {})
@@ -163,12 +169,4 @@ def _bent(a: Surface, b: Surface, weight_a: Value, weight_b: Value) -> Triple | 
     if v.is_constant(weight_a) and weight_a == 0:
         return b.normal
     own: Triple = v.outputs("normal", 3)  # type: ignore[assignment]
-    return v.normalized(_weighted(a.normal or own, b.normal or own, weight_a, weight_b))
-
-
-def _weighted(a: tuple, b: tuple, weight_a: Value, weight_b: Value) -> Any:
-    """The weighted mean of two colours or numbers; the first where both weights are 0."""
-    total = weight_a + weight_b
-    counts = v.greater(total, 0.0)
-    share_a, share_b = v.divide(weight_a, total), v.divide(weight_b, total)
-    return tuple(v.where(counts, x * share_a + y * share_b, x) for x, y in zip(a, b, strict=True))
+    return v.normalized(weighted(a.normal or own, b.normal or own, weight_a, weight_b))

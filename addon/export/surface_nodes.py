@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from . import left_out, node_bumps
 from . import values as v
+from .facets import Facets
 from .node_inputs import normal
 from .nodes import Nodes
 from .report import shown
@@ -44,14 +45,22 @@ def _shader(nodes: Nodes, node, socket) -> Surface:
 
 
 def _principled(nodes: Nodes, node) -> Surface:
-    metallic, roughness, specular = (nodes.value(node, s) for s in ("Metallic", "Roughness", "Specular IOR Level"))
+    metallic, roughness = (v.clamp(nodes.value(node, s)) for s in ("Metallic", "Roughness"))
+    specular = nodes.value(node, "Specular IOR Level")
     color = nodes.color(node, "Base Color")
-    base = Surface.principled(color, metallic, roughness, specular, nodes.value(node, "IOR"))
+    tint, several = nodes.color(node, "Specular Tint"), _several(nodes, node)
+    base = Surface.principled(color, metallic, roughness, specular, nodes.value(node, "IOR"), tint, several)
     transmission = v.clamp(nodes.value(node, "Transmission Weight")) * (1 - metallic)
     if not is_zero(transmission):
         # As Cycles: the base colour is that of two crossings.
         root = tuple(v.square_root(c) if not v.is_constant(c) else max(c, 0.0) ** 0.5 for c in color)
         base = base.plus(_glassy(nodes, node, root, True), 1 - transmission, transmission)
+    coat = nodes.value(node, "Coat Weight")
+    if not is_zero(coat):
+        if nodes.source(node, "Coat Normal"):
+            nodes.not_translated(nodes.source(node, "Coat Normal"), "the coat is rendered without it")
+        base = replace(base, facets=base.facets.coated(
+            coat, nodes.value(node, "Coat Roughness"), nodes.value(node, "Coat IOR"), nodes.color(node, "Coat Tint")))
     strength = nodes.value(node, "Emission Strength")
     if not is_zero(strength) and not (v.is_constant(strength) and strength < 0):
         base = base.plus(Surface.emitting(scaled(nodes.color(node, "Emission Color"), strength)))
@@ -63,7 +72,26 @@ def _diffuse(nodes: Nodes, node) -> Surface:
 
 
 def _glossy(nodes: Nodes, node) -> Surface:
-    return Surface.glossy(nodes.color(node, "Color"), nodes.value(node, "Roughness"))
+    color = tuple(v.maximum(c, 0.0) for c in nodes.color(node, "Color"))
+    return Surface.metal(color, Facets.glossy(color, v.clamp(nodes.value(node, "Roughness")), _several(nodes, node)))
+
+
+def _metallic(nodes: Nodes, node) -> Surface:
+    roughness, several = v.clamp(nodes.value(node, "Roughness")), _several(nodes, node)
+    if node.fresnel_type == 'F82':
+        facets = Facets.principled(nodes.color(node, "Base Color"), 1.0, roughness, 0.0, 1.5,
+                                   nodes.color(node, "Edge Tint"), several)
+    else:
+        facets = Facets.conductor(nodes.vector(node, "IOR"), nodes.vector(node, "Extinction"), roughness, several)
+    return Surface.metal(facets.F0, facets)
+
+
+def _several(nodes: Nodes, node) -> float:
+    """Whether the light that microfacets reflect several times counts in a node's distribution, 1 or 0."""
+    if node.distribution not in ('MULTI_GGX', 'GGX'):
+        name = node.bl_rna.properties["distribution"].enum_items[node.distribution].name
+        nodes.warn(f"distribution {name} of node '{nodes.plain_name(node)}' is not translated; it is rendered as GGX")
+    return float(node.distribution == 'MULTI_GGX')
 
 
 def _glass(nodes: Nodes, node) -> Surface:
@@ -75,7 +103,11 @@ def _glassy(nodes: Nodes, node, color: Triple, fresnel: bool) -> Surface:
     if not v.is_constant(roughness) or roughness > 1e-3:
         nodes.warn(f"'Roughness' of the glass in node '{nodes.plain_name(node)}' is not translated; it is rendered "
                    "clear", f"instead of {shown(roughness)}" if v.is_constant(roughness) else "")
-    return Surface.glass(color, v.maximum(nodes.value(node, "IOR"), 0.01), fresnel)
+    ior = v.maximum(nodes.value(node, "IOR"), 0.01)
+    if not fresnel:
+        return Surface.glass(color, ior, False)
+    tint = color if node.bl_idname == 'ShaderNodeBsdfGlass' else (1.0, 1.0, 1.0)
+    return Surface.glass(color, ior, True, Facets.glass(tint, ior, v.clamp(roughness), _several(nodes, node)))
 
 
 def _transparent(nodes: Nodes, node) -> Surface:
@@ -103,6 +135,7 @@ _SHADERS = {
     'ShaderNodeBsdfDiffuse': _diffuse,
     'ShaderNodeBsdfGlossy': _glossy,
     'ShaderNodeBsdfAnisotropic': _glossy,  # what Glossy is called inside
+    'ShaderNodeBsdfMetallic': _metallic,
     'ShaderNodeBsdfGlass': _glass,
     'ShaderNodeBsdfRefraction': _glass,
     'ShaderNodeBsdfTransparent': _transparent,

@@ -16,8 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..support.text import quoted
 from . import transforms
 from .errors import SceneError
+from .material import DEFAULT_MATERIAL
+from .material import HIGHLIGHTS as HIGHLIGHTS
+from .material import RGB as RGB
+from .material import Material as Material
 from .mesh import Mesh, at_least, numbers
-from .programs import NO_PROGRAM, Program
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
@@ -31,7 +34,6 @@ SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE")
 COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
-RGB = tuple[float, float, float]
 Scalar = bool | int | float | str
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -162,34 +164,6 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Material:
-    """Whitted's parameters (method §1): Ω = f_att·I·[kd·Od·(N·L) + ks·Os·(R·V)^nShiny]."""
-
-    name: str
-    Od: RGB = (0.8, 0.8, 0.8)
-    ka: float = 1.0
-    kd: float = 1.0
-    ks: float = 0.0
-    Os: RGB = (1.0, 1.0, 1.0)
-    nShiny: float = 50.0
-    mirror: RGB = (0.0, 0.0, 0.0)  # ks of the recursive term, coloured; 0 for a surface with only highlights
-    emission: RGB = (0.0, 0.0, 0.0)  # radiance
-    kt: RGB = (0.0, 0.0, 0.0)  # kt·Ot: the factor for light at each crossing
-    ior: float = 1.0  # acts only at closed meshes; an open sheet does not bend rays
-    priority: int = 0  # where media overlap, the one with the highest priority counts
-    fresnel: bool = False  # compute mirror and kt from Fresnel's equations
-    alpha: float = 1.0  # the share of the surface that is there; the rest is a hole that neither bends nor shades
-    alpha_image: int = -1  # index of the image whose alpha channel multiplies alpha; -1: none
-    transparent_shadow: bool = True  # False: casts the shadow of an opaque surface
-    image: int = -1  # index of the image that replaces Od; -1: none
-    cast_soft_shadows: bool = True  # False: the shadows that it casts are sharp (method §4b)
-    receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp (method §4c)
-    index: int = 0  # the artist's number for the Material Index pass
-    cryptomatte: int = 0  # the number of its name for Cryptomatte
-    program: Program = NO_PROGRAM  # computes some of these values point by point, from the material's nodes
-
-
-@dataclass(frozen=True)
 class Image:
     """A texture on disk. Relative paths are relative to the snapshot's folder."""
 
@@ -240,7 +214,7 @@ class Shape:
     """
 
     mesh: Mesh
-    material: Material = Material("default")
+    material: Material = DEFAULT_MATERIAL
     name: str = "object"
     # (4,4) local to world, one for each place; `transforms` makes them.
     matrices: Sequence[ArrayLike] = field(default_factory=lambda: (np.eye(4),))

@@ -24,6 +24,7 @@ from .description import (
     COLORSPACES,
     FALLOFFS,
     GLASS,
+    HIGHLIGHTS,
     IDENTITY,
     IMAGE_ALPHAS,
     LIGHT_TYPES,
@@ -43,6 +44,7 @@ from .description import (
     names_of,
 )
 from .errors import SceneError
+from .programs import PARAMETERS
 from .values import bounded, typed
 
 FORMAT = "light-meshes snapshot"
@@ -58,6 +60,7 @@ _CHOICES = {
     (Settings, "mist_falloff"): FALLOFFS,
     (Light, "type"): LIGHT_TYPES,
     (Light, "softness"): SOFTNESS,
+    (Material, "highlight"): HIGHLIGHTS,
     (Image, "alpha"): IMAGE_ALPHAS,
     (Image, "stored"): STORED_ALPHAS,
     (Image, "interpolation"): ("LINEAR", "CLOSEST"),
@@ -101,6 +104,9 @@ _RANGES = {
     (Material, "ior"): (0.01, 100.0),
     (Material, "alpha"): (0.0, 1.0),
 }
+_RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
+    "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
+    "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
 
 
 def write(scene: Scene, folder: Path) -> None:
