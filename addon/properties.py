@@ -211,7 +211,7 @@ class LightMeshesLight(bpy.types.PropertyGroup):
             ('LIGHT_SIZE', "Light Size", "The size of the light: edges are as wide as those of a real lamp of this "
              "size, at one distance", 2),
             ('SIZE', "Lamp Shape", "The shadow of the lamp's own sphere, disc of the sky or face: sharp where things "
-             "touch, and wider farther away. All of the lamp gives light, and highlights are as large as it is", 3),
+             "touch, and wider farther away. All of the lamp gives light", 3),
         ),
         default='SIZE', update=_changed,
     )

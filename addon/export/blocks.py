@@ -149,4 +149,4 @@ class Blocks:
                       for p in (self._folder / block).glob("*.npy")}
             v0, nv, t0, nt = arrays.pop("meshes")[place]
             yield {name: a[v0:v0 + nv] if name == "vertices" else a[t0:t0 + nt] for name, a in arrays.items()
-                   if name != "uvs" or len(a)}
+                   if name not in ("uvs", "attributes") or len(a)}

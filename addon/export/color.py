@@ -38,16 +38,21 @@ def to_rec709() -> list[list[float]]:
     return _matrix("from_scene_linear_to_rec709_linear")
 
 
+def from_xyz() -> list[list[float]]:
+    """The matrix, rows, from CIE XYZ with white at D65 to the scene's linear light."""
+    return _matrix("from_xyz_d65_to_scene_linear")
+
+
 def working_space() -> str:
     """Return the configuration's name for the scene's linear light."""
     found = getattr(bpy.data, "colorspace", None)  # 5.0+
     return found.working_space if found and not os.environ.get("OCIO") else "scene_linear"
 
 
-def luminance(color) -> float:
-    """Return the luminance Y of a colour in the scene's linear light."""
-    weights = [Color(one).from_scene_linear_to_xyz_d65()[1] for one in IDENTITY]
-    return float(np.dot(weights, list(color)[:3]))
+def luminance_weights() -> tuple[float, float, float]:
+    """What each channel of the scene's linear light adds to the Y of a colour."""
+    red, green, blue = (Color(one).from_scene_linear_to_xyz_d65()[1] for one in IDENTITY)
+    return red, green, blue
 
 
 def _matrix(method: str) -> list[list[float]]:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from . import left_out
+from .channels import instance_value
 from .linking import identity
 from .materials import Materials
 from .mesh import Mesh, Reader
@@ -39,10 +40,12 @@ class Geometry:
         self._reader = Reader(check)
         self._mesh_of: dict[tuple, Any] = {}  # the result of `meshes` for each key; None if there is nothing to see
         self._mesh_of_object: dict[tuple, Any] = {}
+        self._asked_of: dict[int, dict] = {}  # by a mesh's id: the channels of instances that its materials ask for
         self._object_of: dict[tuple, int] = {}
         self._instance_mesh: list = []
         self._instance_object = array("i")
         self._instance_matrix = array("d")
+        self._instance_values: list[dict[int, float]] = []  # of each instance, by channel
 
     def add(self, instance, ob) -> None:
         """Add an entry of depsgraph.object_instances; `ob` is its object."""
@@ -70,11 +73,13 @@ class Geometry:
         self._instance_mesh.append(mesh)
         self._instance_object.append(self._object_of[key])
         self._instance_matrix.extend((*m[0], *m[1], *m[2], *m[3]))
+        self._instance_values.append({number: instance_value(key, instance, ob, source, self._materials.depsgraph)
+                                      for key, number in self._asked_of[id(mesh)].items()})
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays of the engine's Geometry."""
         assert isinstance(self.meshes, Meshes)
-        found, textured = self.meshes.found, bool(self._materials.images) or self._materials.every_uv
+        found, textured = self.meshes.found, self._materials.textured or self._materials.every_uv
         return joined([mesh.arrays() for mesh in found], textured) | self.instances({
             id(mesh): i for i, mesh in enumerate(found)})
 
@@ -84,7 +89,16 @@ class Geometry:
             "instance_mesh": np.array([numbers[id(mesh)] for mesh in self._instance_mesh], np.int32),
             "instance_object": np.array(self._instance_object, np.int32),
             "instance_matrix": np.array(self._instance_matrix, np.float64).reshape(-1, 4, 4),
+            "instance_values": self._values(),
         }
+
+    def _values(self) -> np.ndarray:
+        """The engine's instance_values: 0 where a material of the instance does not ask."""
+        count = max((number + 1 for values in self._instance_values for number in values), default=0)
+        out = np.zeros((len(self._instance_values), count), np.float32)
+        for row, values in zip(out, self._instance_values, strict=True):
+            row[list(values)] = list(values.values())
+        return out
 
     def _object(self, ob, parent) -> int:
         """Add an entry to `objects` for what is visible of `ob` (and of its instancer, if it has one); return its
@@ -106,7 +120,7 @@ class Geometry:
             "index": ob.pass_index,
             "cast_soft_shadows": all(o.light_meshes.cast_soft_shadows for o in seen),
             "receive_soft_shadows": all(o.light_meshes.receive_soft_shadows for o in seen),
-        } | _terminator(ob))
+        } | _terminator(ob) | _texture_space(ob.data))
         return len(self.objects) - 1
 
     def _mesh(self, ob, data, source, parent) -> Any:
@@ -117,16 +131,19 @@ class Geometry:
         materials = materials or (self._materials.index(None),)
         if all(self._materials.is_nothing(i) for i in materials):
             return None
-        key = (data.as_pointer(), materials, self._materials.uv_map(materials))
+        wanted = self._materials.corners(materials)
+        key = (data.as_pointer(), materials, self._materials.uv_maps(materials), tuple(wanted.values()))
         if key not in self._mesh_of:
             # Data that geometry nodes made exists as long as the evaluated data of the instancer.
             owners = {source, data} if parent is None or source.data == data else {source, data, parent}
             self._mesh_of[key] = self.meshes.get(
                 (source.original.session_uid, *key), {o.original.session_uid for o in owners},
-                lambda: self._read(ob, materials))
+                lambda: self._read(ob, materials, wanted))
+            if self._mesh_of[key] is not None:
+                self._asked_of[id(self._mesh_of[key])] = self._materials.instances(materials)
         return self._mesh_of[key]
 
-    def _read(self, ob, materials: tuple[int, ...]) -> Mesh | None:
+    def _read(self, ob, materials: tuple[int, ...], wanted: dict) -> Mesh | None:
         mesh = ob.to_mesh()
         try:
             if mesh is None:
@@ -134,26 +151,30 @@ class Geometry:
             mesh.calc_loop_triangles()
             if not len(mesh.loop_triangles):
                 return None
-            return self._reader.read(mesh, materials, *self._uvs(ob, mesh, materials))
+            return self._reader.read(mesh, materials, self._uvs(ob, mesh, materials), wanted)
         finally:
             ob.to_mesh_clear()
 
-    def _uvs(self, ob, mesh, materials: tuple[int, ...]) -> tuple:
-        """Return whether UVs are wanted (by an image of `materials` or for the UV pass), and the layer that holds them,
-        or None.
+    def _uvs(self, ob, mesh, materials: tuple[int, ...]) -> list | None:
+        """Return the layer of UVs that each of the slots' `materials` asks for, or None in its place if the mesh has no
+        such layer; return None if neither a material nor the UV pass asks for UVs.
         """
-        name = self._materials.uv_map(materials)
-        if name is None and not self._materials.every_uv:
-            return False, None
+        names = self._materials.uv_maps(materials)
         layers = mesh.uv_layers
-        layer = layers.get(name) if name else next((a for a in layers if a.active_render), None)
-        if layer is None and name is None:
-            return False, None
-        if layer is None:
-            wanted = f"no UV map '{name}'" if name else "no UV map"
-            self._report.warn(f"it has {wanted}; its image texture shows a single point of the image", "Object",
-                              ob.name)
-        return True, layer
+        if all(name is None for name in names) and not (self._materials.every_uv and len(layers)):
+            return None
+        asked = next((name for name in names if name is not None), "")  # of slots without images, for the UV pass
+        found = []
+        for name in dict.fromkeys(names):
+            wanted = asked if name is None else name
+            layer = layers.get(wanted) if wanted else next((a for a in layers if a.active_render), None)
+            found.append(layer)
+            if layer is None and name is not None:
+                what = f"no UV map '{name}'" if name else "no UV map"
+                self._report.warn(f"it has {what}; its image texture shows a single point of the image", "Object",
+                                  ob.name)
+        by_name = dict(zip(dict.fromkeys(names), found, strict=True))
+        return [by_name[name] for name in names]
 
 
 def _terminator(ob) -> dict[str, float]:
@@ -166,6 +187,14 @@ def _terminator(ob) -> dict[str, float]:
     cycles = getattr(ob, "cycles", None)  # it belongs to another add-on, which may be switched off
     return {"shadow_terminator_geometry_offset": getattr(cycles, "shadow_terminator_geometry_offset", 0.1),
             "shadow_terminator_shading_offset": getattr(cycles, "shadow_terminator_offset", 0.0)}
+
+
+def _texture_space(mesh) -> dict[str, list[float]]:
+    """The box of a mesh over which Generated coordinates go from 0 to 1, where it is not the engine's default."""
+    place, size = list(mesh.texspace_location), list(mesh.texspace_size)
+    if place == [0.0] * 3 and size == [1.0] * 3:
+        return {}
+    return {"texture_location": place, "texture_size": size}
 
 
 class Meshes:
@@ -185,13 +214,19 @@ class Meshes:
 
 
 def joined(meshes: list[dict[str, np.ndarray]], textured: bool) -> dict[str, np.ndarray]:
-    """Join the triangle arrays of several meshes into one set, with UVs if they are `textured`."""
+    """Join the triangle arrays of several meshes into one set, with UVs if they are `textured`, and attributes."""
     counts = np.array([(len(m["vertices"]), len(m["triangles"])) for m in meshes], np.int64).reshape(-1, 2)
     starts = np.cumsum(counts, axis=0) - counts
     uvs = []
     if textured:
         uvs = [m["uvs"] if "uvs" in m else np.zeros((len(m["triangles"]), 3, 2), np.float32) for m in meshes]
+    channels = max((m["attributes"].shape[2] for m in meshes if "attributes" in m), default=0)
+    attributes = [np.zeros((len(m["triangles"]), 3, channels), np.float32) for m in meshes] if channels else []
+    for m, out in zip(meshes, attributes, strict=False):
+        if "attributes" in m:
+            out[:, :, :m["attributes"].shape[2]] = m["attributes"]
     return {
+        "attributes": _joined(attributes, (3, channels), np.float32),
         "vertices": _joined([m["vertices"] for m in meshes], (3,), np.float32),
         "triangles": _joined([m["triangles"] for m in meshes], (3,), np.int32),
         "corner_normals": _joined([m["corner_normals"] for m in meshes], (3, 3), np.float32),

@@ -15,14 +15,17 @@ _KINDS = {stat.S_IFDIR: "folder", stat.S_IFIFO: "named pipe", stat.S_IFSOCK: "so
           stat.S_IFBLK: "device"}
 
 
-def path_of(image, user, frame: int) -> Path:
-    """Return the file of `image` that the image user of a texture node shows at `frame` of the scene."""
+def path_of(image, user, frame: int, tile: int = 0) -> Path:
+    """Return the file of `image` that the image user of a texture node shows at `frame` of the scene.
+
+    `tile` is the number of a UDIM tile, or 0 for the first.
+    """
     path = bpy.path.abspath(image.filepath, library=image.library)
     if image.source == 'SEQUENCE':
         path = numbered(path, frame_of(user, frame))
     elif image.source == 'TILED' and image.tiles:
-        first = image.tiles[0].number - 1001
-        path = path.replace("<UDIM>", str(first + 1001)).replace("<UVTILE>", f"u{first % 10 + 1}_v{first // 10 + 1}")
+        n = (tile or image.tiles[0].number) - 1001
+        path = path.replace("<UDIM>", str(n + 1001)).replace("<UVTILE>", f"u{n % 10 + 1}_v{n // 10 + 1}")
     return Path(path)
 
 

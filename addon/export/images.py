@@ -25,7 +25,7 @@ class Images:
         self.moves = False  # whether an image shows another picture at another frame
         self._folder = folder
         self._indices: dict[tuple, int] = {}
-        self._written: dict[int, dict] = {}  # files of images that exist only in Blender's memory
+        self._written: dict[tuple[int, int], dict] = {}  # files of images, by tile, that Blender alone has
         self._files = 0
 
     def clear(self, repainted: bool) -> None:
@@ -38,21 +38,22 @@ class Images:
         """Forget these files, which were removed."""
         self._written = {uid: file for uid, file in self._written.items() if file["path"] not in names}
 
-    def index(self, node, report: Report) -> int:
-        """Return the number of the image that an image texture node shows; −1 if there is none."""
+    def index(self, node, report: Report, tile: int = 0) -> int:
+        """Number of the image of an image texture node, as the node shows it; −1 where it cannot be had.
+
+        tile: the number of a UDIM tile, 0 for the first, or for images without tiles.
+        """
         self._report = report
         image = node.image
         self.moves |= image.source == 'SEQUENCE'
         try:
-            path = path_of(image, node.image_user, self.frame)
-        except ValueError:  # the name contains a NUL
+            path = path_of(image, node.image_user, self.frame, tile)
+        except ValueError:  # a NUL
             path = Path(image.filepath.replace("\0", "?"))
         linked = node.outputs["Alpha"].is_linked
-        key = (image.original.session_uid, node.interpolation, node.extension, linked, path)
+        key = (image.original.session_uid, node.interpolation, node.extension, linked, path, tile)
         if key not in self._indices:
-            if node.projection != 'FLAT':
-                self._warn(image, f"its {node.projection.lower()} projection is not translated; the UV map places it")
-            file = self._file(image, path)
+            file = self._file(image, path, tile)
             if file is None:
                 self._indices[key] = -1
             else:
@@ -63,16 +64,15 @@ class Images:
                 } | color.space(image.colorspace_settings) | _alpha(image, linked) | file)
         return self._indices[key]
 
-    def _file(self, image, path: Path) -> dict | None:
-        """Return a file with the pixels of the image, and special properties of the image."""
-        if image.source == 'TILED':
-            self._warn(image, "UDIM tiles are not translated; the first tile is used everywhere")
-        elif image.source == 'MOVIE':
+    def _file(self, image, path: Path, tile: int) -> dict | None:
+        """A file with the image's pixels, and what else is special about it."""
+        if image.source == 'MOVIE':
             self._warn(image, "movies are not translated; its first frame is used")
         original = image.original
-        if original.session_uid in self._written and not original.is_dirty:
-            return self._written[original.session_uid]
-        packed = _packed(original)
+        known = original.session_uid, tile
+        if known in self._written and not original.is_dirty:
+            return self._written[known]
+        packed = _packed(original, path if tile else None)
         if image.source in {'FILE', 'SEQUENCE', 'TILED', 'MOVIE'} and not original.is_dirty and not packed:
             refused = refusal(path)
             # an image that Blender has read already stays available
@@ -81,6 +81,9 @@ class Images:
                 return None
             if not refused and image.source != 'MOVIE' and engine_reads(path):
                 return {"path": str(path.resolve())}
+        if tile and not packed and tile != image.tiles[0].number:
+            self._warn(image, f"its tile {tile} is in no file; it is shown as missing: save the image")
+            return None
         name = f"image-{self._files}"
         if packed and not original.is_dirty:
             written = self._unpacked(packed, f"{name}{Path(image.filepath).suffix[:8]}")
@@ -89,7 +92,7 @@ class Images:
         written = written or self._pixels(image, f"{name}.tif")
         if written:
             self._files += 1
-            self._written[original.session_uid] = written
+            self._written[known] = written
         return written
 
     def _unpacked(self, data: bytes, name: str) -> dict | None:
@@ -147,10 +150,15 @@ class Images:
         self._report.warn(sentence, "Image", image.name)
 
 
-def _packed(image) -> bytes:
-    """Return the packed file of an image, the first if there are several; empty if there is none."""
+def _packed(image, tile: Path | None) -> bytes:
+    """The file of an image that is packed into the .blend, of several the first, or that of a tile; empty where none
+    is.
+    """
     if image.source not in {'FILE', 'TILED'}:
         return b""
+    if tile:
+        named = [p.packed_file for p in image.packed_files if Path(p.filepath.replace("\\", "/")).name == tile.name]
+        return named[0].data if named and named[0] and named[0].size else b""
     packed = image.packed_file or (image.packed_files[0].packed_file if image.packed_files else None)
     return packed.data if packed and packed.size else b""
 

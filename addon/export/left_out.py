@@ -26,10 +26,12 @@ _ROUND = "it is rendered with round highlights"
 # For each translated shader: the inputs that are read, and those that are left out.
 _READ = {
     'ShaderNodeBsdfPrincipled': {
-        "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Transmission Weight",
-        "Emission Color", "Emission Strength"},
+        "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Specular Tint",
+        "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal",
+        "Transmission Weight", "Emission Color", "Emission Strength"},
     'ShaderNodeBsdfDiffuse': {"Color", "Normal"},
     'ShaderNodeBsdfGlossy': {"Color", "Roughness", "Normal"},
+    'ShaderNodeBsdfMetallic': {"Base Color", "Edge Tint", "IOR", "Extinction", "Roughness", "Normal"},
     'ShaderNodeBsdfGlass': {"Color", "Roughness", "IOR", "Normal"},
     'ShaderNodeBsdfRefraction': {"Color", "Roughness", "IOR", "Normal"},
     'ShaderNodeBsdfTransparent': {"Color"},
@@ -45,15 +47,14 @@ _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
         "Subsurface Weight": LeftOut(
             instead="it is rendered without subsurface scattering",
             details=("Subsurface Radius", "Subsurface Scale", "Subsurface IOR", "Subsurface Anisotropy")),
-        "Specular Tint": LeftOut(1.0, "it is rendered as white"),
         "Anisotropic": LeftOut(instead=_ROUND, details=("Anisotropic Rotation", "Tangent")),
-        "Coat Weight": LeftOut(instead="it is rendered without a coat",
-                               details=("Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal")),
         "Sheen Weight": LeftOut(instead="it is rendered without a sheen", details=("Sheen Roughness", "Sheen Tint")),
         "Thin Film Thickness": _FILM,
     },
     'ShaderNodeBsdfDiffuse': {"Roughness": LeftOut()},
     'ShaderNodeBsdfGlossy': {"Anisotropy": LeftOut(instead=_ROUND, details=("Rotation", "Tangent"))},
+    'ShaderNodeBsdfMetallic': {"Anisotropy": LeftOut(instead=_ROUND, details=("Rotation", "Tangent")),
+                               "Thin Film Thickness": _FILM},
     'ShaderNodeBsdfGlass': {"Thin Film Thickness": _FILM},
 }
 _LEFT_OUT['ShaderNodeBsdfAnisotropic'] = _LEFT_OUT['ShaderNodeBsdfGlossy']

@@ -5,12 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from ..cryptomatte import DEFAULT
+from . import values
+from .channels import Asked, Channels, Key
 from .images import Images
 from .nodes import Nodes, uses_nodes
 from .report import Report
 from .surface import Surface
 from .surface_nodes import surface
 
+_PHONG = {"ks", "Os", "nShiny"}  # an override of one of these has Phong's highlights
 _TUPLES = {"Od", "Os", "mirror", "emission", "kt"}
 
 
@@ -23,7 +26,9 @@ class Materials:
         self.every_uv = False  # whether UVs are needed also without images, for the UV pass
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
-        self._reports: list[Report] = []  # the warnings of each material's translation
+        self._channels = Channels()
+        self._asked_for: list[Asked] = []  # by each material's program
+        self._reports: list[Report] = []  # of each material's translation
         self._translated: set[int] = set()
         self.begin(report, depsgraph)
 
@@ -31,7 +36,7 @@ class Materials:
         """Begin another snapshot. The same materials keep their numbers. They may have `changed`, and their images may
         have been `repainted`.
         """
-        self._report, self._depsgraph = report, depsgraph
+        self._report, self.depsgraph = report, depsgraph
         self._override = depsgraph.view_layer_eval.material_override
         self._asked: set[int] = set()
         frame = depsgraph.scene_eval.frame_current
@@ -40,8 +45,9 @@ class Materials:
         if changed or repainted:
             self._translated.clear()
             self._images.clear(repainted)
-            # In case it is not asked for any more.
-            self.descriptions = [d | {"image": -1, "alpha_image": -1} for d in self.descriptions]
+            # Should one not be asked for any more.
+            self.descriptions = [{name: value for name, value in d.items() if name != "program"}
+                                 | {"image": -1, "alpha_image": -1} for d in self.descriptions]
 
     def forget_files(self, names: set[str]) -> None:
         """Forget these files in the snapshot's folder, which were removed."""
@@ -50,6 +56,11 @@ class Materials:
     @property
     def images(self) -> list[dict]:
         return self._images.descriptions
+
+    @property
+    def textured(self) -> bool:
+        """Whether any material is placed by a UV map."""
+        return any(name is not None for name in self._uv_maps)
 
     def index(self, material) -> int:
         """Return the number of `material` (None: Blender's default). It is translated when it is first asked for.
@@ -61,7 +72,7 @@ class Materials:
         index = self._indices.setdefault(key, len(self._indices))
         if key not in self._translated:
             report = Report()
-            self._translate(index, material.evaluated_get(self._depsgraph) if material else None, report)
+            self._translate(index, material.evaluated_get(self.depsgraph) if material else None, report)
             self._reports[index:index + 1] = [report]
             self._translated.add(key)
         if key not in self._asked:
@@ -76,48 +87,114 @@ class Materials:
         description = self.descriptions[index]
         return description["alpha"] == 0 and description["alpha_image"] < 0
 
-    def uv_map(self, indices: Iterable[int]) -> str | None:
-        """Return the UV map that the images of these materials need: a name, "" for the mesh's default, None if there
-        are no images.
-        """
-        maps = [m for m in (self._uv_maps[i] for i in indices) if m is not None]
-        return maps[0] if maps else None
+    def uv_maps(self, indices: Iterable[int]) -> tuple[str | None, ...]:
+        """The UV map that each of these materials wants: a name, "" for the mesh's own, None for no images."""
+        return tuple(self._uv_maps[i] for i in indices)
+
+    def corners(self, indices: Iterable[int]) -> dict[Key, int]:
+        """What these materials ask for at the corners of triangles, and the channels for it, in their order."""
+        return _numbered(self._channels.corners, [self._asked_for[i].corners for i in indices])
+
+    def instances(self, indices: Iterable[int]) -> dict[Key, int]:
+        """What these materials ask of instances, and the channels for it."""
+        return _numbered(self._channels.instances, [self._asked_for[i].instances for i in indices])
 
     def _translate(self, index: int, material, report: Report) -> None:
-        surface = translate(material, report) if material else Surface()
+        asked = Asked(self._channels)
+        nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)
+        surface = translated(material, nodes)
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
-        description |= surface.whitted()
+        found = surface.whitted()
         overrides = material.light_meshes if material else None
+        chosen = _overrides(overrides) if overrides else {}
+        found |= chosen
+        if not chosen.keys() & _PHONG and (highlight := surface.facets.parameters()):
+            # Phong's stand for these where one number must do, as in the engine's plan.
+            found |= highlight | {name: typical(name, found[name]) for name in _PHONG}
+        description |= _written(found)
         if overrides:
-            description |= _overrides(overrides) | {
+            description |= {
                  name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
             description |= {"transparent_shadow": material.use_transparent_shadow, "index": material.pass_index}
-        if surface.image and not (overrides and overrides.override_Od):
-            description["image"] = self._images.index(surface.image, report)
-        if surface.alpha_image and not (overrides and overrides.override_alpha):
-            description["alpha_image"] = self._images.index(surface.alpha_image, report)
-        textured = max(description["image"], description["alpha_image"]) >= 0
         self.descriptions[index:index + 1] = [description]
-        self._uv_maps[index:index + 1] = [surface.uv_map if textured else None]
+        self._uv_maps[index:index + 1] = [nodes.uv_map if nodes and _uses_uv(description) else None]
+        self._asked_for[index:index + 1] = [asked]
+        values.forget()
+
+
+def _nodes(material, report: Report, image, asked: Asked | None = None) -> Nodes | None:
+    if not (material and uses_nodes(material)):
+        return None
+    nodes = Nodes(material.node_tree, "Material", material.name, report, image, asked)
+    nodes.pass_index, nodes.displacement_method = material.pass_index, material.displacement_method
+    return nodes
+
+
+def _numbered(channels: dict[Key, int], asked: Iterable[set[Key]]) -> dict[Key, int]:
+    """Those channels that are asked for, in the order of their numbers."""
+    return {key: channels[key] for key in sorted(set().union(*asked), key=channels.__getitem__)}
+
+
+def translated(material, nodes: Nodes | None) -> Surface:
+    """The surface that the nodes of `material` describe, or its viewport colour where it has none (None: Blender's).
+    """
+    if nodes:
+        return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
+    return Surface.diffuse(tuple(material.diffuse_color)[:3]) if material else Surface()  # as Cycles
 
 
 def translate(material, report: Report) -> Surface:
-    """Return the surface that the nodes of `material` describe, or its viewport colour if it has no nodes."""
-    if uses_nodes(material):
-        nodes = Nodes(material.node_tree, "Material", material.name, report)
-        return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
-    return Surface.diffuse(tuple(material.diffuse_color)[:3])  # as in Cycles
+    """The surface of `material` for who only wants to look at it: images have no numbers."""
+    return translated(material, _nodes(material, report, lambda node, tile: 0))
+
+
+# What stands for a value that differs from place to place, where a single one is wanted: in the panel when an override
+# begins, and in the engine's plan.
+_TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "nShiny": 50.0, "mirror": [0.5] * 3,
+            "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5,
+            "roughness": 0.5, "metal": 0.5, "F0": [0.8] * 3, "F90": [1.0] * 3, "F82": [1.0] * 3, "dielectric": 0.5,
+            "dielectric_ior": 1.5, "dielectric_tint": [1.0] * 3, "layered": 1.0, "compensation": 1.0,
+            "coat": 0.5, "coat_roughness": 0.1, "coat_ior": 1.5, "coat_tint": [1.0] * 3}
+
+
+def typical(name: str, value: Any) -> Any:
+    """Whitted's parameter `name` with the value that was translated, or one that is typical where it differs."""
+    channels = value if isinstance(value, list) else [value]
+    return value if values.is_constant(*channels) else _TYPICAL[name]
+
+
+def _written(found: dict[str, Any]) -> dict[str, Any]:
+    """What the engine's Material says of Whitted's parameters: numbers, images, and a program for all else."""
+    description = {name: typical(name, value) for name, value in found.items() if name != "normal"}
+    varies = {name: value for name, value in found.items() if name == "normal" or description[name] is not value}
+    if "Od" in varies and (image := values.plain_image(varies["Od"], 0)) >= 0:
+        description["image"] = image
+        del varies["Od"]
+    if "alpha" in varies and (image := values.plain_image([varies["alpha"]], 3)) >= 0:
+        description |= {"alpha_image": image, "alpha": 1.0}
+        del varies["alpha"]
+    if varies:
+        operations, results = values.compiled(varies)
+        description["program"] = {"operations": operations, "values": results}
+    return description
+
+
+def _uses_uv(description: dict[str, Any]) -> bool:
+    """Whether anything that is left after overrides is placed by a UV map."""
+    program = description.get("program", {"operations": []})
+    return (max(description["image"], description["alpha_image"]) >= 0
+            or any(name == "uv" for name, *_ in program["operations"]))
 
 
 def translated_value(material, name: str):
-    """Return Whitted's parameter `name`, translated from the nodes, without overrides. The panel shows it."""
-    return translate(material, Report()).whitted()[name]
+    """Whitted's parameter `name` as translated from the nodes, without overrides: what the panel shows."""
+    return typical(name, translate(material, Report()).whitted()[name])
 
 
 def _overrides(settings) -> dict:
-    values = {}
+    found = {}
     for name in Surface().whitted():
         if getattr(settings, f"override_{name}"):
             value = getattr(settings, name)
-            values[name] = list(value) if name in _TUPLES else value
-    return values
+            found[name] = list(value) if name in _TUPLES else value
+    return found

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+
+from .channels import Key
+from .corners import channels
 
 
 @dataclass
@@ -21,8 +25,9 @@ class Mesh:
     domain: str  # of the normals: POINT if all is smooth, FACE if all is flat, otherwise CORNER
     polygons: np.ndarray | None  # (T,) polygon of each triangle, if `normals` or `slots` need it
     materials: np.ndarray  # (S,) numbers of the slots' materials
-    slots: np.ndarray | None  # (P,) slot of each polygon; None if all faces use the first
-    uvs: np.ndarray | None  # (C,2), if a material has an image
+    slots: np.ndarray | None  # (P,); None: all faces have the first
+    uvs: np.ndarray | None  # (C,2), where a material has an image
+    attributes: np.ndarray | None = None  # (T,3,A), where a material's program asks for some
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays of the engine's Geometry that describe triangles; "uvs" only if there are any."""
@@ -39,6 +44,8 @@ class Mesh:
             # A slot that does not exist means the last one, as in Blender.
             materials = self.materials[np.clip(self.slots, 0, len(self.materials) - 1)][self.polygons]
         uvs = {} if self.uvs is None else {"uvs": self.uvs[self.corners]}
+        if self.attributes is not None:
+            uvs["attributes"] = self.attributes
         return {"vertices": self.vertices, "triangles": triangles, "corner_normals": normals,
                 "triangle_materials": materials} | uvs
 
@@ -50,9 +57,9 @@ class Reader:
         self._check = check
         self._parts: dict[str, np.ndarray] = {}
 
-    def read(self, mesh, materials: tuple[int, ...], textured: bool, uv_layer) -> Mesh:
-        """Read `mesh`, which must have triangles; `materials` are the numbers for its slots. If `textured`, it has UVs:
-        from `uv_layer`, or all 0 without one.
+    def read(self, mesh, materials: tuple[int, ...], uv_layers: list | None, wanted: Mapping[Key, int]) -> Mesh:
+        """`mesh`, which has triangles, with its slots' `materials`, their layers of UVs (of each None: all 0; None: no
+        UVs are asked for), and what is `wanted` at its corners.
         """
         attributes = mesh.attributes
         # Custom normals apply to corners, whatever domain they are stored on.
@@ -76,11 +83,25 @@ class Reader:
             if slots or domain == 'FACE' else None,
             materials=np.array(materials, np.int32),
             slots=self._got("slots", slots.data, "value", (np_,), np.int32) if slots else None,
-            uvs=self._got("uvs", uv_layer.uv, "vector", (len(mesh.loops), 2)) if uv_layer
-            else np.zeros((len(mesh.loops), 2), np.float32) if textured else None,
+            uvs=None if uv_layers is None else self._uvs(mesh, uv_layers, slots),
         )
+        result.attributes = self._part("attributes", lambda: channels(
+            mesh, wanted, result.arrays(), result.corners)) if wanted else None
         self._parts = {}
         return result
+
+    def _uvs(self, mesh, layers: list, slots: Any) -> np.ndarray:
+        """UVs (C,2): each face's of the layer of its slot."""
+        names = [layer.name if layer else "" for layer in layers]
+        found = [self._got(f"uvs {name}", layers[names.index(name)].uv, "vector", (len(mesh.loops), 2)) if name
+                 else np.zeros((len(mesh.loops), 2), np.float32) for name in dict.fromkeys(names)]
+        if len(found) == 1 or slots is None:
+            return found[0]
+        size, slot = np.empty(len(mesh.polygons), np.int32), np.empty(len(mesh.polygons), np.int32)
+        mesh.polygons.foreach_get("loop_total", size)
+        slots.data.foreach_get("value", slot)
+        which = np.array([list(dict.fromkeys(names)).index(name) for name in names])
+        return np.stack(found)[np.repeat(which[np.clip(slot, 0, len(which) - 1)], size), np.arange(len(mesh.loops))]
 
     def _got(self, part: str, collection, name: str, shape: tuple[int, ...], dtype=np.float32) -> np.ndarray:
         def get():
@@ -89,7 +110,7 @@ class Reader:
             return flat.reshape(shape)
         return self._part(part, get)
 
-    def _part(self, part: str, get: Callable[[], np.ndarray]) -> np.ndarray:
+    def _part(self, part: str, get: Callable[[], Any]) -> Any:
         if part not in self._parts:
             self._parts[part] = get()
             self._check()  # a large mesh takes longer than an artist who pressed ESC wants to wait

@@ -13,6 +13,7 @@ def adapt(objects: list[dict], materials: list[dict]) -> None:
     for material in materials:
         if material["name"] in _FLOORS:
             material["Od"] = _FLOOR_COLOR
+            material.pop("program", None)
     if any(material["name"] == "FloorHidden" for material in materials):
         for ob in objects:
             ob["visible_camera"] &= ob["name"] != "Floor"

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..export.materials import translate
+from ..export.materials import translate, typical
 from ..export.report import Report
 from ..properties import PARAMETERS, translated
 from .panel import LightMeshesPanel, in_shader_editor, paragraph
@@ -24,7 +24,8 @@ class LIGHT_MESHES_PT_material(_MaterialPanel, bpy.types.Panel):
         settings = material.light_meshes
         report = Report()
         surface = translate(material, report)
-        translated[material.session_uid] = values = surface.whitted()
+        found = surface.whitted()
+        translated[material.session_uid] = values = {name: typical(name, value) for name, value in found.items()}
         for name in PARAMETERS:
             overridden = getattr(settings, f"override_{name}")
             label = settings.bl_rna.properties[name].name
@@ -32,8 +33,8 @@ class LIGHT_MESHES_PT_material(_MaterialPanel, bpy.types.Panel):
             row.prop(settings, f"override_{name}", text="")
             if overridden:
                 row.prop(settings, name, text="")
-            elif name == "Od" and surface.image:
-                row.label(text=surface.image.image.name, icon='IMAGE_DATA')
+            elif values[name] is not found[name]:
+                row.label(text="From its nodes", icon='NODE_MATERIAL')
             elif isinstance(values[name], list):
                 row.prop(material.light_meshes_translated, name, text="")
             elif isinstance(values[name], bool):

@@ -97,12 +97,12 @@ def cycles(scene, folder):
 def test_a_linked_input_is_named_with_the_value_that_is_used(translated, node_material):
     material = node_material("Brushed", 'ShaderNodeBsdfPrincipled', Roughness=0.25)
     tree = material.node_tree
-    noise, shader = tree.nodes.new('ShaderNodeTexNoise'), tree.nodes["Principled BSDF"]
-    tree.links.new(noise.outputs[0], shader.inputs["Roughness"])
-    tree.links.new(noise.outputs[0], shader.inputs["Anisotropic"])
+    info, shader = tree.nodes.new('ShaderNodeParticleInfo'), tree.nodes["Principled BSDF"]
+    tree.links.new(info.outputs[0], shader.inputs["Roughness"])
+    tree.links.new(info.outputs[0], shader.inputs["Anisotropic"])
     _, found = translated(material)
     assert len(found.warnings) == 2 and any("'Anisotropic'" in w for w in found.warnings)
-    assert any("Noise Texture" in w and w.endswith("'Roughness' of 'Principled BSDF' is used: 0.25")
+    assert any("Particle Info" in w and w.endswith("'Roughness' of 'Principled BSDF' is used: 0.25")
                for w in found.warnings)
 
 
@@ -111,12 +111,12 @@ def test_warnings_of_one_kind_are_one_sentence(scene, add_plane, add_light, node
     for i in range(25):
         material = node_material(f"M{i}", 'ShaderNodeBsdfPrincipled', Roughness=i / 100)
         tree = material.node_tree
-        noise = tree.nodes.new('ShaderNodeTexNoise')
-        noise.name = f"Noise Texture.{i:03}"
-        tree.links.new(noise.outputs[0], tree.nodes["Principled BSDF"].inputs["Roughness"])
+        info = tree.nodes.new('ShaderNodeParticleInfo')
+        info.name = f"Particle Info.{i:03}"
+        tree.links.new(info.outputs[0], tree.nodes["Principled BSDF"].inputs["Roughness"])
         add_plane().data.materials.append(material)
     assert snapshot(scene).warnings == (
-        "In 25 materials: node 'Noise Texture' is not translated; the value in 'Roughness' of 'Principled BSDF' is "
+        "In 25 materials: node 'Particle Info' is not translated; the value in 'Roughness' of 'Principled BSDF' is "
         "used: 'M0' (0), 'M1' (0.01), 'M2' (0.02) and 22 more",)
 
 

@@ -65,7 +65,7 @@ def omega(light, P, N, M, n=50.0, everywhere=False):
     """
     k = len(P)
     none = np.zeros(k, np.int32)
-    hits = Hits(P, N, N, np.zeros((k, 2), np.float32), none, none, np.ones(k, np.bool_))
+    hits = Hits(P, N, N, np.zeros((k, 2), np.float32), none, none, np.ones(k, np.bool_), none)
     eye = 2 * (M * N).sum(1, keepdims=True) * N - M
     materials = shading.material_arrays((Material("white", Od=ONE, ks=1.0, nShiny=n),))
     lit = shading.Lit(shading.light_arrays((light,)), materials, hits, -eye, np.ones((k, 3)))

@@ -17,6 +17,7 @@ from light_meshes.scene import snapshot
 from light_meshes.scene.description import (
     CAUSTICS,
     GLASS,
+    HIGHLIGHTS,
     IMAGE_ALPHAS,
     LIGHT_TYPES,
     MODES,
@@ -36,11 +37,15 @@ from scenes import four_lights, tabletop
 number = st.floats(-1e6, 1e6)
 positive = st.floats(0, 1e6)
 triple = st.tuples(number, number, number)
+share = st.tuples(*[st.floats(0, 1)] * 3)
 name = st.text(max_size=20)
 crops = st.one_of(st.none(), st.tuples(st.integers(0, 9), st.integers(0, 9), st.integers(10, 16), st.integers(10, 16)))
 materials = st.builds(Material, name, Od=triple, ka=number, kd=number, ks=number, Os=triple, nShiny=positive,
                       mirror=triple, emission=triple, kt=triple, ior=st.floats(0.01, 100), priority=st.integers(0, 9),
-                      fresnel=st.booleans(), alpha=st.floats(0, 1), transparent_shadow=st.booleans())
+                      fresnel=st.booleans(), alpha=st.floats(0, 1), highlight=st.sampled_from(HIGHLIGHTS),
+                      roughness=st.floats(0, 1), metal=positive, F0=share, F90=share, F82=share, dielectric=positive,
+                      dielectric_ior=st.floats(0.1, 100), layered=st.floats(0, 1), compensation=st.floats(0, 1),
+                      transparent_shadow=st.booleans())
 lights = st.builds(Light, name, st.sampled_from(LIGHT_TYPES), triple, position=triple, direction=triple,
                    spot_angle=number, spot_blend=number, spread=number, radius=positive, angle=number,
                    area_u=triple, area_v=triple, area_ellipse=st.booleans(), soft_shadows=st.booleans(),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..picture.render import Prepared
-from ..scene.description import Scene
+from ..scene.description import Material, Scene
 from ..support.text import shown
 
 
@@ -35,7 +35,7 @@ def describe(scene: Scene) -> str:
     for i in used[:20]:
         m = scene.materials[i]
         lines += _table([(m.name, f"Od {_colour(m.Od)}" + (" (image)" if m.image >= 0 else "") +
-                          f", kd {m.kd:.3g}, ks {m.ks:.3g}, nShiny {m.nShiny:.3g}, mirror {_colour(m.mirror)}")])
+                          f", kd {m.kd:.3g}, {_highlight(m)}, mirror {_colour(m.mirror)}")])
     lines += [f"  … and {len(used) - 20} more"] if len(used) > 20 else []
     lines += ["Settings"]
     lines += _table([
@@ -89,6 +89,13 @@ def summary(statistics: dict[str, Any]) -> str:
 
 def _table(rows: list[tuple[str, str]]) -> list[str]:
     return [f"  {shown(name):<22} {shown(value)}" for name, value in rows]
+
+
+def _highlight(m: Material) -> str:
+    if m.highlight == "PHONG":
+        return f"ks {m.ks:.3g}, nShiny {m.nShiny:.3g}"
+    return (f"roughness {m.roughness:.3g}, metal {m.metal:.3g} of {_colour(m.F0)}, dielectric {m.dielectric:.3g} of "
+            f"ior {m.dielectric_ior:.3g}")
 
 
 def _colour(rgb: tuple[float, ...]) -> str:

@@ -11,6 +11,7 @@ from ..rays.geometry import Hits, Surfaces
 from ..rays.stacks import stacks
 from ..scene.description import Scene
 from ..support.native import kernel
+from ..surface.looks import Looks
 from ..surface.textures import Texture
 from .bodies import around, bodies, facets
 from .media import Media, closed
@@ -33,8 +34,8 @@ class Face(NamedTuple):
 class Interfaces:
     """The properties of a scene's materials that concern transparency."""
 
-    def __init__(self, scene: Scene, surfaces: Surfaces, textures: list[Texture | None]) -> None:
-        m = scene.materials
+    def __init__(self, scene: Scene, surfaces: Surfaces, textures: list[Texture | None], looks: Looks) -> None:
+        m, self._looks = scene.materials, looks
         self._surfaces, self._textures = surfaces, textures
         self._alpha = np.array([x.alpha for x in m], np.float64)
         self._image = np.array([x.alpha_image for x in m], np.int32)
@@ -79,9 +80,9 @@ class Interfaces:
         return Media(shown, shown & self.bending, self._ior[material], 1 - alpha + alpha * self._kt[material],
                      self._priority[material])
 
-    def _alpha_of(self, material: NDArray[np.int32], uv: NDArray[np.float32]) -> NDArray[np.float64]:
-        alpha = self._alpha[material]
-        image = self._image[material]
+    def _alpha_of(self, alpha: NDArray[np.float64], image: NDArray[np.int32],
+                  uv: NDArray[np.float32]) -> NDArray[np.float64]:
+        """alpha (n,), multiplied by that of images (n,), −1: none, at uv (n,2)."""
         for i, texture in enumerate(self._textures):
             rows = np.flatnonzero(image == i)
             if texture is not None and len(rows):
@@ -90,7 +91,7 @@ class Interfaces:
 
     def alpha(self, hits: Hits) -> NDArray[np.float64]:
         """Return the share (n,) of the surface that is there."""
-        return self._alpha_of(hits.material, hits.uv)
+        return self._alpha_of(hits.table.alpha[hits.row], hits.table.alpha_image[hits.row], hits.uv)
 
     def factor(self, triangle: NDArray[np.int32], u: NDArray[np.float32],
                v: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -101,22 +102,24 @@ class Interfaces:
         if len(s.uvs):
             corners = s.at_corners(s.uvs, triangle).astype(np.float32)
             uv = corners[:, 0] * (1 - u - v)[:, None] + corners[:, 1] * u[:, None] + corners[:, 2] * v[:, None]
-        alpha = self._alpha_of(material, uv)[:, None]
-        return (1 - alpha + alpha * self._kt[material]).astype(np.float32)
+        alpha, kt = self._alpha_of(self._alpha[material], self._image[material], uv), self._kt[material]
+        self._looks.let_through(material, triangle, u, v, uv, alpha, kt)
+        return (1 - alpha[:, None] + alpha[:, None] * kt).astype(np.float32)
 
-    def seen_through(self, material: NDArray[np.int32]) -> NDArray[np.float64]:
+    def seen_through(self, hits: Hits) -> NDArray[np.float64]:
         """Return how much (n,) of what is behind shows as through a Transparent BSDF; 0 for glass."""
-        clear = (self._ior == 1) & ~self._fresnel
-        return np.where(clear, np.minimum(self._kt.mean(1), 1), 0)[material]
+        m, row = hits.table, hits.row
+        clear = (m.ior[row] == 1) & ~m.fresnel[row]
+        return np.where(clear, np.minimum(m.kt[row].mean(1), 1), 0)
 
     def interface(self, hits: Hits, direction: NDArray[np.float64], media: NDArray[np.int32]) -> Face:
         """What becomes of rays that hit `hits` along direction (n,3), in the bodies media (n,m), as `Face.media`."""
         n = len(hits.P)
         face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
                     np.empty((n, 3)), media.copy())
-        _cross(hits.Ng, hits.Ns, hits.material, hits.triangle, hits.front, direction, self._bodies.of,
-               self._bodies.ior, self._bodies.rank, self._grazing, self._ior, self._fresnel, self._kt, self._mirror,
-               *face)
+        m = hits.table
+        _cross(hits.Ng, hits.Ns, hits.row, hits.triangle, hits.front, direction, self._bodies.of,
+               self._bodies.ior, self._bodies.rank, self._grazing, m.ior, m.fresnel, m.kt, m.mirror, *face)
         return face
 
     def around(self, points: NDArray[np.float64]) -> NDArray[np.int32]:

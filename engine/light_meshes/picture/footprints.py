@@ -35,9 +35,10 @@ def footprints(world: World, channels: int) -> Footprints:
     s, scene = world.surfaces, world.scene
     owner, flags = scene.geometry.instance_object, casting(scene)
     kind = np.array([int.from_bytes(hashlib.blake2b(repr((
-        m.cast_soft_shadows, channels and m.transparent_shadow and (m.alpha, m.kt, m.ior, m.priority, _image(world, m)),
+        m.cast_soft_shadows, channels and m.transparent_shadow and (
+            m.alpha, m.kt, m.ior, m.priority, _image(world, m), _program(world, m)),
     )).encode(), digest_size=8).digest(), "little") for m in scene.materials], np.uint64)
-    cut = np.array([channels > 0 and m.alpha_image >= 0 for m in scene.materials], np.bool_)
+    cut = np.array([channels > 0 and (m.alpha_image >= 0 or _lets_through(m)) for m in scene.materials], np.bool_)
     ends = np.searchsorted(s.instance, np.arange(len(owner) + 1))
     digest = [b""] * len(owner)
     box, through = np.zeros((len(owner), 2, 3)), np.zeros(len(owner), np.bool_)
@@ -49,11 +50,31 @@ def footprints(world: World, channels: int) -> Footprints:
             what = hashlib.blake2b(corners, digest_size=16, key=repr(flags[o]).encode())
             what.update(kind[material])
             if cut[material].any():
-                what.update(s.uvs[s.source[part]])
+                g = scene.geometry
+                for values in (s.uvs, g.attributes):  # by which programs and images say what is there
+                    what.update(values[s.source[part]].tobytes() if len(values) else b"")
+                what.update(g.instance_matrix[i].tobytes())
+                what.update(g.instance_values[i].tobytes() if len(g.instance_values) else b"")
+                what.update(repr((scene.objects[o].texture_location, scene.objects[o].texture_size)).encode())
             digest[i] = what.digest()
             box[i] = corners.min((0, 1)), corners.max((0, 1))
             through[i] = world.glass.lets_through[part].any()
     return Footprints(digest, box, through)
+
+
+def _lets_through(material: Material) -> bool:
+    """Whether its program says what shadow rays pass."""
+    return not {"alpha", "kt"}.isdisjoint(material.program.values)
+
+
+def _program(world: World, material: Material) -> object:
+    """What shadow rays see of a material's program, and from where, if that counts."""
+    if not _lets_through(material):
+        return None
+    c = world.camera
+    images = [texture and texture.key for i in sorted(material.program.images()) for texture in [world.textures[i]]]
+    where = (c.matrix.tobytes(), c.window, c.perspective) if material.program.sees_camera() else None
+    return material.program, images, where
 
 
 def _image(world: World, material: Material) -> object:

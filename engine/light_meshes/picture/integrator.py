@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..film.passes import REFLECTED, TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
-from ..surface import shading
+from ..surface import points, shading
 from .prepared import Prepared
 from .wave import Rays, joined
 
@@ -79,6 +79,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         world = np.array(ready.scene.world_color)
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
+    with ready.stats.stage("programs"):
+        hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
     children: list[tuple[str, Rays]] = []
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)
@@ -88,7 +90,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             _first(ready, tile, rays.pixel, hits, seen)
             _layer(ready, tile, rays, hits, np.ones(len(hits.P)))
         if plan.reflections:
-            bounced = rays.weight * ready.world.materials.mirror[hits.material]
+            bounced = rays.weight * hits.table.mirror[hits.row]
             children += _mirrored(ready, rays.seen_as(REFLECTED), hits, bounced, rays.depth)
         return children
     return children + _pass_through(ready, kind, rays, hits, first, tile, check)
@@ -111,7 +113,7 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
     through = rays.seen_as(TRANSMITTED)._replace(media=face.media, clear=np.zeros_like(rays.clear))
     if rays.left is not None and kind == "camera":
         there = np.where(face.real, alpha, 0)
-        behind = ready.glass.seen_through(hits.material)
+        behind = ready.glass.seen_through(hits)
         _layer(ready, tile, rays, hits, there * (1 - behind))
         through = through._replace(left=rays.left * there * behind)
         rays = rays._replace(left=rays.left * (1 - there))
@@ -128,6 +130,15 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
         bounced = rays.seen_as(REFLECTED)._replace(clear=np.zeros_like(rays.clear))
         children += _mirrored(ready, bounced, hits, share * face.mirror, events)
     return children
+
+
+def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:
+    """What rays (n,) are to programs of materials."""
+    if kind == "camera":
+        return np.full(len(rays.pixel), points.CAMERA, np.int8)
+    if rays.mirrored is not None:
+        return np.where(rays.mirrored > 0, points.REFLECTED, points.TRANSMITTED).astype(np.int8)
+    return np.full(len(rays.pixel), points.REFLECTED, np.int8)
 
 
 def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, first: Box | None, tile: Tile,

@@ -67,22 +67,23 @@ class Lighting:
         Also return its terms, by the passes that show them, if `parts`; and the shadow passes, (n,3), if `first`.
         `work` (n,4) is filled with the values of the debug passes.
         """
-        Od, sums = self.unshaded(hits, parts, first)
+        Od, sums = self.unshaded(hits, direction, parts, first)
         self.add_light(hits, direction, Od, sums, check, work)
         return sums
 
-    def unshaded(self, hits: Hits, parts: bool, first: bool) -> tuple[NDArray, Sums]:
-        """Return Od (n,3) of the hits, and the results of `direct` without the light of lights."""
-        m, settings = self._world.materials, self._world.scene.settings
-        Od = m.Od.take(hits.material, axis=0)
+    def unshaded(self, hits: Hits, direction: NDArray, parts: bool, first: bool) -> tuple[NDArray, Sums]:
+        """Return Od (n,3) of the hits, as lights see it, and the results of `direct` without the light of lights."""
+        m, settings = hits.table, self._world.scene.settings
+        Od = m.Od.take(hits.row, axis=0)
         if self._world.textures:
-            image = m.image[hits.material]
+            image = m.image[hits.row]
             for i, texture in enumerate(self._world.textures):
                 if texture is not None:
                     texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
         colour, ambient = np.empty_like(Od), np.empty_like(Od)
-        shading.unlit(m, hits.material, settings.ambient * np.array(self._world.scene.world_color), Od, colour, ambient)
-        terms = {"Emission": m.emission[hits.material], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
+        shading.unlit(m, hits.row, settings.ambient * np.array(self._world.scene.world_color), Od, colour, ambient)
+        shading.dim(m, hits, direction, Od)
+        terms = {"Emission": m.emission[hits.row], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
         return Od, Sums(colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})
 
@@ -105,8 +106,8 @@ class Lighting:
 
         It is 1 if no light arrives. `work` is as in `direct`.
         """
-        m = self._world.materials
-        white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
+        m = hits.table
+        white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
         lit = np.empty((len(hits.P), 3))
         lit[:] = self._world.scene.settings.ambient * np.array(self._world.scene.world_color)
         full = lit.copy()
@@ -120,7 +121,7 @@ class Lighting:
 
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
         """These hits, in the light of all lights."""
-        return shading.Lit(self._world.lights, self._world.materials, hits, direction, Od)
+        return shading.Lit(self._world.lights, hits.table, hits, direction, Od)
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
             lights: NDArray[np.uint64] | None = None, visibility: Method | None = None) -> Iterator[

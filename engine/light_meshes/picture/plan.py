@@ -244,7 +244,8 @@ def _holes(p: Plan, scene: Scene) -> None:
 def darkness(scene: Scene) -> list[str]:
     """Return a sentence if there is something to be lit but no light lights it."""
     used = [scene.materials[i] for i in np.unique(scene.geometry.triangle_materials)]
-    if any(any(light.intensity) for light in scene.lights) or not any(m.kd > 0 or m.ks > 0 for m in used):
+    if any(any(light.intensity) for light in scene.lights) or not any(
+            m.kd > 0 or m.ks > 0 or m.metal > 0 or m.dielectric > 0 for m in used):
         return []
     names = [f"'{light.name}'" for light in scene.lights[:3]] + ["others"] * (len(scene.lights) > 3)
     why = (f"the light of {', '.join(names)} is 0: give it power and a colour" if names else

@@ -82,7 +82,7 @@ def typical(world: World, lighting: Lighting) -> float:
     """The picture's light; of its brightest channel."""
     m, lights = world.materials, len(world.scene.lights)
     direction, hits = world.coarse_view()
-    matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks))
+    matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
     light = np.zeros((len(hits.P), 3))
     surfaces = shading.Lit(world.lights, matt, hits, direction, np.ones_like(light))
     for part, lit, _, S in lighting.lit(surfaces, False, lambda: None, visibility=Unshadowed(lights)):
@@ -117,7 +117,8 @@ class Sparse:
         s, m, lights = world.scene.settings, world.materials, len(world.scene.lights)
         least = 1 if s.samples >= 4 else 2  # one point per pixel saves nothing unless it serves several samples
         self._steps = [s.shadow_rate >> k for k in range(s.shadow_rate.bit_length()) if s.shadow_rate >> k >= least]
-        self._gloss = bool((m.ks > 0).any())
+        self._share, self._tint = m.gloss()
+        self._gloss = bool((self._share > 0).any())
         self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
         nodes = above_a_plane(lattice.reach[0])  # nodes around a point on a plane; each changes S by a step of 1/nodes
         self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
@@ -135,11 +136,12 @@ class Sparse:
     def direct(self, hits: Hits, direction: NDArray, pixel: NDArray, box: tuple[int, int, int, int], check: Check,
                parts: bool, work: NDArray | None) -> Sums:
         """As `Lighting.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
-        m = self._world.materials
-        Od, sums = self._lighting.unshaded(hits, parts, True)
+        m = hits.table
+        Od, sums = self._lighting.unshaded(hits, direction, parts, True)
         colour, terms, _ = sums  # there are no shadow passes, the plan makes sure
         with self._stats.stage("interpolation"):
             film, left = self._film(hits, pixel, box)
+            left = left[hits.row[left] == hits.material[left]]  # what a program says is no corner's
             done, light = np.zeros(len(film), np.bool_), np.empty((len(film), 6 if self._gloss else 3))
         for k, step in enumerate(self._steps):
             check()
@@ -152,9 +154,9 @@ class Sparse:
         with self._stats.stage("interpolation"):
             some, rest = np.flatnonzero(done), np.flatnonzero(~done)
             matt, glossy = (terms["Diffuse"], terms["Glossy"]) if terms else (colour, colour)
-            _add(some, hits.material, m.kd, Od, light, 0, matt)
+            _add(some, hits.row, m.kd, Od, light, 0, matt)
             if self._gloss:
-                _add(some, hits.material, m.ks, m.Os.take(hits.material, axis=0), light, 3, glossy)
+                _add(some, hits.material, self._share, self._tint.take(hits.material, axis=0), light, 3, glossy)
             if terms:
                 colour += matt + glossy
         self._stats.add(computed=len(rest))
@@ -240,6 +242,7 @@ class Sparse:
         """Fill light and done of the rows in `left` for which their block can be used; return the other rows."""
         m, rest = self._world.materials, np.empty(len(left), np.int64)
         count = _between(*corners[3:], *self._blocks(corners), *corners[:3], film, left, hits.P, hits.Ng, hits.Ns,
-                         hits.material, self._world.surfaces.instance[hits.triangle], m.kd, m.ks, m.Os, m.nShiny, Od,
+                         hits.material, self._world.surfaces.instance[hits.triangle], m.kd, self._share,
+                         self._tint, m.nShiny, Od,
                          self._gloss, TOLERANCE * self.light, light, done, rest)
         return rest[:count]

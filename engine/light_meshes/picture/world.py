@@ -19,6 +19,7 @@ from ..shadows.registry import KINDS
 from ..support import processors
 from ..support.statistics import Statistics
 from ..surface import shading, textures
+from ..surface.looks import Looks
 
 COARSE = 64  # rays along each side of the coarse view
 
@@ -38,6 +39,11 @@ class World:
     tracer: Tracer
     lights: shading.Lights
     materials: shading.Materials
+    looks: Looks
+
+    def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
+        """The hits of rays along `direction`, with what the programs of their materials say of them; see `Looks`."""
+        return self.looks(self.materials, hits, direction, ray)
 
     def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return the objects (n,) to which triangles (n,) belong."""
@@ -50,8 +56,9 @@ class World:
         triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters, passed)
         hit = triangle >= 0
         n = int(np.count_nonzero(hit))
+        material = np.empty(n, np.int32)
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32),
-                    np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.bool_))
+                    material, np.empty(n, np.int32), np.empty(n, np.bool_), material, self.materials)
         rows = slice(None) if n == len(hit) else np.flatnonzero(hit)
         surface(self.surfaces, triangle[rows], u[rows], v[rows], origin[rows], direction[rows], hits)
         return hit, hits
@@ -79,11 +86,12 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
     with stats.stage("textures"):
         images, unread = textures.load(scene.images, textures.alphas(scene), processors.count(),
                                        old.textures if old else [])
+    looks = Looks(scene, surfaces, images, camera)
     alike = old if old and surfaces is old.surfaces else None
-    if alike and _interfaces_key(scene, images) == _interfaces_key(alike.scene, alike.textures):
+    if alike and _interfaces_key(scene, images, camera) == _interfaces_key(alike.scene, alike.textures, alike.camera):
         glass = alike.glass
     else:
-        glass = Interfaces(scene, surfaces, images)
+        glass = Interfaces(scene, surfaces, images, looks)
     check()
     with stats.stage("accelerator"):
         settings, kind = scene.settings, KINDS[scene.settings.shadows]
@@ -93,7 +101,7 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
                         alike.tracer if alike else None, glass.stacks)
     check()
     return World(scene, camera, surfaces, lost, images, unread, glass, who, tracer, shading.light_arrays(scene.lights),
-                 shading.material_arrays(scene.materials))
+                 shading.material_arrays(scene.materials), looks)
 
 
 def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:
@@ -115,11 +123,13 @@ def _frame_key(camera: Camera) -> tuple:
     return camera.matrix.tolist(), camera.window, camera.perspective, camera.clip_start
 
 
-def _interfaces_key(scene: Scene, images: list[textures.Texture | None]) -> tuple:
+def _interfaces_key(scene: Scene, images: list[textures.Texture | None], camera: Camera) -> tuple:
     """What `Interfaces` depends on beside the triangles."""
     return (
-        [(m.alpha, m.alpha_image, m.kt, m.mirror, m.ior, m.priority, m.fresnel, m.transparent_shadow)
+        [(m.alpha, m.alpha_image, m.kt, m.mirror, m.ior, m.priority, m.fresnel, m.transparent_shadow, m.program)
          for m in scene.materials],
         [texture and texture.key for texture in images], scene.settings.refraction,
         [o.visible_shadow for o in scene.objects],
+        [(camera.matrix.tobytes(), camera.window, camera.perspective, camera.width, camera.height)
+         for m in scene.materials if m.program.sees_camera()][:1],
     )

@@ -57,10 +57,14 @@ class Hits(NamedTuple):
     material: NDArray[np.int32]  # (n,)
     triangle: NDArray[np.int32]  # (n,)
     front: NDArray[np.bool_]  # (n,) whether the ray came from the outside, as given by the winding
+    row: NDArray[np.int32]  # (n,) of `table`, which says what the material is at this very point (see `looks`)
+    table: Any = None
+    smooth: Any = None  # (n,3) the shading normal before a program bent it; None: it is Ns
 
     def at(self, rows: Any) -> Hits:
         """Return only these hits."""
-        return Hits(*(a[rows] for a in self))
+        return Hits._make([*(a[rows] for a in self[:8]), self.table,
+                           None if self.smooth is None else self.smooth[rows]])
 
 
 class Placed(NamedTuple):
@@ -211,4 +215,4 @@ def surface(s: Surfaces, triangle: NDArray[np.int32], u: NDArray[np.float32], v:
     The intersection is computed again in float64 (Möller and Trumbore, 1997) and clamped to the triangle, so that P
     lies in its plane and on the ray.
     """
-    _surface(s.centre, s.scale, *s[3:], triangle, u, v, origin, direction, *hits)
+    _surface(s.centre, s.scale, *s[3:], triangle, u, v, origin, direction, *hits[:7])

@@ -22,8 +22,8 @@ from ..support.text import quoted
 from .description import Geometry
 from .errors import SceneError
 
-# Geometry field → (dtype, trailing shape)
-ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
+# Geometry field → (dtype, trailing shape); None: any number
+ARRAYS: dict[str, tuple[str, tuple[int | None, ...]]] = {
     "vertices": ("float32", (3,)),
     "triangles": ("int32", (3,)),
     "corner_normals": ("float32", (3, 3)),
@@ -33,7 +33,10 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
     "instance_mesh": ("int32", ()),
     "instance_object": ("int32", ()),
     "instance_matrix": ("float64", (4, 4)),
+    "attributes": ("float32", (3, None)),
+    "instance_values": ("float32", (None,)),
 }
+OPTIONAL = {"attributes", "instance_values"}  # without a file they are empty
 _INSTANCES = tuple(name for name in ARRAYS if name.startswith("instance_"))
 _MESHES = tuple(name for name in ARRAYS if name not in _INSTANCES)
 
@@ -73,23 +76,31 @@ def _read_block(folder: Path, block: str) -> dict[str, np.ndarray]:
 
 
 def _joined(blocks: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Join the mesh arrays of all blocks into one set. Blocks without uvs get zeros if others have some."""
+    """Join the mesh arrays of all blocks into one set. Blocks without uvs or attributes get zeros if others have some.
+    """
     textured = any(len(b["uvs"]) for b in blocks)
+    channels = max((b["attributes"].shape[2] for b in blocks), default=0)
     vertices = triangles = 0
     for b in blocks:
         if textured and not len(b["uvs"]):
             b["uvs"] = np.zeros((len(b["triangles"]), 3, 2), np.float32)
+        had = b["attributes"]
+        if had.shape[2] < channels:
+            b["attributes"] = np.zeros((len(b["triangles"]), 3, channels), np.float32)
+            b["attributes"][:len(had), :, :had.shape[2]] = had
         b["meshes"] = b["meshes"] + np.array([vertices, 0, triangles, 0])
         vertices += len(b["vertices"])
         triangles += len(b["triangles"])
-    return {name: np.concatenate([np.zeros((0, *ARRAYS[name][1]), ARRAYS[name][0]), *(b[name] for b in blocks)])
-            for name in _MESHES}
+    return {name: np.concatenate([np.zeros((0, *(channels if n is None else n for n in ARRAYS[name][1])),
+                                           ARRAYS[name][0]), *(b[name] for b in blocks)]) for name in _MESHES}
 
 
 def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray:
     path = folder / block / f"{name}.npy"
     shown = f"{block}/{name}.npy" if block else f"{name}.npy"
     dtype, tail = ARRAYS[name]
+    if name in OPTIONAL and not path.exists():
+        return np.zeros((0, *(n or 0 for n in tail)), dtype)
     try:
         if not path.is_file():  # reading a pipe, for example, would block
             raise FileNotFoundError("there is no such file")
@@ -103,8 +114,10 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
         if not all(type(n) is int and n >= 0 for n in shape):
             raise SceneError(f"{shown} has the shape {quoted(shape)}, which is none: write the snapshot again")
         size = math.prod(shape) * found.itemsize
-        if fortran or found != np.dtype(dtype) or len(shape) != 1 + len(tail) or shape[1:] != tail:
-            raise SceneError(f"{shown} is {found} {quoted(shape)}; needed: {dtype} (n, {str(tail)[1:]}")
+        if fortran or found != np.dtype(dtype) or len(shape) != 1 + len(tail) or any(
+                a not in (b, None) for a, b in zip(tail, shape[1:], strict=True)):
+            wanted = ", ".join(["n", *("k" if n is None else str(n) for n in tail)])
+            raise SceneError(f"{shown} is {found} {quoted(shape)}; needed: {dtype} ({wanted})")
         if path.stat().st_size - start != size:
             raise SceneError(f"{shown} is cut short: {path.stat().st_size - start} of {size} bytes")
         # "c": mapped, but kernels may treat it like an array in memory; nothing is ever written to the file.
@@ -124,6 +137,8 @@ def check_geometry(g: Geometry, objects: int, materials: int) -> None:
     _check_meshes({f.name: getattr(g, f.name) for f in dataclasses.fields(g)})
     _check_rows(g.instance_object, "instance_object", len(g.instance_mesh))
     _check_rows(g.instance_matrix, "instance_matrix", len(g.instance_mesh))
+    if g.instance_values.shape[1]:
+        _check_rows(g.instance_values, "instance_values", len(g.instance_mesh))
     for name, count, what in (("instance_mesh", len(g.meshes), "mesh"), ("instance_object", objects, "object"),
                               ("triangle_materials", materials, "material")):
         values = getattr(g, name)
@@ -137,6 +152,8 @@ def _check_meshes(g: dict[str, np.ndarray]) -> None:
     _check_rows(g["triangle_materials"], "triangle_materials", triangles)
     if len(g["uvs"]) not in (0, triangles):
         raise SceneError(f"uvs has {len(g['uvs'])} rows; needed: {triangles}, or none")
+    if g["attributes"].shape[2]:
+        _check_rows(g["attributes"], "attributes", triangles)
     for m, (v0, mv, t0, mt) in enumerate(g["meshes"].tolist()):
         if min(v0, mv, t0, mt) < 0 or v0 + mv > vertices or t0 + mt > triangles:
             raise SceneError(f"mesh {m} points outside vertices or triangles")

@@ -16,6 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..support.text import quoted
 from . import transforms
 from .errors import SceneError
+from .material import DEFAULT_MATERIAL
+from .material import HIGHLIGHTS as HIGHLIGHTS
+from .material import RGB as RGB
+from .material import Material as Material
 from .mesh import Mesh, at_least, numbers
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
@@ -30,7 +34,6 @@ SOFTNESS = ("SCENE", "RADIUS", "LIGHT_SIZE", "SIZE")
 COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
-RGB = tuple[float, float, float]
 Scalar = bool | int | float | str
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -165,33 +168,6 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Material:
-    """Whitted's parameters (method §1): Ω = f_att·I·[kd·Od·(N·L) + ks·Os·(R·V)^nShiny]."""
-
-    name: str
-    Od: RGB = (0.8, 0.8, 0.8)
-    ka: float = 1.0
-    kd: float = 1.0
-    ks: float = 0.0
-    Os: RGB = (1.0, 1.0, 1.0)
-    nShiny: float = 50.0
-    mirror: RGB = (0.0, 0.0, 0.0)  # ks of the recursive term, coloured; 0 for a surface with only highlights
-    emission: RGB = (0.0, 0.0, 0.0)  # radiance
-    kt: RGB = (0.0, 0.0, 0.0)  # kt·Ot: the factor for light at each crossing
-    ior: float = 1.0  # acts only at closed meshes; an open sheet does not bend rays
-    priority: int = 0  # where media overlap, the one with the highest priority counts
-    fresnel: bool = False  # compute mirror and kt from Fresnel's equations
-    alpha: float = 1.0  # the share of the surface that is there; the rest is a hole that neither bends nor shades
-    alpha_image: int = -1  # index of the image whose alpha channel multiplies alpha; -1: none
-    transparent_shadow: bool = True  # False: casts the shadow of an opaque surface
-    image: int = -1  # index of the image that replaces Od; -1: none
-    cast_soft_shadows: bool = True  # False: the shadows that it casts are sharp (method §4b)
-    receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp (method §4c)
-    index: int = 0  # the artist's number for the Material Index pass
-    cryptomatte: int = 0  # the number of its name for Cryptomatte
-
-
-@dataclass(frozen=True)
 class Image:
     """A texture on disk. Relative paths are relative to the snapshot's folder."""
 
@@ -229,6 +205,9 @@ class Object:
     index: int = 0  # the artist's number for the Object Index pass
     cryptomatte: int = 0  # the number of its name for Cryptomatte
     cryptomatte_asset: int = 0  # and the number for its topmost parent
+    # Generated coordinates go from 0 to 1 over a box in the object's own space: its centre, and half of its size.
+    texture_location: RGB = (0.0, 0.0, 0.0)
+    texture_size: RGB = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +218,7 @@ class Shape:
     """
 
     mesh: Mesh
-    material: Material = Material("default")
+    material: Material = DEFAULT_MATERIAL
     name: str = "object"
     # (4,4) local to world, one for each place; `transforms` makes them.
     matrices: Sequence[ArrayLike] = field(default_factory=lambda: (np.eye(4),))
@@ -262,6 +241,10 @@ class Geometry:
     instance_mesh: NDArray[np.int32]  # (I,)
     instance_object: NDArray[np.int32]  # (I,) index into Scene.objects
     instance_matrix: NDArray[np.float64]  # (I,4,4) local to world
+    # What programs of materials ask for by channel (operations "attribute" and "instance"): at triangles' corners, and
+    # of instances. Of no triangles, or no channels, where nothing asks.
+    attributes: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3, 0), np.float32))  # (T,3,A)
+    instance_values: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0), np.float32))  # (I,K)
 
     @classmethod
     def from_meshes(cls, meshes: Sequence[Mesh], materials: Sequence[int | NDArray[np.integer[Any]]] | None = None,

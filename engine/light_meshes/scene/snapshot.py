@@ -17,12 +17,14 @@ from typing import Any
 import numpy as np
 
 from ..support.text import quoted
+from . import programs
 from .arrays import ARRAYS, check_geometry, read_geometry
 from .description import (
     CAUSTICS,
     COLORSPACES,
     FALLOFFS,
     GLASS,
+    HIGHLIGHTS,
     IDENTITY,
     IMAGE_ALPHAS,
     LIGHT_TYPES,
@@ -42,6 +44,7 @@ from .description import (
     names_of,
 )
 from .errors import SceneError
+from .programs import PARAMETERS
 from .values import bounded, typed
 
 FORMAT = "light-meshes snapshot"
@@ -57,6 +60,7 @@ _CHOICES = {
     (Settings, "mist_falloff"): FALLOFFS,
     (Light, "type"): LIGHT_TYPES,
     (Light, "softness"): SOFTNESS,
+    (Material, "highlight"): HIGHLIGHTS,
     (Image, "alpha"): IMAGE_ALPHAS,
     (Image, "stored"): STORED_ALPHAS,
     (Image, "interpolation"): ("LINEAR", "CLOSEST"),
@@ -100,6 +104,9 @@ _RANGES = {
     (Material, "ior"): (0.01, 100.0),
     (Material, "alpha"): (0.0, 1.0),
 }
+_RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
+    "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
+    "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
 
 
 def write(scene: Scene, folder: Path) -> None:
@@ -125,7 +132,7 @@ def write(scene: Scene, folder: Path) -> None:
 
 def _plain(item: Any) -> dict[str, Any]:
     return {
-        k: v.tolist() if isinstance(v, np.ndarray) else v
+        k: v.tolist() if isinstance(v, np.ndarray) else programs.plain(v) if isinstance(v, programs.Program) else v
         for k, v in ((f.name, getattr(item, f.name)) for f in dataclasses.fields(item))
     }
 
@@ -278,6 +285,8 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
         if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
             raise SceneError(f"{where}: its matrix is flat: a scale of 0 leaves nothing to see")
         return matrix
+    if (cls, name) == (Material, "program"):
+        return programs.program(value, where)
     if value is None and default is None:
         return None
     if (cls, name) == (Settings, "method"):
@@ -298,6 +307,8 @@ def check(scene: Scene) -> None:
     g = scene.geometry
     check_geometry(g, len(scene.objects), len(scene.materials))
     for material in scene.materials:
+        if not all(0 <= image < len(scene.images) for image in material.program.images()):
+            raise SceneError(f"material {quoted(material.name)}: its program looks at an image that does not exist")
         for image in (material.image, material.alpha_image):
             if not -1 <= image < len(scene.images):
                 raise SceneError(f"material {quoted(material.name)}: image {image} does not exist")

@@ -10,6 +10,7 @@ import numpy as np
 from .arrays import ARRAYS
 from .description import IDENTITY, Camera, Geometry, Image, Light, Material, Object, Scene, Settings
 from .errors import SceneError
+from .programs import Program, plain
 from .snapshot import built, camera, check, checked_value
 
 _MANY = {"lights": Light, "materials": Material, "images": Image, "objects": Object}
@@ -65,7 +66,9 @@ def _values(item: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """`value` without numpy's types."""
+    """`value` without numpy's types; of a program what a snapshot holds."""
+    if isinstance(value, Program):
+        return plain(value)
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return [_plain(v) for v in value] if isinstance(value, list | tuple) else value

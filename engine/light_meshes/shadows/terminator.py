@@ -55,7 +55,8 @@ class Terminator:
         lift = Lift(np.zeros((n, 3)), hits.Ng.copy(), np.zeros(n))
         s = self._surfaces
         shape = s.centre, s.scale, s.vertices, s.triangles, s.instance, s.source, s.normal_matrix, s.corner_normals
-        some = _lift(*shape, s.piece, s.cut, self._smooth, self._owner, self._geometry, self._normal, hits.P, hits.Ns,
+        Ns = hits.Ns if hits.smooth is None else hits.smooth  # bumps do not move the surface
+        some = _lift(*shape, s.piece, s.cut, self._smooth, self._owner, self._geometry, self._normal, hits.P, Ns,
                      hits.triangle, hits.front, *lift)
         return lift if some else None
 

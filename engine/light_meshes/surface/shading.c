@@ -4,15 +4,25 @@
    vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
    inlined, so code that only other types need is removed. Lamps with a size have loops of their own: sized_block.h. */
 #include "../lights/types.h"
+#include "ggx.h"
 #include "sized_block.h"
 
 _Static_assert((int)NO_TYPE <= (int)BALL, "numbers of types of light and of lamps with a size must differ");
 
-/* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for gloss. */
+/* The `Gloss` of each receiver of a block. */
+typedef struct {
+    f64 alpha2[SIDE], sight[SIDE], masked[SIDE], ior2[SIDE], normal[SIDE];
+    f64 plain[3][SIDE], schlick[3][SIDE], edge[3][SIDE], fresnel[3][SIDE];
+} Facets;
+
+/* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for Phong's gloss;
+   bits 6..8: for that of GGX; bit 9: whether it has a coat. `facets` and `coat` are filled if any material has GGX. */
 typedef struct {
     f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
     u64 returns[SIDE];
+    Facets facets, coat;
 } Block;
+enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9 };
 
 /* All lights and materials, and the hits of rays with `direction`, as in shading.py. */
 typedef struct {
@@ -22,7 +32,7 @@ typedef struct {
 } Lights;
 
 typedef struct {
-    const f64 *kd, *ks, *Os, *nShiny;
+    const f64 *kd, *ks, *Os, *nShiny, *ggx, *tables;  /* ggx: NULL if no material has it */
 } Materials;
 
 typedef struct {
@@ -33,18 +43,18 @@ typedef struct {
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
                "axes f64[L,3,3]  extent f64[L,8]  diffuse bool[L]  glossy bool[L]  "
-#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  "
+#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,25]?  tables f64[T]?  "
 #define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  "
-#define TAKEN                                                                                                   \
-    const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,          \
-        const f64 *slope, const f64 *axes, const f64 *extent, const u8 *diffuse, const u8 *glossy, const f64 *kd,  \
-        const f64 *ks, const f64 *Os, const f64 *nShiny, const f64 *P,                                         \
-        const f64 *Ng, const f64 *Ns, const f64 *way, const f64 *Od, const i32 *material
+#define TAKEN                                                                                                      \
+    const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,            \
+        const f64 *slope, const f64 *axes, const f64 *extent, const u8 *diffuse, const u8 *glossy, const f64 *kd, \
+        const f64 *ks, const f64 *Os, const f64 *nShiny, const f64 *ggx, const f64 *tables, const f64 *P, const f64 *Ng,        \
+        const f64 *Ns, const f64 *way, const f64 *Od, const i32 *material
 #define GATHERED                                                              \
     Lights lights = {type, position, direction, intensity, edge, slope, axes, extent, diffuse, glossy}; \
-    Materials materials = {kd, ks, Os, nShiny};                              \
+    Materials materials = {kd, ks, Os, nShiny, ggx, tables};                 \
     Receivers hits = {n, P, Ng, Ns, way, Od, material};                      \
-    (void)M
+    (void)M, (void)T
 
 static Source source_of(const Lights *l, i64 i) {
     const f64 *a = l->position + 3 * i, *d = l->direction + 3 * i, *c = l->intensity + 3 * i;
@@ -52,10 +62,42 @@ static Source source_of(const Lights *l, i64 i) {
                     {c[0], c[1], c[2]}, l->axes + 9 * i, l->extent + 8 * i};
 }
 
-/* Loads the receivers from `first` on; the last receiver also fills places that are left over. Returns whether any
-   of them has gloss. */
-static int fill(Block *b, i64 first, const Materials *materials, const Receivers *hits) {
-    int glossy = 0;
+/* Puts a receiver's `Gloss`, as much of it as gets through to it and back, at place k. */
+static void put(Facets *f, int k, const Gloss *g, const f64 *through) {
+    f->alpha2[k] = g->alpha2, f->sight[k] = g->sight, f->masked[k] = g->masked;
+    f->ior2[k] = g->ior2, f->normal[k] = g->normal;
+    for (int j = 0; j < 3; j++) {
+        f->plain[j][k] = through[j] * g->plain[j], f->schlick[j][k] = through[j] * g->schlick[j];
+        f->edge[j][k] = through[j] * g->edge[j], f->fresnel[j][k] = through[j] * g->fresnel[j];
+    }
+}
+
+/* Loads what receiver k reflects by its facets; m: the row of its material, NULL if it has none; tables: NULL if only
+   `returns` is wanted. */
+static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
+    for (int j = 0; m && j < 3; j++) {
+        b->gloss[j][k] = 1.0;  /* their colour is in the facets */
+        b->returns[k] &= ~((u64)1 << (3 + j));
+        b->returns[k] |= (u64)facets_shine(m, j) << (6 + j);
+    }
+    if (!tables) return;
+    static const Gloss none = {.alpha2 = 1.0, .sight = 1.0, .masked = 1.0, .ior2 = 1.0};
+    f64 coat[G_COLUMNS], through[3] = {1.0, 1.0, 1.0};
+    Gloss base = none, above = none;
+    if (m && m[G_COAT] > 0.0) {
+        coat_row(m, coat);
+        above = gloss_row(coat, tables, b->facing[k]);
+        b->returns[k] |= COAT;
+    }
+    put(&b->coat, k, &above, through);
+    if (m) base = gloss_row(m, tables, b->facing[k]), under_coat(m, tables, b->facing[k], through);
+    put(&b->facets, k, &base, through);
+}
+
+/* Loads the receivers from `first` on; the last receiver also fills places that are left over. Returns the bits
+   `returns` of all. */
+static u64 fill(Block *b, i64 first, const Materials *materials, const Receivers *hits) {
+    u64 all = 0;
     for (int k = 0; k < SIDE; k++) {
         i64 p = first + k < hits->n - 1 ? first + k : hits->n - 1, m = hits->material[p];
         b->facing[k] = 0.0, b->returns[k] = 0;
@@ -68,9 +110,13 @@ static int fill(Block *b, i64 first, const Materials *materials, const Receivers
             b->gloss[j][k] = materials->ks[m] * materials->Os[3 * m + j];
             b->returns[k] |= (u64)(b->matt[j][k] != 0.0) << j | (u64)(b->gloss[j][k] != 0.0) << (3 + j);
         }
-        glossy |= b->returns[k] > 7;
+        if (materials->ggx) {
+            const f64 *row = materials->ggx + G_COLUMNS * m;
+            fill_facets(b, k, row[G_ON] != 0.0 ? row : 0, materials->tables);
+        }
+        all |= b->returns[k];
     }
-    return glossy;
+    return all;
 }
 
 /* What arrives from a light at a receiver: whether ξ·f_att ≠ 0, f_att, 1/|L − P|, and N·L and R·V, both multiplied
@@ -98,15 +144,26 @@ static inline void taken(const f64 (*from)[SIDE], int k, f64 *out) {
     for (int j = 0; j < 3; j++) out[j] = from[j][k];
 }
 
+/* The lamp as if all its light came from its middle: for highlights of microfacets, which know no lamps with a size. */
+static Source middle_of(const Source *s) {
+    Source middle = *s;
+    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
+    if (s->kind == SKY) middle.kind = SUN;
+    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
+    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
+    else middle.kind = POINT;
+    return middle;
+}
+
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
 static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
     const Sized s = size_of(source);
     u8 above[SIDE], facing[SIDE];
     reach_block(&s, b->P, b->Ng, above), reach_block(&s, b->P, b->Ns, facing);
     for (int k = 0; k < SIDE; k++) {
-        int matt = source->diffuse & ((b->returns[k] & colour) != 0);
+        int faces = (source->diffuse & ((b->returns[k] & colour) != 0)) | (source->glossy & ((b->returns[k] & colour << 6) != 0));
         int gloss = source->glossy & ((b->returns[k] & colour << 3) != 0);
-        if (above[k] && (unlit | gloss | (matt & facing[k]))) bits[k] |= own;
+        if (above[k] && (unlit | gloss | (faces & facing[k]))) bits[k] |= own;
     }
 }
 
@@ -138,7 +195,7 @@ static void add_gloss_sized(const Source *source, const f64 (*S)[SIDE], const in
     const Sized s = size_of(source);
     for (int k = 0; k < count; k++) {
         const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
-        if (b->returns[k] <= 7 || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
+        if (!(b->returns[k] & PHONG) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
         f64 power = gloss_sized(&s, b, k, nShiny[k]);
         for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power * source->colour[j]);
     }
@@ -146,11 +203,11 @@ static void add_gloss_sized(const Source *source, const f64 (*S)[SIDE], const in
 
 /* Sets the light's bit for the receivers that it reaches. */
 INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, const Block *b, u64 *bits) {
-    u64 matt_colour = s->diffuse ? colour : 0, gloss_colour = s->glossy ? colour << 3 : 0;
+    u64 facing = (s->diffuse ? colour : 0) | (s->glossy ? colour << 6 : 0), phong = s->glossy ? colour << 3 : 0;
     for (int k = 0; k < SIDE; k++) {
         Arriving a = arriving(kind, s, b, k);
-        i64 matt = (b->returns[k] & matt_colour) != 0, gloss = (b->returns[k] & gloss_colour) != 0;
-        i64 lit = a.lit & (unlit | (matt & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
+        i64 faces = (b->returns[k] & facing) != 0, gloss = (b->returns[k] & phong) != 0;
+        i64 lit = a.lit & (unlit | (faces & (a.cosine > 0.0)) | (gloss & (a.lobe > 0.0)));
         bits[k] |= lit ? own : 0;
     }
 }
@@ -158,9 +215,10 @@ INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, cons
 /* Fills active with the bits of the lights for which ξ_i·Ω_i ≠ 0. unlit: also sets the bits of lights that reach P
    (ξ_i·I_i·f_att ≠ 0) but from which the material reflects nothing; the shadow passes need these. */
 KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
-i64 shading_reaching(i64 L, i64 M, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
+i64 shading_reaching(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
     GATHERED;
     Block block;
+    materials.tables = 0;
     for (i64 first = 0; first < n; first += SIDE) {
         fill(&block, first, &materials, &hits);
         for (i64 w = 0; w < W; w++) {
@@ -200,7 +258,7 @@ INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int
     const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
     for (int k = 0; k < count; k++) {
         Arriving a = arriving(kind, s, b, k);
-        if (b->returns[k] <= 7 || a.lobe <= 0.0 || (red[k] == 0.0 && green[k] == 0.0 && blue[k] == 0.0)) continue;
+        if (!(b->returns[k] & PHONG) || a.lobe <= 0.0 || (red[k] == 0.0 && green[k] == 0.0 && blue[k] == 0.0)) continue;
         f64 power = a.power * lobe_power(a, nShiny[k]);
         total[0][k] += red[k] * (power * s->colour[0]);
         total[1][k] += green[k] * (power * s->colour[1]);
@@ -208,16 +266,57 @@ INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int
     }
 }
 
+/* F in channel j, as ggx.h has it; fifth: (1−c)⁵, s: `fresnel_share` at c. */
+INLINE f64 reflectance(const Facets *f, int j, int k, f64 c, f64 fifth, f64 s) {
+    f64 F = f->plain[j][k] + f->schlick[j][k] * fifth - f->edge[j][k] * (c * fifth * (1.0 - c)) + f->fresnel[j][k] * s;
+    return F > 0.0 ? F : 0.0;
+}
+
+/* The share of a light's intensity that receiver k reflects by its facets, in each channel: f_att·π·D·G·F/(4·N·V).
+   1/π is in the intensity. */
+INLINE void facet_power(const Block *b, const Facets *f, Arriving a, int k, f64 *power) {
+    f64 facing = a.cosine * a.inverse, toward = 1.0 + (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse;
+    toward = toward > 1e-9 ? toward : 1e-9;
+    toward = toward < 2.0 ? toward : 2.0;
+    f64 aa = f->alpha2[k], c = sqrt(0.5 * toward), half = facing + f->sight[k];
+    f64 spread = 1.0 - half * half / (2.0 * toward) * (1.0 - aa), left = 1.0 - c, two = left * left;
+    spread = spread > aa ? spread : aa;
+    f64 shadowed = sqrt(aa + (1.0 - aa) * facing * facing);
+    f64 one = a.power * aa / (spread * spread) * facing / (2.0 * (f->masked[k] * facing + f->sight[k] * shadowed));
+    f64 fifth = two * two * left, s = fresnel_share(c, f->ior2[k], f->normal[k]);
+    for (int j = 0; j < 3; j++) power[j] = a.cosine > 0.0 ? one * reflectance(f, j, k, c, fifth, s) : 0.0;
+}
+
+/* total += S·I·`facet_power`. */
+INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b,
+                       const Facets *f, f64 (*total)[SIDE]) {
+    const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
+    for (int k = 0; k < SIDE; k++) {
+        f64 power[3];
+        facet_power(b, f, arriving(kind, s, b, k), k, power);
+        total[0][k] += red[k] * (power[0] * s->colour[0]);
+        total[1][k] += green[k] * (power[1] * s->colour[1]);
+        total[2][k] += blue[k] * (power[2] * s->colour[2]);
+    }
+}
+
+static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
+                             const Facets *f, f64 (*total)[SIDE]) {
+    const Source middle = middle_of(source);
+    switch (middle.kind) { TYPES(OF_TYPE, add_facets, &middle, S, channel, b, f, total) }
+}
+
 /* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
    must be 0 where ξ_i·Ω_i is 0; this is not checked again. */
 KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
-i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour, f64 *matt, f64 *gloss) {
+i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour, f64 *matt, f64 *gloss) {
     GATHERED;
     Block block;
     const int channel[3] = {0, (int)(C / 2), (int)(C - 1)};
     for (i64 first = 0; first < n; first += SIDE) {
         f64 share[3][SIDE], total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}}, power[SIDE];
-        int shines = fill(&block, first, &materials, &hits), count = n - first < SIDE ? (int)(n - first) : SIDE;
+        u64 returns = fill(&block, first, &materials, &hits);
+        int count = n - first < SIDE ? (int)(n - first) : SIDE;
         for (int k = 0; k < count; k++) power[k] = nShiny[material[first + k]];
         for (i64 i = 0; i < L; i++) {
             Source s = source_of(&lights, i);
@@ -231,7 +330,9 @@ i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour,
                 for (int k = 0; k < SIDE; k++) any |= share[c][k] != 0.0;
             if (!any) continue;
             if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
-            if (shines && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
+            if (returns & PHONG && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
+            if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.facets, shine)
+            if (returns & COAT && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.coat, shine)
         }
         for (int k = 0; k < count; k++)
             for (int j = 0; j < 3; j++) {
@@ -244,22 +345,29 @@ i64 shading_gather(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour,
     return 0;
 }
 
-/* Adds to one (matt and gloss) what a light would give a white surface if it were visible; most: S if that is above
-   1, otherwise 1. */
+/* Adds to one (matt and gloss) what a light would give a white surface if it were visible; GGX keeps its colours. most:
+   S if that is above 1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
+    const Source middle = s->kind >= BALL ? middle_of(s) : *s;
+    Arriving a = arriving(middle.kind, &middle, b, k);
+    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), power = a.power * brightest;
     if (s->kind >= BALL) {
         const Sized sized = size_of(s);
         f64 P[3], N[3];
         taken(b->P, k, P), taken(b->Ns, k, N);
-        most *= fmax(s->colour[0], fmax(s->colour[1], s->colour[2]));
-        if (s->diffuse) one[0] += most * matt_of(&sized, P, N);
-        if (s->glossy && b->returns[k] > 7) one[1] += most * gloss_sized(&sized, b, k, nShiny);
-        return;
+        if (s->diffuse) one[0] += brightest * matt_of(&sized, P, N);
+        if (s->glossy && b->returns[k] & PHONG) one[1] += brightest * gloss_sized(&sized, b, k, nShiny);
+    } else {
+        if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
+        if (s->glossy && b->returns[k] & PHONG && a.lobe > 0.0 && a.cosine > 0.0)
+            one[1] += power * lobe_power(a, nShiny);
     }
-    Arriving a = arriving(s->kind, s, b, k);
-    f64 power = a.power * (most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])));
-    if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
-    if (s->glossy && b->returns[k] > 7 && a.lobe > 0.0 && a.cosine > 0.0) one[1] += power * lobe_power(a, nShiny);
+    if (!s->glossy || !(b->returns[k] & GGX)) return;
+    f64 gloss[3], coat[3] = {0.0};
+    facet_power(b, &b->facets, a, k, gloss);
+    if (b->returns[k] & COAT) facet_power(b, &b->coat, a, k, coat);
+    for (int j = 0; j < 3; j++) gloss[j] += coat[j];
+    one[1] += most * fmax(gloss[0] * s->colour[0], fmax(gloss[1] * s->colour[1], gloss[2] * s->colour[2]));
 }
 
 /* Computes how much the light of a white surface may change nearby. A light that is partly visible changes by the
@@ -269,7 +377,7 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
    light), the value is multiplied by S. */
 KERNEL(shading_steps,
        LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  jump f64  step f64  matt f64[n]!  gloss f64[n]!")
-i64 shading_steps(i64 L, i64 M, i64 n, i64 C, TAKEN, const f32 *S, const i64 *group, const i64 *order, f64 jump,
+i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const i64 *group, const i64 *order, f64 jump,
                   f64 step, f64 *matt, f64 *gloss) {
     GATHERED;
     Block block;

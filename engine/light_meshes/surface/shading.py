@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ from . import sized
 _DIRECTIONAL = [registry.NAMES.index(name) for name, kind in registry.KINDS.items() if kind.directional]
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
+_tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
+TABLES = 32 * 32 + 32 + 16**3  # numbers of the tables in ggx.h
 
 
 class Lights(NamedTuple):
@@ -74,6 +77,47 @@ class Materials(NamedTuple):
     mirror: NDArray[np.float64]  # (M,3)
     emission: NDArray[np.float64]  # (M,3)
     image: NDArray[np.int32]
+    kt: NDArray[np.float64]  # (M,3)
+    ior: NDArray[np.float64]
+    fresnel: NDArray[np.bool_]
+    alpha: NDArray[np.float64]
+    alpha_image: NDArray[np.int32]
+    ggx: NDArray[np.bool_]  # highlights of microfacets, by all that follows
+    roughness: NDArray[np.float64]
+    metal: NDArray[np.float64]
+    F0: NDArray[np.float64]  # (M,3)
+    F90: NDArray[np.float64]  # (M,3)
+    F82: NDArray[np.float64]  # (M,3)
+    dielectric: NDArray[np.float64]
+    dielectric_ior: NDArray[np.float64]
+    dielectric_tint: NDArray[np.float64]  # (M,3)
+    layered: NDArray[np.float64]
+    compensation: NDArray[np.float64]
+    coat: NDArray[np.float64]
+    coat_roughness: NDArray[np.float64]
+    coat_ior: NDArray[np.float64]
+    coat_tint: NDArray[np.float64]  # (M,3)
+
+    def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
+        """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
+        return (np.column_stack(self[14:]), _facet_tables()) if self.ggx.any() else (None, None)
+
+    def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
+
+        Those of GGX have their colour in them.
+        """
+        return np.where(self.ggx, 1.0, self.ks), np.where(self.ggx[:, None], 1.0, self.Os)
+
+
+@cache
+def _facet_tables() -> NDArray[np.float64]:
+    """What microfacets reflect in all, by roughness and angle (ggx.h): the same for all scenes, made when needed."""
+    tables = np.empty(TABLES)
+    if _tables(tables):
+        raise AssertionError("the tables of ggx.h have another size")
+    tables.flags.writeable = False
+    return tables
 
 
 def material_arrays(materials: tuple[Material, ...]) -> Materials:
@@ -86,7 +130,13 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
 
     return Materials(
         colour("Od"), column("ka"), column("kd"), column("ks"), colour("Os"), column("nShiny"), colour("mirror"),
-        colour("emission"), np.array([m.image for m in materials], np.int32),
+        colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
+        np.array([m.fresnel for m in materials], np.bool_), column("alpha"),
+        np.array([m.alpha_image for m in materials], np.int32),
+        np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
+        colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
+        colour("dielectric_tint"), column("layered"), column("compensation"),
+        column("coat"), column("coat_roughness"), column("coat_ior"), colour("coat_tint"),
     )
 
 
@@ -107,7 +157,7 @@ class Lit(NamedTuple):
     def taken(self) -> tuple[NDArray, ...]:
         """Return the arguments for the kernels in `shading.c`, in their order."""
         m, h = self.materials, self.hits
-        return (*self.lights, m.kd, m.ks, m.Os, m.nShiny, h.P, h.Ng, h.Ns, self.direction, self.Od, h.material)
+        return (*self.lights, m.kd, m.ks, m.Os, m.nShiny, *m.facets(), h.P, h.Ng, h.Ns, self.direction, self.Od, h.row)
 
 
 def reaching(lit: Lit, unlit: bool, active: NDArray[np.uint64]) -> None:
@@ -145,6 +195,13 @@ def unlit(materials: Materials, material: NDArray[np.int32], Ia: NDArray[np.floa
           colour: NDArray[np.float64], ambient: NDArray[np.float64]) -> None:
     """Fill colour (n,3) with emission + Ia·ka·Od, and ambient (n,3) with only the second term."""
     _unlit(materials.ka, materials.emission, material, Ia, Od, colour, ambient)
+
+
+def dim(materials: Materials, hits: Hits, direction: NDArray[np.float64], Od: NDArray[np.float64]) -> None:
+    """Take from Od (n,3) of hits of rays along `direction` what a dielectric above reflects before it gets there."""
+    ggx, tables = materials.facets()
+    if ggx is not None and (materials.layered.any() or materials.coat.any()):
+        _dim(ggx, tables, direction, hits.Ns, hits.row, Od)
 
 
 def linked(scene: Scene) -> NDArray[np.uint64] | None:

@@ -1,0 +1,112 @@
+"""What programs of materials ask of meshes and of instances, by channel: attributes, UV maps, tangents; random numbers,
+colours and properties of objects.
+
+A channel is one number at each corner of each triangle, or of each instance. It keeps its number for the session, so
+that meshes which are not read again keep theirs.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import values as v
+from .values import Value
+
+Key = tuple[Any, ...]
+
+
+class Channels:
+    """The numbers of channels."""
+
+    def __init__(self) -> None:
+        self.corners: dict[Key, int] = {}
+        self.instances: dict[Key, int] = {}
+
+
+class Asked:
+    """What one material's nodes ask for."""
+
+    def __init__(self, channels: Channels | None = None) -> None:
+        self._channels = channels or Channels()
+        self.corners: set[Key] = set()
+        self.instances: set[Key] = set()
+
+    def corner(self, *key: Any) -> Value:
+        """A channel of a mesh: ("attribute", "color" or "uv", name, component), or ("tangent", UV map, component).
+
+        Components of attributes: 0 to 2 the colour or vector, 3 alpha, 4 the number that stands for all.
+        """
+        self.corners.add(key)
+        return v.operation("attribute", float(self._channels.corners.setdefault(key, len(self._channels.corners))))
+
+    def instance(self, *key: Any) -> Value:
+        """The channel of instances, see `instance_value`."""
+        self.instances.add(key)
+        return v.operation("instance", float(self._channels.instances.setdefault(key, len(self._channels.instances))))
+
+
+def instance_value(key: Key, instance: Any, ob: Any, source: Any, depsgraph: Any) -> float:
+    """What an instance of `ob` has in a channel."""
+    what, *rest = key
+    if what == "random":
+        return _random(instance, source)
+    if what == "index":
+        return float(ob.pass_index)
+    if what == "color":
+        return float(ob.color[rest[0]])
+    kind, name, component = rest  # "property"
+    if kind == 'VIEW_LAYER':
+        owners = [depsgraph.view_layer_eval, depsgraph.scene_eval, depsgraph.scene_eval.world]
+    else:
+        parent = instance.parent if kind == 'INSTANCER' else None
+        owner = parent or ob
+        owners = [owner, owner.data]
+    return _component(_property(owners, name), component)
+
+
+def _random(instance: Any, source: Any) -> float:
+    """Cycles' random number of an instance, from 0 to 1."""
+    if instance.is_instance:
+        word = instance.random_id & 0xFFFFFFFF
+    else:
+        word = 0
+        for byte in source.name.encode():
+            word = (word * 37 + byte) & 0xFFFFFFFF
+        word = _jenkins(word, 0)
+    return word / 0xFFFFFFFF
+
+
+def _jenkins(x: int, y: int) -> int:
+    """Bob Jenkins' hash (lookup3) of two words."""
+    c = 0xdeadbeef + (2 << 2) + 13
+    words = [(c + x) & 0xFFFFFFFF, (c + y) & 0xFFFFFFFF, c & 0xFFFFFFFF]
+    for i, j, k in (2, 1, 14), (0, 2, 11), (1, 0, 25), (2, 1, 16), (0, 2, 4), (1, 0, 14), (2, 1, 24):
+        turned = (words[j] << k | words[j] >> (32 - k)) & 0xFFFFFFFF
+        words[i] = ((words[i] ^ words[j]) - turned) & 0xFFFFFFFF
+    return words[2]
+
+
+def _property(owners: list[Any], name: str) -> Any:
+    """The first property of that name: a custom one, or one of Blender's; None: there is none."""
+    for owner in owners:
+        if owner is None:
+            continue
+        if name in owner.keys():  # noqa: SIM118 (IDs are no dictionaries)
+            return owner[name]
+        try:
+            return owner.path_resolve(name)
+        except (ValueError, TypeError):
+            continue
+    return None
+
+
+def _component(value: Any, component: int) -> float:
+    """A number of a property: of its colour (0 to 2), its alpha (3), or what stands for all (4); 0 if it is none."""
+    if isinstance(value, bool | int | float):
+        return 1.0 if component == 3 else float(value)
+    try:
+        numbers = [float(x) for x in value][:4]
+    except (TypeError, ValueError):
+        return 0.0
+    numbers += [0.0] * (3 - len(numbers)) + [1.0] * (len(numbers) < 4)
+    return sum(numbers[:3]) / 3 if component == 4 else numbers[component]

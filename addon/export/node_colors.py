@@ -1,0 +1,318 @@
+"""Values of Blender's nodes for colours: Mix, Color Ramp, curves, Hue/Saturation, Gamma, Invert, Blackbody, …"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+from . import values as v
+from .color import luminance_weights
+from .node_math import fraction
+from .values import Triple, Value
+
+TABLE = 257  # samples of a ramp or a curve
+
+
+def rgb_node(nodes, node, socket) -> Triple:
+    """The RGB node."""
+    return tuple(socket.default_value)[:3]
+
+
+def value_node(nodes, node, socket) -> Value:
+    """The Value node."""
+    return float(socket.default_value)
+
+
+def _soft_light(a: Value, b: Value) -> Value:
+    screen = 1.0 - (1.0 - b) * (1.0 - a)
+    return (1.0 - a) * b * a + a * screen
+
+
+
+def _dodge(a: Value, b: Value, factor: Value) -> Value:
+    left = 1.0 - factor * b
+    bright = v.minimum(v.divide(a, left), 1.0)
+    lit = v.where(v.greater(left, 0.0), bright, 1.0)
+    return v.where(v.unary("absolute", abs, a), lit, a)
+
+
+def _burn(a: Value, b: Value, factor: Value) -> Value:
+    left = 1.0 - factor + factor * b
+    found = v.clamp(1.0 - v.divide(1.0 - a, left))
+    return v.where(v.greater(left, 0.0), found, 0.0)
+
+
+def _linear_light(a: Value, b: Value, factor: Value) -> Value:
+    return a + factor * (b * 2.0 - 1.0)
+
+
+# Blend modes of each channel: (a, b, factor) → what the node gives.
+CHANNELS: dict[str, Callable[[Value, Value, Value], Value]] = {
+    'MIX': v.mixed,
+    'ADD': lambda a, b, f: a + b * f,
+    'SUBTRACT': lambda a, b, f: a - b * f,
+    'MULTIPLY': lambda a, b, f: v.mixed(a, a * b, f),
+    'DIVIDE': lambda a, b, f: v.where(v.unary("absolute", abs, b), a * (1.0 - f) + v.divide(a * f, b), a),
+    'SCREEN': lambda a, b, f: 1.0 - (1.0 - f + f * (1.0 - b)) * (1.0 - a),
+    'DIFFERENCE': lambda a, b, f: v.mixed(a, v.unary("absolute", abs, a - b), f),
+    'EXCLUSION': lambda a, b, f: v.maximum(v.mixed(a, a + b - a * b * 2.0, f), 0.0),
+    'DARKEN': lambda a, b, f: v.mixed(a, v.minimum(a, b), f),
+    'LIGHTEN': lambda a, b, f: v.mixed(a, v.maximum(a, b), f),
+    'OVERLAY': lambda a, b, f: v.where(v.less(a, 0.5), a * (1.0 - f + f * b * 2.0),
+                                       1.0 - (1.0 - f + f * (1.0 - b) * 2.0) * (1.0 - a)),
+    'DODGE': _dodge,
+    'BURN': _burn,
+    'SOFT_LIGHT': lambda a, b, f: v.mixed(a, _soft_light(a, b), f),
+    'LINEAR_LIGHT': _linear_light,
+}
+
+
+def hsv(color: Triple) -> Triple:
+    """Hue, saturation and value of a colour."""
+    r, g, b = color
+    high, low = v.largest(color), v.minimum(v.minimum(r, g), b)
+    reach = high - low
+    saturation = v.where(v.unary("absolute", abs, high), v.divide(reach, high), 0.0)
+    red, green, blue = (v.divide(high - c, reach) for c in color)
+    of_green = v.where(1.0 - v.unary("absolute", abs, v.greater(high, g)), 2.0 + red - blue, 4.0 + green - red)
+    hue = v.where(1.0 - v.greater(high, r), blue - green, of_green) * (1.0 / 6.0)
+    hue = v.where(v.less(hue, 0.0), hue + 1.0, hue)
+    coloured = v.greater(saturation, 0.0)
+    return v.where(coloured, hue, 0.0), saturation, high
+
+
+def from_hsv(color: Triple) -> Triple:
+    """The colour of a hue, a saturation and a value."""
+    hue, saturation, value = color
+    # As Blender: what is no hue, below 0 or above 1, is taken for one of the last sixth, from magenta to red.
+    none = v.maximum(v.less(hue, 0.0), v.greater(hue, 1.0))
+    sixth = v.where(none, fraction(hue * 6.0) + 5.0, fraction(hue) * 6.0)
+
+    def channel(offset: float) -> Value:
+        k = fraction((sixth + offset) * (1.0 / 6.0)) * 6.0
+        return value - value * saturation * v.maximum(v.minimum(v.minimum(k, 4.0 - k), 1.0), 0.0)
+    return channel(5.0), channel(3.0), channel(1.0)
+
+
+def _hsl(color: Triple) -> Triple:
+    hue, _, high = hsv(color)
+    low = v.minimum(v.minimum(color[0], color[1]), color[2])
+    light = (high + low) * 0.5
+    reach = v.where(v.greater(light, 0.5), 2.0 - high - low, high + low)
+    return hue, v.divide(high - low, reach), light
+
+
+def _from_hsl(color: Triple) -> Triple:
+    hue, saturation, light = color
+    chroma = (1.0 - v.unary("absolute", abs, light * 2.0 - 1.0)) * saturation
+    pure = [v.clamp(c) for c in (v.unary("absolute", abs, hue * 6.0 - 3.0) - 1.0,
+                                 2.0 - v.unary("absolute", abs, hue * 6.0 - 2.0),
+                                 2.0 - v.unary("absolute", abs, hue * 6.0 - 4.0))]
+    return tuple((c - 0.5) * chroma + light for c in pure)  # type: ignore[return-value]
+
+
+def _blend_hsv(mode: str, a: Triple, b: Triple, factor: Value) -> Triple:
+    """The blend modes that take hue, saturation or value of the second colour."""
+    (ha, sa, va), (hb, sb, vb) = hsv(a), hsv(b)
+    if mode == 'HUE':
+        changed, counts = from_hsv((hb, sa, va)), v.greater(sb, 0.0)
+    elif mode == 'COLOR':
+        changed, counts = from_hsv((hb, sb, va)), v.greater(sb, 0.0)
+    elif mode == 'SATURATION':
+        found = from_hsv((ha, v.mixed(sa, sb, factor), va))
+        gray = v.greater(sa, 0.0)
+        return tuple(v.where(gray, x, y) for x, y in zip(found, a, strict=True))  # type: ignore[return-value]
+    else:
+        return from_hsv((ha, sa, v.mixed(va, vb, factor)))
+    return tuple(v.where(counts, v.mixed(x, y, factor), x)
+                 for x, y in zip(a, changed, strict=True))  # type: ignore[return-value]
+
+
+def blended(mode: str, a: Triple, b: Triple, factor: Value) -> Triple | None:
+    """Two colours mixed as the Mix node does; None for modes that are not known."""
+    if mode in ('HUE', 'SATURATION', 'VALUE', 'COLOR'):
+        return _blend_hsv(mode, a, b, factor)
+    channel = CHANNELS.get(mode)
+    if channel is None:
+        return None
+    return tuple(channel(x, y, factor) for x, y in zip(a, b, strict=True))  # type: ignore[return-value]
+
+
+def mix_node(nodes, node, socket) -> Value | Triple | None:
+    """The Mix node: numbers, vectors or colours."""
+    inputs = [s for s in node.inputs if not s.is_unavailable]
+    kind = node.data_type
+    uniform = kind != 'VECTOR' or node.factor_mode == 'UNIFORM'
+    factor = nodes.value(node, inputs[0]) if uniform else nodes.vector(node, inputs[0])
+    if node.clamp_factor:
+        factor = v.clamp(factor) if uniform else tuple(v.clamp(f) for f in factor)
+    if kind == 'FLOAT':
+        return v.mixed(nodes.value(node, inputs[1]), nodes.value(node, inputs[2]), factor)
+    if kind == 'VECTOR':
+        a, b = nodes.vector(node, inputs[1]), nodes.vector(node, inputs[2])
+        factors = (factor,) * 3 if uniform else factor
+        return tuple(v.mixed(x, y, f) for x, y, f in zip(a, b, factors, strict=True))  # type: ignore[return-value]
+    if kind != 'RGBA':
+        return None
+    found = blended(node.blend_type, nodes.color(node, inputs[1]), nodes.color(node, inputs[2]), factor)
+    return found and (tuple(map(v.clamp, found)) if node.clamp_result else found)  # type: ignore[return-value]
+
+
+def mix_rgb_node(nodes, node, socket) -> Triple | None:
+    """The Mix node of Blender before 3.4, which old files still have."""
+    factor = v.clamp(nodes.value(node, 0))
+    found = blended(node.blend_type, nodes.color(node, 1), nodes.color(node, 2), factor)
+    return found and (tuple(map(v.clamp, found)) if node.use_clamp else found)  # type: ignore[return-value]
+
+
+def tabled(x: Value, table: list[float], interpolates: bool, low: float = 0.0, high: float = 1.0,
+           extrapolates: bool = False) -> Value:
+    """A function given by its values at equal steps from `low` to `high`."""
+    place = (x - low) * ((len(table) - 1) / (high - low))
+    if v.is_constant(place):
+        place = place if extrapolates else min(max(place, 0.0), len(table) - 1.0)
+        i = min(max(int(place), 0), len(table) - 2)
+        return table[i] + (table[i + 1] - table[i]) * (place - i) if interpolates else table[round(place)]
+    return v.operation("table", place, tuple(table), float(interpolates), float(extrapolates))
+
+
+def color_ramp_node(nodes, node, socket) -> Triple | Value:
+    """The Color Ramp node, looked up in a table, or step by step where it is constant."""
+    factor, ramp = nodes.value(node, 0), node.color_ramp
+    of_alpha = socket.name == "Alpha"
+    if ramp.interpolation == 'CONSTANT':
+        found = _stepped(factor, ramp)
+    elif ramp.interpolation == 'LINEAR' and ramp.color_mode == 'RGB':
+        found = _straight(factor, ramp)
+    else:
+        samples = [tuple(ramp.evaluate(i / (TABLE - 1))) for i in range(TABLE)]
+        found = tuple(tabled(factor, list(channel), True) for channel in zip(*samples, strict=True))
+    return found[3] if of_alpha else found[:3]
+
+
+def _stepped(factor: Value, ramp) -> tuple[Value, ...]:
+    """A constant ramp: the colour of the last element that is not beyond the factor."""
+    elements = sorted(ramp.elements, key=lambda e: e.position)
+    found = [tuple(e.color) for e in elements]
+    result: tuple[Value, ...] = found[0]
+    for element, color in zip(elements[1:], found[1:], strict=True):
+        beyond = v.less(factor, element.position)
+        result = tuple(v.where(beyond, x, y) for x, y in zip(result, color, strict=True))
+    return result
+
+
+def _straight(factor: Value, ramp) -> tuple[Value, ...]:
+    """A linear ramp, exactly."""
+    elements = sorted(ramp.elements, key=lambda e: e.position)
+    result: tuple[Value, ...] = tuple(elements[0].color)
+    for a, b in itertools.pairwise(elements):
+        width = b.position - a.position
+        part = v.clamp((factor - a.position) * (1.0 / width)) if width > 0 else 1.0 - v.less(factor, b.position)
+        result = tuple(x + (y - z) * part for x, y, z in zip(result, b.color, a.color, strict=True))
+    return result
+
+
+def curves_node(nodes, node, socket) -> Triple | Value:
+    """The RGB Curves, Vector Curves and Float Curve nodes."""
+    mapping = node.mapping
+    mapping.update()
+    factor = nodes.value(node, 0)
+    names = {s.name for s in node.inputs}
+    rgb = "Color" in names
+    extrapolates = mapping.extend == 'EXTRAPOLATED'
+    low, high = (-1.0, 1.0) if "Vector" in names else (0.0, 1.0)
+
+    def along(curve, x: Value) -> Value:
+        table = [mapping.evaluate(curve, low + (high - low) * i / (TABLE - 1)) for i in range(TABLE)]
+        return tabled(x, table, True, low, high, extrapolates)
+    if "Value" in names:
+        value = nodes.value(node, "Value")
+        return v.mixed(value, along(mapping.curves[0], value), factor)
+    given = nodes.color(node, 1)
+    found: Triple = given
+    if rgb:
+        combined = mapping.curves[3]
+        found = tuple(along(combined, x) for x in given)  # type: ignore[assignment]
+    found = tuple(along(mapping.curves[i], x) for i, x in enumerate(found))  # type: ignore[assignment]
+    return tuple(v.mixed(x, y, factor) for x, y in zip(given, found, strict=True))  # type: ignore[return-value]
+
+
+def hue_saturation_node(nodes, node, socket) -> Triple:
+    """The Hue/Saturation/Value node."""
+    hue, saturation, value, factor = (nodes.value(node, name) for name in ("Hue", "Saturation", "Value", _factor(node)))
+    color = nodes.color(node, "Color")
+    h, s, x = hsv(color)
+    changed = from_hsv((fraction(h + hue + 0.5), v.clamp(s * saturation), x * value))
+    return tuple(v.maximum(v.mixed(a, b, factor), 0.0)
+                 for a, b in zip(color, changed, strict=True))  # type: ignore[return-value]
+
+
+def _factor(node) -> str:
+    """What the factor's input is called in this Blender."""
+    return "Fac" if "Fac" in node.inputs else "Factor"
+
+
+def bright_contrast_node(nodes, node, socket) -> Triple:
+    """The Brightness/Contrast node."""
+    bright, contrast = nodes.value(node, "Bright" if "Bright" in node.inputs else "Brightness"), nodes.value(
+        node, "Contrast")
+    return tuple(v.maximum(c * (1.0 + contrast) + (bright - contrast * 0.5), 0.0)
+                 for c in nodes.color(node, "Color"))  # type: ignore[return-value]
+
+
+def gamma_node(nodes, node, socket) -> Triple:
+    """The Gamma node."""
+    gamma = nodes.value(node, "Gamma")
+    return tuple(v.where(v.unary("absolute", abs, gamma), v.where(v.greater(c, 0.0), v.power(c, gamma), c), 1.0)
+                 for c in nodes.color(node, "Color"))  # type: ignore[return-value]
+
+
+def invert_node(nodes, node, socket) -> Triple:
+    """The Invert Color node."""
+    factor = nodes.value(node, 0)
+    return tuple(v.mixed(c, 1.0 - c, factor) for c in nodes.color(node, "Color"))  # type: ignore[return-value]
+
+
+def to_bw_node(nodes, node, socket) -> Value:
+    """The RGB to BW node: the luminance."""
+    return v.dot(nodes.color(node, 0), luminance_weights())
+
+
+_INTO = {'RGB': lambda c: c, 'HSV': hsv, 'HSL': _hsl}
+_OUT_OF = {'RGB': lambda c: c, 'HSV': from_hsv, 'HSL': _from_hsl}
+
+
+def combine_color_node(nodes, node, socket) -> Triple:
+    """The Combine Color node, and those for RGB and HSV of older files."""
+    mode = getattr(node.node, "mode", None) or node.bl_idname.removeprefix("ShaderNodeCombine")
+    return _OUT_OF[mode]((nodes.value(node, 0), nodes.value(node, 1), nodes.value(node, 2)))
+
+
+def separate_color_node(nodes, node, socket) -> Value:
+    """The Separate Color node, and those for RGB and HSV of older files."""
+    mode = getattr(node.node, "mode", None) or node.bl_idname.removeprefix("ShaderNodeSeparate")
+    place = next(i for i, s in enumerate(node.outputs) if s.identifier == socket.identifier)
+    return _INTO[mode](nodes.color(node, 0))[place]
+
+
+NODES = {
+    'ShaderNodeRGB': rgb_node,
+    'ShaderNodeValue': value_node,
+    'ShaderNodeMix': mix_node,
+    'ShaderNodeMixRGB': mix_rgb_node,
+    'ShaderNodeValToRGB': color_ramp_node,
+    'ShaderNodeRGBCurve': curves_node,
+    'ShaderNodeVectorCurve': curves_node,
+    'ShaderNodeFloatCurve': curves_node,
+    'ShaderNodeHueSaturation': hue_saturation_node,
+    'ShaderNodeBrightContrast': bright_contrast_node,
+    'ShaderNodeGamma': gamma_node,
+    'ShaderNodeInvert': invert_node,
+    'ShaderNodeRGBToBW': to_bw_node,
+    'ShaderNodeCombineColor': combine_color_node,
+    'ShaderNodeSeparateColor': separate_color_node,
+    'ShaderNodeCombineRGB': combine_color_node,
+    'ShaderNodeSeparateRGB': separate_color_node,
+    'ShaderNodeCombineHSV': combine_color_node,
+    'ShaderNodeSeparateHSV': separate_color_node,
+}

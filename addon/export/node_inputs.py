@@ -1,0 +1,251 @@
+"""Values of Blender's input nodes: where on which surface a point is, seen from where by which ray."""
+
+from __future__ import annotations
+
+from . import values as v
+from .values import Triple, Value
+
+
+def uv(nodes, name: str) -> Triple:
+    """The place on a UV map; empty: the mesh's own."""
+    if nodes.uv_map is None:
+        nodes.uv_map = name
+    if name == nodes.uv_map:
+        u, w = v.outputs("uv", 2)
+        return u, w, 0.0
+    kind = "attribute" if name else "uv"
+    return nodes.asked.corner(kind, name, 0), nodes.asked.corner(kind, name, 1), 0.0
+
+
+def generated() -> Triple:
+    """The place in the mesh's texture space, 0 to 1."""
+    return v.outputs("generated", 3)  # type: ignore[return-value]
+
+
+def position() -> Triple:
+    """The place in the world."""
+    return v.outputs("position", 3)  # type: ignore[return-value]
+
+
+def normal() -> Triple:
+    """The shading normal, turned to the viewer."""
+    return v.outputs("normal", 3)  # type: ignore[return-value]
+
+
+def incoming() -> Triple:
+    """The unit vector to where the ray came from."""
+    return v.outputs("incoming", 3)  # type: ignore[return-value]
+
+
+def texture_coordinates(nodes, node, socket) -> Triple | None:
+    """The Texture Coordinate node."""
+    name = socket.name
+    if name == "UV":
+        return uv(nodes, "")
+    if name == "Generated":
+        return generated()
+    if name == "Normal":
+        return v.outputs("object_normal", 3)  # type: ignore[return-value]
+    if name == "Object" and node.object is None:
+        return v.outputs("object", 3)  # type: ignore[return-value]
+    if name == "Object":
+        rows = node.object.matrix_world.inverted_safe()
+        here = (*position(), 1.0)
+        return tuple(v.dot(tuple(rows[i]), here) for i in range(3))  # type: ignore[return-value]
+    if name == "Reflection":
+        n, away = normal(), incoming()
+        twice = v.dot(n, away) * 2.0
+        return tuple(a * twice - b for a, b in zip(n, away, strict=True))  # type: ignore[return-value]
+    if name == "Camera":
+        return _in_camera()
+    if name == "Window":
+        across, up = v.outputs("window", 2)
+        return across, up, 0.0
+    return None
+
+
+def uv_map(nodes, node, socket) -> Triple:
+    """The UV Map node."""
+    return uv(nodes, node.uv_map)
+
+
+def geometry(nodes, node, socket) -> Triple | Value | None:
+    """The Geometry node."""
+    name = socket.name
+    if name == "Position":
+        return position()
+    if name == "Normal":
+        return normal()
+    if name == "True Normal":
+        return v.outputs("true_normal", 3)  # type: ignore[return-value]
+    if name == "Incoming":
+        return incoming()
+    if name == "Backfacing":
+        return v.operation("backfacing")
+    if name == "Parametric":
+        first, second = v.outputs("parametric", 2)
+        return first, second, 0.0
+    if name == "Tangent":
+        return radial_tangent('Z')
+    return None
+
+
+def object_info(nodes, node, socket) -> Triple | Value | None:
+    """The Object Info node: where the object is, and its numbers."""
+    if socket.name == "Location":
+        return v.outputs("object_location", 3)  # type: ignore[return-value]
+    if socket.name == "Color":
+        return tuple(nodes.asked.instance("color", i) for i in range(3))  # type: ignore[return-value]
+    if socket.name == "Alpha":
+        return nodes.asked.instance("color", 3)
+    if socket.name == "Object Index":
+        return nodes.asked.instance("index")
+    if socket.name == "Material Index":
+        return float(nodes.pass_index)
+    if socket.name == "Random":
+        return nodes.asked.instance("random")
+    return None
+
+
+def attribute(nodes, node, socket) -> Triple | Value:
+    """The Attribute node: of the mesh, or a property of the object, of what made the instance, or of the view layer."""
+    name, kind = node.attribute_name, node.attribute_type
+
+    def channel(component: int) -> Value:
+        if kind == 'GEOMETRY':
+            return nodes.asked.corner("attribute", name, component)
+        return nodes.asked.instance("property", kind, name, component)
+    if socket.name in ("Fac", "Factor"):
+        return channel(4)
+    return channel(3) if socket.name == "Alpha" else (channel(0), channel(1), channel(2))
+
+
+def vertex_color(nodes, node, socket) -> Triple | Value:
+    """The Color Attribute node."""
+    if socket.name == "Alpha":
+        return nodes.asked.corner("color", node.layer_name, 3)
+    return tuple(nodes.asked.corner("color", node.layer_name, i) for i in range(3))  # type: ignore[return-value]
+
+
+def _in_camera() -> Triple:
+    """The place as the camera has it; z is the distance along its view."""
+    return v.outputs("to_camera", 3, *position())  # type: ignore[return-value]
+
+
+def camera_data(nodes, node, socket) -> Triple | Value:
+    """The Camera Data node."""
+    place = _in_camera()
+    if socket.name == "View Vector":
+        return v.normalized(place)
+    return place[2] if socket.name == "View Z Depth" else v.length(place)
+
+
+def uv_tangent(nodes, name: str) -> tuple[Triple, Value]:
+    """The tangent of a UV map, in the object's space and as triangles interpolate it, and its sign."""
+    x, y, z, sign = (nodes.asked.corner("tangent", name, i) for i in range(4))
+    return (x, y, z), sign
+
+
+def to_world_normal(vector: Triple) -> Triple:
+    """A normal in the object's space as one of the world."""
+    return v.outputs("to_world_normal", 3, *vector)  # type: ignore[return-value]
+
+
+def tangent(nodes, node, socket) -> Triple:
+    """The Tangent node."""
+    if node.direction_type != 'UV_MAP':
+        return radial_tangent(node.axis)
+    return _along_surface(uv_tangent(nodes, node.uv_map)[0])
+
+
+def radial_tangent(axis: str) -> Triple:
+    """The direction around an axis through the middle of the mesh's texture space."""
+    x, y, z = (p - 0.5 for p in generated())
+    return _along_surface({'X': (0.0, -z, y), 'Y': (-z, 0.0, x), 'Z': (-y, x, 0.0)}[axis])
+
+
+def _along_surface(along: Triple) -> Triple:
+    """A direction of the object's own space as the nearest one on the surface in the world."""
+    return v.cross(normal(), v.normalized(v.cross(to_world_normal(along), normal())))
+
+
+# Kinds of rays, in the order of the engine's `points`.
+_CAMERA, _SHADOW, _REFLECTED, _TRANSMITTED = (float(i) for i in range(4))
+
+
+def light_path(nodes, node, socket) -> Value | None:
+    """The Light Path node. The engine has no diffuse rays, and does not say how often one was bent."""
+    name = socket.name
+    rays = {"Is Camera Ray": (_CAMERA,), "Is Shadow Ray": (_SHADOW,), "Is Reflection Ray": (_REFLECTED,),
+            "Is Transmission Ray": (_TRANSMITTED,), "Is Glossy Ray": (_REFLECTED, _TRANSMITTED),
+            "Is Singular Ray": (_REFLECTED, _TRANSMITTED), "Is Diffuse Ray": (), "Diffuse Depth": (),
+            "Ray Depth": (_REFLECTED, _TRANSMITTED), "Glossy Depth": (_REFLECTED,),
+            "Transmission Depth": (_TRANSMITTED,), "Transparent Depth": ()}.get(name)
+    if rays is None:
+        return None
+    found: Value = 0.0
+    for kind in rays:
+        found = found + v.operation("ray", kind)
+    return found
+
+
+def fresnel_of(cosine: Value, ior: Value) -> Value:
+    """Fresnel's reflectance of a dielectric, as the Fresnel node has it."""
+    c = v.unary("absolute", abs, cosine)
+    g2 = ior * ior - 1.0 + c * c
+    g = v.square_root(g2)
+    a = v.divide(g - c, g + c)
+    b = v.divide((g + c) * c - 1.0, (g - c) * c + 1.0)
+    found = a * a * 0.5 * (1.0 + b * b)
+    return v.where(v.greater(g2, 0.0), found, 1.0)
+
+
+def _normal_or(nodes, node) -> Triple:
+    """The normal that an input names, or the surface's, with its displacement."""
+    return nodes.vector(node, "Normal") if nodes.link(node, "Normal") else nodes.displaced or normal()
+
+
+def fresnel(nodes, node, socket) -> Value:
+    """The Fresnel node."""
+    ior = v.maximum(nodes.value(node, "IOR"), 1e-5)
+    inside = v.operation("backfacing")
+    return fresnel_of(v.dot(incoming(), _normal_or(nodes, node)), v.where(inside, v.divide(1.0, ior), ior))
+
+
+def layer_weight(nodes, node, socket) -> Value:
+    """The Layer Weight node."""
+    blend = nodes.value(node, "Blend")
+    cosine = v.dot(incoming(), _normal_or(nodes, node))
+    if socket.name == "Fresnel":
+        eta = v.divide(1.0, v.maximum(1.0 - blend, 1e-5))
+        inside = v.operation("backfacing")
+        return fresnel_of(cosine, v.where(inside, v.divide(1.0, eta), eta))
+    facing = v.unary("absolute", abs, cosine)
+    held = v.minimum(v.maximum(blend, 0.0), 1.0 - 1e-5)
+    exponent = v.where(v.less(held, 0.5), held * 2.0, v.divide(0.5, 1.0 - held))
+    bent = v.where(v.unary("absolute", abs, blend - 0.5), v.power(facing, exponent), facing)
+    return 1.0 - bent
+
+
+def normal_node(nodes, node, socket) -> Triple | Value:
+    """The Normal node."""
+    own: Triple = tuple(node.outputs[0].default_value)[:3]
+    if socket.name == "Normal":
+        return own
+    return v.dot(v.normalized(nodes.vector(node, "Normal")), v.normalized(own))
+
+
+NODES = {
+    'ShaderNodeTexCoord': texture_coordinates,
+    'ShaderNodeUVMap': uv_map,
+    'ShaderNodeNewGeometry': geometry,
+    'ShaderNodeObjectInfo': object_info,
+    'ShaderNodeLightPath': light_path,
+    'ShaderNodeFresnel': fresnel,
+    'ShaderNodeLayerWeight': layer_weight,
+    'ShaderNodeNormal': normal_node,
+    'ShaderNodeAttribute': attribute,
+    'ShaderNodeVertexColor': vertex_color,
+    'ShaderNodeCameraData': camera_data,
+    'ShaderNodeTangent': tangent,
+}

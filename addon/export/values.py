@@ -1,0 +1,286 @@
+"""Values of shader sockets: numbers where they are constant, and else expressions, which become a program.
+
+A `Value` is a float, or an `Expression` that the engine computes for each point of a surface. Arithmetic with floats
+gives floats, so a surface without textures is translated as before, and its program is empty. `compiled` writes what
+is left as the list of operations that the engine's Material.program holds; equal parts are written once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, ClassVar
+
+Value = Any  # float | Expression: told apart at run time
+Triple = tuple[Value, Value, Value]  # a colour or a vector
+
+
+class Expression:
+    """One output of an operation on values. Equal expressions are one object, see `operation`."""
+
+    __slots__ = ("arguments", "name", "output")
+    _known: ClassVar[dict[tuple, Expression]] = {}
+
+    def __init__(self, name: str, arguments: tuple, output: int) -> None:
+        self.name, self.arguments, self.output = name, arguments, output
+
+    def __add__(self, other: Value) -> Value:
+        return self if other == 0 else _binary("add", self, other)
+
+    def __radd__(self, other: Value) -> Value:
+        return self + other
+
+    def __sub__(self, other: Value) -> Value:
+        return self if other == 0 else 0.0 if other is self else _binary("subtract", self, other)
+
+    def __rsub__(self, other: Value) -> Value:
+        return _binary("subtract", other, self)
+
+    def __mul__(self, other: Value) -> Value:
+        return 0.0 if other == 0 else self if other == 1 else _binary("multiply", self, other)
+
+    def __rmul__(self, other: Value) -> Value:
+        return self * other
+
+    def __truediv__(self, other: Value) -> Value:
+        return self if other == 1 else _binary("divide", self, other)
+
+    def __rtruediv__(self, other: Value) -> Value:
+        return _binary("divide", other, self)
+
+    def __neg__(self) -> Value:
+        return self * -1.0
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __bool__(self) -> bool:
+        raise TypeError("an expression has no truth value: use `where`")
+
+    def __float__(self) -> float:
+        raise TypeError("an expression is no number")
+
+    __lt__ = __le__ = __gt__ = __ge__ = lambda self, other: bool(self)  # raises: use `where`
+
+
+def operation(name: str, *arguments: Any, output: int = 0) -> Expression:
+    """Output `output` of the engine's operation `name` on values and, where it wants them, texts and lists."""
+    key = (name, tuple(tuple(a) if isinstance(a, list) else a for a in arguments), output)
+    found = Expression._known.get(key)
+    if found is None:
+        found = Expression._known[key] = Expression(name, arguments, output)
+    return found
+
+
+def outputs(name: str, count: int, *arguments: Any) -> tuple[Value, ...]:
+    """All outputs of an operation."""
+    return tuple(operation(name, *arguments, output=i) for i in range(count))
+
+
+def forget() -> None:
+    """Forget all expressions: after a material's translation nobody asks for them again."""
+    Expression._known.clear()
+
+
+def is_constant(*values: Value) -> bool:
+    """Whether all values are numbers."""
+    return not any(isinstance(v, Expression) for v in values)
+
+
+def _binary(name: str, a: Value, b: Value) -> Value:
+    return operation(name, a, b)
+
+
+def divide(a: Value, b: Value) -> Value:
+    """a/b, and 0 where b is 0, as Blender divides."""
+    if is_constant(a, b):
+        return a / b if b != 0 else 0.0
+    return operation("divide", a, b)
+
+
+def power(a: Value, b: Value) -> Value:
+    """a to the b; 0 where that is no number, as Blender's Math node."""
+    if is_constant(a, b):
+        try:
+            found = a**b
+        except (ZeroDivisionError, OverflowError):
+            return 0.0
+        return found if isinstance(found, float | int) else 0.0
+    return a if b == 1 else operation("power", a, b)
+
+
+def square_root(a: Value) -> Value:
+    """The root of a; 0 of negative numbers."""
+    return math.sqrt(max(a, 0.0)) if is_constant(a) else operation("sqrt", a)
+
+
+def minimum(a: Value, b: Value) -> Value:
+    """The smaller of two values."""
+    return min(a, b) if is_constant(a, b) else a if a is b else operation("minimum", a, b)
+
+
+def maximum(a: Value, b: Value) -> Value:
+    """The larger of two values."""
+    return max(a, b) if is_constant(a, b) else a if a is b else operation("maximum", a, b)
+
+
+def largest(values: Iterable[Value]) -> Value:
+    """The largest of several values."""
+    first, *others = values
+    for value in others:
+        first = maximum(first, value)
+    return first
+
+
+def clamp(a: Value, low: float = 0.0, high: float = 1.0) -> Value:
+    """The value held between two others."""
+    if isinstance(a, Expression) and a.name == "image" and (low, high) == (0.0, 1.0) and a.output == 3:
+        return a  # an image's alpha is there already
+    return minimum(maximum(a, low), high)
+
+
+def greater(a: Value, b: Value) -> Value:
+    """1 where a > b, else 0."""
+    return float(a > b) if is_constant(a, b) else operation("greater", a, b)
+
+
+def less(a: Value, b: Value) -> Value:
+    """1 where a < b, else 0."""
+    return float(a < b) if is_constant(a, b) else operation("less", a, b)
+
+
+def where(condition: Value, a: Value, b: Value) -> Value:
+    """`a` where the condition is not 0, else `b`."""
+    if is_constant(condition):
+        return a if condition else b
+    return a if a is b or (is_constant(a, b) and a == b) else operation("where", condition, a, b)
+
+
+def unary(name: str, fold: Callable[[float], float], a: Value) -> Value:
+    """Operation `name` of one value; `fold` computes it for numbers."""
+    if not is_constant(a):
+        return operation(name, a)
+    try:
+        return float(fold(a))
+    except (ValueError, OverflowError, ZeroDivisionError):
+        return 0.0
+
+
+def mixed(a: Value, b: Value, factor: Value) -> Value:
+    """a + (b − a)·factor."""
+    if is_constant(factor):
+        if factor == 0:
+            return a
+        if factor == 1:
+            return b
+    return a * (1.0 - factor) + b * factor
+
+
+def dot(a: Sequence[Value], b: Sequence[Value]) -> Value:
+    """The sum of products."""
+    total: Value = 0.0
+    for x, y in zip(a, b, strict=True):
+        total = total + x * y
+    return total
+
+
+def length(a: Sequence[Value]) -> Value:
+    """The length of a vector."""
+    return square_root(dot(a, a))
+
+
+def cross(a: Triple, b: Triple) -> Triple:
+    """The cross product."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def normalized(a: Triple) -> Triple:
+    """The vector with length 1; 0 stays 0."""
+    long = length(a)
+    return (divide(a[0], long), divide(a[1], long), divide(a[2], long))
+
+
+def plain_image(values: Sequence[Value], first: int) -> int:
+    """The image that gives these values by its outputs from `first` on, where the UV map has it; −1: they are others.
+    """
+    one = values[0]
+    if not isinstance(one, Expression) or one.name != "image":
+        return -1
+    number, x, y = one.arguments
+    plain = x is operation("uv", output=0) and y is operation("uv", output=1)
+    same = all(value is operation("image", *one.arguments, output=first + i) for i, value in enumerate(values))
+    return int(number) if plain and same else -1
+
+
+# What is evaluated beside a point for bumps, and how many arguments it has without a shift.
+SHIFTED = {"uv": 0, "position": 0, "object": 0, "generated": 0, "attribute": 1}
+
+
+def shifted(value: Value, step: int, width: float) -> Value:
+    """The value one step beside each point, for bumps: see the engine's `Points.shifted`."""
+    if not isinstance(value, Expression):
+        return value
+    made: dict[Expression, Expression] = {}
+    for e in _ordered([value]):
+        arguments = tuple(made[a] if isinstance(a, Expression) else a for a in e.arguments)
+        if SHIFTED.get(e.name) == len(arguments):
+            arguments += (float(step), width)
+        made[e] = operation(e.name, *arguments, output=e.output)
+    return made[value]
+
+
+def compiled(results: dict[str, Any]) -> tuple[list[list], dict[str, Any]]:
+    """(operations, results with expressions replaced by [register]) for the engine's Material.program.
+
+    An operation is [name, argument …]: a number is a constant, a list of one whole number a register. The registers are
+    the outputs of all operations, counted in order; `engine` knows how many each has, here they are OUTPUTS.
+    """
+    program: list[list] = []
+    registers: dict[tuple[str, tuple], int] = {}
+    count = 0
+
+    def register(value: Any) -> Any:
+        if not isinstance(value, Expression):
+            return value
+        return [registers[value.name, value.arguments] + value.output]
+
+    for expression in _ordered(v for result in results.values() for v in _flat(result)):
+        key = expression.name, expression.arguments
+        if key not in registers:
+            registers[key] = count
+            count += OUTPUTS.get(expression.name, 1)
+            program.append([expression.name, *map(register, expression.arguments)])
+    return program, {name: [register(v) for v in result] if isinstance(result, list | tuple) else register(result)
+                     for name, result in results.items()}
+
+
+# Operations with more than one output.
+OUTPUTS = {"image": 4, "uv": 2, "generated": 3, "object": 3, "object_normal": 3, "object_location": 3, "position": 3,
+           "normal": 3, "true_normal": 3, "incoming": 3, "noise": 4, "white_noise": 4, "magic": 3, "brick": 2,
+           "voronoi": 8, "corner_normal": 3, "to_camera": 3, "to_world_normal": 3, "window": 2, "bump": 3,
+           "box": 3, "parametric": 2}
+
+
+def _flat(result: Any) -> Iterable[Any]:
+    return result if isinstance(result, list | tuple) else (result,)
+
+
+def _ordered(results: Iterable[Any]) -> Iterable[Expression]:
+    """All expressions that the results need, each after those that it needs; without recursion, as trees may be deep.
+    """
+    done: set[int] = set()
+    for result in results:
+        stack = [(result, False)]
+        while stack:
+            value, ready = stack.pop()
+            if not isinstance(value, Expression) or id(value) in done:
+                continue
+            if ready:
+                done.add(id(value))
+                yield value
+            else:
+                stack.append((value, True))
+                stack.extend((a, False) for a in value.arguments)

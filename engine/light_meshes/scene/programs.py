@@ -1,0 +1,183 @@
+"""A material's program: what its nodes compute for each point of a surface, as a list of operations.
+
+An operation is [name, argument …]. Its outputs are registers, numbered through the whole program from 0; an argument
+is a number, the register [n] of an operation before, or, of a `table`, a list of numbers. Every register is one number
+a point: a colour takes three. `values` says which parameters of the material the program sets, by number or register.
+The list comes from a file, which is not trusted: `program` checks it, once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..support.text import quoted
+from .errors import SceneError
+
+MOST = 20_000  # operations of a program
+TABLES = 1 << 20  # numbers in all its tables
+
+Argument = float | tuple[int] | tuple[float, ...]  # a number, a register, or a table
+# Operations: (number of arguments, number of outputs).
+OPERATIONS: dict[str, tuple[int, int]] = {
+    "backfacing": (0, 1), "uv": (0, 2), "image": (3, 4), "where": (3, 1), "table": (4, 1),
+    "noise": (13, 4), "white_noise": (5, 4), "bend": (5, 1), "magic": (5, 3), "brick": (11, 2),
+    "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
+    "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2),
+    "bump": (9, 3), "object_scale": (0, 1), "box": (1, 3), "parametric": (0, 2),
+    **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
+                     "object_location"), (0, 3)),
+    **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
+                     "arcsine", "arccosine", "arctangent", "sinh", "cosh", "tanh", "single"), (1, 1)),
+    **dict.fromkeys(("add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "greater", "less",
+                     "modulo", "arctan2"), (2, 1)),
+}
+# These may have two more arguments, for bumps: they are taken one step beside the point, along the first (1) or the
+# second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
+SHIFTED = {"uv", "position", "object", "generated", "attribute"}
+# Parameters of a Material that a program may set: (channels, smallest, largest value).
+PARAMETERS: dict[str, tuple[int, float, float]] = {
+    "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),
+    "nShiny": (1, 0.0, 1e9), "mirror": (3, 0.0, 1e30), "emission": (3, 0.0, 1e30), "kt": (3, 0.0, 1e30),
+    "ior": (1, 0.01, 100.0), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
+    "metal": (1, 0.0, 1e30), "F0": (3, 0.0, 1.0), "F90": (3, 0.0, 1.0), "F82": (3, 0.0, 1.0),
+    "dielectric": (1, 0.0, 1e30), "dielectric_ior": (1, 1e-5, 1000.0), "dielectric_tint": (3, 0.0, 1e30),
+    "layered": (1, 0.0, 1.0), "compensation": (1, 0.0, 1.0), "coat": (1, 0.0, 1.0), "coat_roughness": (1, 0.0, 1.0),
+    "coat_ior": (1, 1.0, 1000.0), "coat_tint": (3, 0.0, 1.0)}
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One step of a program."""
+
+    name: str
+    arguments: tuple[Any, ...]  # floats, registers as (n,), or the table's tuple
+
+
+@dataclass(frozen=True)
+class Program:
+    """A checked program. Empty: the material is the same everywhere."""
+
+    operations: tuple[Operation, ...] = ()
+    values: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # parameter → a number or register a channel
+
+    def __bool__(self) -> bool:
+        return bool(self.values)
+
+    def __hash__(self) -> int:
+        return hash((self.operations, tuple(self.values.items())))
+
+    def needed(self, names: Collection[str]) -> list[bool]:
+        """Which operations the parameters of these names need."""
+        starts = [0]
+        for operation in self.operations:
+            starts.append(starts[-1] + OPERATIONS[operation.name][1])
+        asked = {ref[0] for name in set(names) & set(self.values) for ref in self.values[name]
+                 if isinstance(ref, tuple)}
+        needs = [False] * len(self.operations)
+        for i in range(len(self.operations) - 1, -1, -1):
+            needs[i] = any(register in asked for register in range(starts[i], starts[i + 1]))
+            if needs[i]:
+                asked.update(a[0] for a in self.operations[i].arguments if isinstance(a, tuple) and len(a) == 1)
+        return needs
+
+    def images(self) -> set[int]:
+        """The images that it looks at."""
+        return {int(o.arguments[0]) for o in self.operations if o.name == "image"}
+
+    def sees_camera(self) -> bool:
+        """Whether what it gives depends on where the camera is."""
+        return any(o.name in ("to_camera", "window") or (
+            o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0]) for o in self.operations)
+
+
+NO_PROGRAM = Program()
+
+
+def plain(program: Program) -> dict[str, Any]:
+    """The program as a snapshot's JSON has it."""
+    def argument(a: Any) -> Any:
+        return list(a) if isinstance(a, tuple) else a
+    return {"operations": [[o.name, *map(argument, o.arguments)] for o in program.operations],
+            "values": {name: [argument(a) for a in refs] for name, refs in program.values.items()}}
+
+
+def program(data: Any, where: str) -> Program:
+    """The checked program of a JSON object. Raises SceneError, which says where; `where`: of which material."""
+    if not isinstance(data, dict) or set(data) - {"operations", "values"} or not isinstance(
+            data.get("operations"), list) or not isinstance(data.get("values"), dict):
+        raise SceneError(f"{where}: program must be an object of operations and values")
+    if len(data["operations"]) > MOST:
+        raise SceneError(f"{where}: its program has {len(data['operations']):,} operations; {MOST:,} are taken")
+    operations: list[Operation] = []
+    count = tables = 0
+    for n, item in enumerate(data["operations"]):
+        at = f"{where}: operation {n} of its program"
+        if not isinstance(item, list) or not item or not isinstance(item[0], str) or item[0] not in OPERATIONS:
+            raise SceneError(f"{at} is {quoted(item)}; the engine does not know it")
+        name, given = item[0], item[1:]
+        wanted, outputs = OPERATIONS[name]
+        if len(given) not in (wanted, wanted + 2 * (name in SHIFTED)):
+            raise SceneError(f"{at} ({name}) has {len(given)} arguments; it takes {wanted}")
+        arguments = []
+        for k, argument in enumerate(given):
+            if name == "table" and k == 1:
+                tables += len(argument) if isinstance(argument, list) else 0
+                arguments.append(_table(argument, at, tables))
+            else:
+                arguments.append(_reference(argument, count, at))
+        _check_choices(name, arguments, at)
+        operations.append(Operation(name, tuple(arguments)))
+        count += outputs
+    values = {}
+    for name, refs in data["values"].items():
+        if name not in PARAMETERS:
+            raise SceneError(f"{where}: its program sets {quoted(name)}, which is no parameter")
+        channels = refs if PARAMETERS[name][0] == 3 else [refs]
+        if refs and isinstance(refs, list) and PARAMETERS[name][0] == 1 and isinstance(refs[0], list):
+            channels = refs
+        if not isinstance(channels, list) or len(channels) != PARAMETERS[name][0]:
+            raise SceneError(f"{where}: its program must set {name} by {PARAMETERS[name][0]} values")
+        values[name] = tuple(_reference(r, count, f"{where}: its program's {name}") for r in channels)
+    return Program(tuple(operations), values)
+
+
+# Arguments that are choices, not registers: operation → (place, smallest, largest); None: any number.
+_CHOICES: dict[str, tuple[tuple[int, float, float], ...]] = {
+    "image": ((0, 0, 1e9),), "table": ((2, 0, 1), (3, 0, 1)), "noise": ((0, 1, 4), (1, 0, 4), (2, 0, 1)),
+    "white_noise": ((0, 1, 4),), "magic": ((4, 0, 10),),
+    "attribute": ((0, 0, 1e6),), "instance": ((0, 0, 1e6),), "ray": ((0, 0, 3),),
+    "voronoi": ((0, 1, 4), (1, 0, 4), (2, 0, 3), (3, 0, 1), (4, 0, 1)), "brick": ((1, 0, 99), (3, 0, 99))}
+
+
+def _check_choices(name: str, arguments: list[Any], where: str) -> None:
+    """Raise SceneError unless arguments that choose something are whole numbers in their bounds."""
+    for place, low, high in _CHOICES.get(name, ()):
+        value = arguments[place]
+        if not (isinstance(value, float) and value.is_integer() and low <= value <= high):
+            raise SceneError(f"{where} ({name}): its argument {place} must be a whole number from {low:g} to {high:g}")
+    shift = arguments[OPERATIONS[name][0]:]
+    if shift and not (shift[0] in (0.0, 1.0, 2.0) and isinstance(shift[1], float) and 0 < shift[1] <= 1e6):
+        raise SceneError(f"{where} ({name}): a shift must be 0, 1 or 2, and its width a positive number")
+    if name == "bump" and not (isinstance(arguments[8], float) and 0 < arguments[8] <= 1e6):
+        raise SceneError(f"{where} (bump): its width must be a positive number")
+    if name == "brick" and not (isinstance(arguments[0], float) and isinstance(arguments[2], float)):
+        raise SceneError(f"{where} (brick): offset and squash must be numbers")
+
+
+def _reference(argument: Any, count: int, where: str) -> Any:
+    """A number, or a register below `count` as a tuple."""
+    if isinstance(argument, list) and len(argument) == 1 and type(argument[0]) is int and 0 <= argument[0] < count:
+        return (argument[0],)
+    if isinstance(argument, int | float) and not isinstance(argument, bool) and abs(argument) <= 1e300:
+        return float(argument)
+    raise SceneError(f"{where} has {quoted(argument)} where a finite number or an earlier register must stand")
+
+
+def _table(argument: Any, where: str, total: int) -> tuple[float, ...]:
+    if not isinstance(argument, list) or len(argument) < 2 or total > TABLES or not all(
+            isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in argument):
+        raise SceneError(f"{where} must have a table of two or more finite numbers, and of {TABLES:,} in all at most")
+    return tuple(map(float, argument))

@@ -1,0 +1,87 @@
+"""What materials are at the points that rays hit: the table of materials, with a row more for each point of a program.
+
+Every hit names its row of a table (`Hits.row`, `Hits.table`). Where no material has a program that is the scene's own
+table and the material's number, and nothing is computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..rays.geometry import Hits, Surfaces
+from ..scene.description import Camera, Scene
+from ..scene.programs import Program
+from .points import SHADOW, Around, Points
+from .programs import run, unit
+from .shading import Materials
+from .textures import Texture
+
+_LETS_THROUGH = {"alpha", "kt"}
+
+
+class Looks:
+    """The programs of a scene's materials, ready to be run."""
+
+    def __init__(self, scene: Scene, surfaces: Surfaces, textures: Sequence[Texture | None], camera: Camera) -> None:
+        self._programs: tuple[Program, ...] = tuple(m.program for m in scene.materials)
+        self._surfaces, self._textures = surfaces, textures
+        self._varies = np.array([bool(p) for p in self._programs], np.bool_)
+        self._cuts = np.array([bool(_LETS_THROUGH & set(p.values)) for p in self._programs], np.bool_)
+        self.any = bool(self._varies.any())
+        if self.any:
+            self._around = Around(scene, surfaces, camera)
+
+    def __call__(self, table: Materials, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
+        """The hits of rays along `direction` (n,3) with rows of their own where their material has a program.
+
+        Its normal, if it says one, becomes the shading normal Ns. ray (n,): kinds of rays, as `points` has them.
+        """
+        rows = np.flatnonzero(self._varies[hits.material]) if self.any else np.zeros(0, np.int64)
+        if not len(rows):
+            return hits
+        own = Materials(*(column[hits.material[rows]] for column in table))
+        h = hits.at(rows)
+        points = Points(h.P, h.Ns, h.Ng, -direction[rows], h.front, h.uv, h.triangle, ray[rows], self._around)
+        material, Ns = hits.material[rows], None
+        for m in np.unique(material):
+            some = np.flatnonzero(material == m)
+            for name, values in run(self._programs[m], points.at(some), self._textures).items():
+                if name == "normal":
+                    Ns = hits.Ns.copy() if Ns is None else Ns
+                    Ns[rows[some]] = unit(values, h.Ns[some])
+                    continue
+                getattr(own, name)[some] = values
+                if name == "Od":
+                    own.image[some] = -1
+                elif name == "alpha":
+                    own.alpha_image[some] = -1
+        row = hits.material.copy()
+        row[rows] = len(table.ka) + np.arange(len(rows), dtype=np.int32)
+        longer = (np.concatenate([a, b]) for a, b in zip(table, own, strict=True))
+        return hits._replace(row=row, table=Materials(*longer), Ns=hits.Ns if Ns is None else Ns,
+                             smooth=None if Ns is None else hits.Ns)
+
+    def let_through(self, material: NDArray[np.int32], triangle: NDArray[np.int32], u: NDArray, v: NDArray,
+                    uv: NDArray[np.float32], alpha: NDArray[np.float64], kt: NDArray[np.float64]) -> None:
+        """Set alpha (n,) and kt (n,3) where shadow rays cross materials whose programs say them."""
+        rows = np.flatnonzero(self._cuts[material]) if self.any else np.zeros(0, np.int64)
+        if not len(rows):
+            return
+        s, of = self._surfaces, triangle[rows]
+        weight = np.stack([1 - u[rows] - v[rows], u[rows], v[rows]], axis=1)
+        corners = s.vertices[s.triangles[of]].astype(np.float64)
+        P = np.einsum("nk,nkj->nj", weight, corners) * s.scale + s.centre
+        N = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        points = Points(P, N, N, N, np.ones(len(rows), np.bool_), uv[rows], of, np.full(len(rows), SHADOW, np.int8),
+                        self._around)
+        for m in np.unique(material[rows]):
+            some = np.flatnonzero(material[rows] == m)
+            found = run(self._programs[m], points.at(some), self._textures, _LETS_THROUGH)
+            if "alpha" in found:
+                alpha[rows[some]] = found["alpha"]
+            if "kt" in found:
+                kt[rows[some]] = found["kt"]

@@ -1,0 +1,259 @@
+"""Programs of materials, run for a batch of surface points at once.
+
+One register is an array over all points (or a number, where it is the same at all), one operation one call of numpy or
+of a kernel: nothing is interpreted point by point. What Blender's nodes do where a result would be no number, as a
+division by 0, is done here, too: see `_OPERATIONS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.programs import OPERATIONS, PARAMETERS, Program
+from .points import Points
+from .procedural import TEXTURES
+from .textures import Texture
+
+Register = Any  # (n,) float64, or a number
+
+
+def run(program: Program, points: Points, textures: Sequence[Texture | None],
+        wanted: Collection[str] = PARAMETERS) -> dict[str, NDArray[np.float64]]:
+    """The parameters that `program` sets: (n,) or, of colours, (n,3), held to what a Material may have.
+
+    wanted: of which parameters only; what they do not need is not computed.
+    """
+    needed = program.needed(wanted)
+    registers: list[Register] = []
+    moved: dict[tuple, Points] = {}
+
+    def beside(*shift: float) -> Points:
+        if shift and shift not in moved:
+            moved[shift] = points.shifted(int(shift[0]), shift[1])
+        return moved[shift] if shift else points
+
+    def value(argument: Any) -> Register:
+        return registers[argument[0]] if isinstance(argument, tuple) else argument
+
+    with np.errstate(all="ignore"):
+        for operation, needs in zip(program.operations, needed, strict=True):
+            name, arguments = operation.name, operation.arguments
+            if not needs:
+                registers.extend([0.0] * OPERATIONS[name][1])
+            elif name in _INPUTS:
+                registers.extend(_INPUTS[name](beside(*arguments)))
+            elif name == "attribute":
+                registers.append(_channel(points.around.attributes, int(arguments[0]), beside(*arguments[1:])))
+            elif name in _OF_POINTS:
+                registers.extend(_OF_POINTS[name](points, *map(value, arguments)))
+            elif name == "image":
+                registers.extend(_image(textures[int(arguments[0])], value(arguments[1]), value(arguments[2]), points))
+            elif name in TEXTURES:
+                registers.extend(TEXTURES[name](len(points.P), *map(value, arguments)))
+            elif name == "table":
+                registers.append(_table(value(arguments[0]), np.array(arguments[1]), *map(bool, arguments[2:])))
+            else:
+                registers.append(_OPERATIONS[name](*map(value, arguments)))
+    n, found = len(points.P), {}
+    for name, refs in program.values.items():
+        if name not in wanted:
+            continue
+        channels, low, high = PARAMETERS[name]
+        out = np.empty((n, channels))
+        for k, ref in enumerate(refs):
+            out[:, k] = value(ref)
+        np.nan_to_num(out, copy=False, nan=low, posinf=high, neginf=low)
+        np.clip(out, low, high, out=out)
+        found[name] = out if channels == 3 else out[:, 0]
+    return found
+
+
+def _columns(a: NDArray) -> tuple[NDArray, ...]:
+    return tuple(np.ascontiguousarray(a[:, k]) for k in range(a.shape[1]))
+
+
+def _moved(matrix: NDArray[np.float64], points: Points) -> tuple[NDArray, ...]:
+    """P in another space of each instance: matrix (I,3,4)."""
+    of = matrix[points.instance]
+    return _columns(np.einsum("nij,nj->ni", of[:, :, :3], points.P) + of[:, :, 3])
+
+
+def _object_normal(points: Points) -> tuple[NDArray, ...]:
+    # Normals go by the transpose of the way back.
+    turned = np.einsum("nji,nj->ni", np.linalg.pinv(points.around.to_object[:, :, :3])[points.instance], points.Ns)
+    return _columns(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+
+def _world_normal(points: Points, x: Register, y: Register, z: Register) -> Sequence[Register]:
+    """A normal of the object's own space in the world, with length 1; 0 where it has no direction."""
+    normal = np.empty((len(points.P), 3))
+    normal[:, 0], normal[:, 1], normal[:, 2] = x, y, z
+    normal = np.einsum("nji,nj->ni", points.around.to_object[:, :, :3][points.instance], normal)
+    return _columns(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
+
+
+def _location(points: Points) -> tuple[NDArray, ...]:
+    """Where the object's origin is in the world."""
+    back = np.linalg.pinv(points.around.to_object[:, :, :3])
+    return _columns(-np.einsum("nij,nj->ni", back, points.around.to_object[:, :, 3])[points.instance])
+
+
+def _channel(values: NDArray, channel: int, points: Points) -> Register:
+    """A channel of attributes (T,3,A); 0 where no mesh has it."""
+    if channel >= values.shape[2]:
+        return 0.0
+    return points.at_corners(values[:, :, channel:channel + 1])[:, 0]
+
+
+def _instance_value(points: Points, channel: float) -> Sequence[Register]:
+    values = points.around.instance_values
+    return (values[points.instance, int(channel)].astype(np.float64) if channel < values.shape[1] else 0.0,)
+
+
+def _in_camera(points: Points, x: Register, y: Register, z: Register) -> Sequence[Register]:
+    """A place of the world as the camera has it: x to the right, y up, z away from it."""
+    m = points.around.to_camera
+    across, up, back = (m[i, 0] * x + m[i, 1] * y + m[i, 2] * z + m[i, 3] for i in range(3))
+    return across, up, -back
+
+
+def _window(points: Points) -> Sequence[Register]:
+    """Where in the picture the camera sees the points: 0 to 1 from left to right and from bottom to top."""
+    camera = points.around.camera
+    left, right, bottom, top = camera.window
+    x, y, z = _in_camera(points, *points.P.T)
+    if camera.perspective:
+        x, y = x / z, y / z
+    return (x - left) / (right - left), (y - bottom) / (top - bottom)
+
+
+def _bump(points: Points, here: Register, first: Register, second: Register, x: Register, y: Register, z: Register,
+          strength: Register, distance: Register, width: float) -> Sequence[Register]:
+    """The normal (x, y, z) of a surface that is raised by heights: at the points, and one of `Points.steps` further.
+
+    Blinn, "Simulation of wrinkled surfaces" (1978), as Cycles has it: the normal less the heights' gradient.
+    """
+    n = np.empty((len(points.P), 3))
+    n[:, 0], n[:, 1], n[:, 2] = x, y, z
+    dx, dy = points.steps(width)
+    rx, ry = np.cross(dy, n), np.cross(n, dx)
+    area = np.einsum("ni,ni->n", dx, rx)
+    rises = [np.broadcast_to(np.subtract(a, here), len(n))[:, None] for a in (first, second)]
+    turn = np.broadcast_to(np.multiply(np.sign(area), distance), len(n))[:, None]
+    bent = unit(np.abs(area)[:, None] * n - turn * (rises[0] * rx + rises[1] * ry), n)
+    share = np.broadcast_to(np.maximum(strength, 0.0), len(n))[:, None]
+    return _columns(unit(share * bent + (1 - share) * n, n))
+
+
+def unit(a: NDArray[np.float64], otherwise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (n,3) with length 1, and others where they have none."""
+    length = np.linalg.norm(a, axis=1, keepdims=True)
+    usable = (length > 0) & np.isfinite(length)
+    return np.where(usable, a / np.where(usable, length, 1.0), otherwise)
+
+
+def _parametric(points: Points) -> Sequence[Register]:
+    """Where on their triangles points are: the shares of the first and of the second corner."""
+    shares = points.at_corners(np.broadcast_to(np.eye(3), (len(points.around.surfaces.materials), 3, 3)))
+    return _columns(shares[:, :2])
+
+
+def _box(points: Points, blend: Register) -> Sequence[Register]:
+    """How much of each of three images shows that are projected along x, y and z in the object's space, as Blender
+    mixes them: blend is how soft the edges of the box are.
+    """
+    n = np.abs(np.stack(_object_normal(points), axis=1))
+    n /= n.sum(1, keepdims=True)
+    limit = np.broadcast_to(0.5 * (1.0 + np.asarray(blend)), len(n))
+    softness = np.where(np.equal(blend, 0), 1.0, blend)
+    weight = np.maximum(((2 - limit) * n.T + (limit - 1)) / np.maximum(2 * limit - 1, 1e-9), 0).T  # of all three
+    for k in (1, 0, 2):  # of the two beside axis k
+        i, j = (k + 1) % 3, (k + 2) % 3
+        first = np.clip((n[:, i] / (n[:, i] + n[:, j]) - 0.5 * (1 - softness)) / softness, 0, 1)
+        two = n[:, k] < (1 - limit) * (n[:, i] + n[:, j])
+        weight[two, i], weight[two, j], weight[two, k] = first[two], 1 - first[two], 0
+    weight[np.broadcast_to(np.equal(blend, 0), len(n))] = (1, 0, 0)
+    for k in (2, 1, 0):
+        alone = (n[:, k] > limit * (n[:, k] + n[:, (k + 1) % 3])) & (n[:, k] > limit * (n[:, k] + n[:, (k + 2) % 3]))
+        weight[alone] = np.eye(3)[k]
+    return _columns(weight)
+
+
+def _object_scale(points: Points) -> Sequence[Register]:
+    """By what factor the object is larger in the world than in its own space, in the mean of all directions."""
+    smaller = np.abs(np.linalg.det(points.around.to_object[:, :, :3]))
+    return (np.where(smaller > 0, np.where(smaller > 0, smaller, 1.0) ** (-1 / 3), 0.0)[points.instance],)
+
+
+_OF_POINTS: dict[str, Callable[..., Sequence[Register]]] = {
+    "instance": _instance_value, "ray": lambda p, kind: ((p.ray == kind).astype(np.float64),),
+    "to_world_normal": _world_normal, "to_camera": _in_camera, "window": _window,
+    "bump": _bump, "box": _box,
+    "parametric": _parametric, "object_scale": _object_scale,
+    "corner_normal": lambda p: _columns(p.at_corners(p.around.surfaces.corner_normals)),
+}
+_INPUTS: dict[str, Callable[[Points], Sequence[Register]]] = {
+    "uv": lambda p: _columns(p.uv.astype(np.float64)),
+    "position": lambda p: _columns(p.P),
+    "normal": lambda p: _columns(p.Ns),
+    "true_normal": lambda p: _columns(p.Ng),
+    "incoming": lambda p: _columns(p.incoming),
+    "object": lambda p: _moved(p.around.to_object, p),
+    "generated": lambda p: _moved(p.around.to_generated, p),
+    "object_normal": _object_normal,
+    "object_location": _location,
+    "backfacing": lambda p: [(~p.front).astype(np.float64)],
+}
+
+
+def _divide(a: Register, b: Register) -> Register:
+    return np.where(np.equal(b, 0), 0.0, np.divide(a, np.where(np.equal(b, 0), 1.0, b)))
+
+
+def _power(a: Register, b: Register) -> Register:
+    found = np.power(np.asarray(a, np.float64), b)
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _modulo(a: Register, b: Register) -> Register:
+    return np.where(np.equal(b, 0), 0.0, np.fmod(a, np.where(np.equal(b, 0), 1.0, b)))
+
+
+_OPERATIONS: dict[str, Callable[..., Register]] = {
+    "add": np.add, "subtract": np.subtract, "multiply": np.multiply, "divide": _divide, "power": _power,
+    "minimum": np.minimum, "maximum": np.maximum, "modulo": _modulo, "arctan2": np.arctan2,
+    "greater": lambda a, b: np.greater(a, b).astype(np.float64), "less": lambda a, b: np.less(a, b).astype(np.float64),
+    "where": lambda condition, a, b: np.where(np.not_equal(condition, 0), a, b),
+    "single": lambda a: np.asarray(a, np.float32).astype(np.float64),
+    "log": lambda a: np.where(np.greater(a, 0), np.log(np.where(np.greater(a, 0), a, 1.0)), 0.0),
+    "exponent": np.exp, "sqrt": lambda a: np.sqrt(np.maximum(a, 0.0)), "absolute": np.abs, "floor": np.floor,
+    "truncate": np.trunc, "sine": np.sin, "cosine": np.cos, "tangent": np.tan, "arcsine": np.arcsin,
+    "arccosine": np.arccos, "arctangent": np.arctan, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh,
+}
+
+
+def _table(x: Register, table: NDArray[np.float64], interpolates: bool, extrapolates: bool) -> Register:
+    """The table at place x, which counts its entries from 0."""
+    x = np.nan_to_num(np.asarray(x, np.float64))
+    if not extrapolates:
+        x = np.clip(x, 0, len(table) - 1)
+    if not interpolates:
+        return table[np.rint(np.clip(x, 0, len(table) - 1)).astype(np.int64)]
+    i = np.clip(np.floor(x), 0, len(table) - 2).astype(np.int64)
+    return table[i] + (table[i + 1] - table[i]) * (x - i)
+
+
+def _image(texture: Texture | None, x: Register, y: Register, points: Points) -> Sequence[Register]:
+    """Colour and alpha of an image at (x, y); one that cannot be read is light grey."""
+    n = len(points.P)
+    if texture is None:
+        return 0.8, 0.8, 0.8, 1.0
+    place = np.empty((n, 2), np.float32)
+    place[:, 0], place[:, 1] = x, y
+    colour = np.empty((n, 3))
+    texture.lookup(place, np.arange(n), colour)
+    return (*_columns(colour), texture.alpha(place))

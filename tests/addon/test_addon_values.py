@@ -1,0 +1,45 @@
+"""Values of sockets: constants are folded, expressions become the program that the engine knows."""
+
+import pytest
+from light_meshes.scene import programs
+from light_meshes_addon.export import node_values, values
+
+
+def test_both_sides_count_the_same_outputs():
+    many = {name: outputs for name, (_, outputs) in programs.OPERATIONS.items() if outputs > 1}
+    assert many == values.OUTPUTS
+
+
+def test_numbers_stay_numbers_and_equal_expressions_are_one():
+    u, w = values.outputs("uv", 2)
+    assert values.clamp(1.5) == 1.0 and values.power(2.0, 3.0) == 8.0 and values.divide(1.0, 0.0) == 0.0
+    assert u * 0 == 0.0 and u * 1 is u and u + 0 is u and values.mixed(u, w, 1.0) is w
+    assert u * 2 + w is values.operation("uv", output=0) * 2 + w
+    with pytest.raises(TypeError):
+        bool(u > 1)  # which would be right nowhere on the surface
+
+
+def test_a_program_is_written_once_and_read_by_the_engine():
+    u, w = values.outputs("uv", 2)
+    shared = u * w
+    operations, results = values.compiled({"alpha": shared + 1.0, "Od": [shared, 0.5, u]})
+    assert [name for name, *_ in operations] == ["uv", "multiply", "add"]
+    program = programs.program({"operations": operations, "values": results}, "material")
+    assert program.values["Od"] == ((2,), 0.5, (0,)) and program.needed(["Od"]) == [True, True, False]
+
+
+def test_a_deep_tree_needs_no_recursion():
+    value = values.operation("uv")
+    for i in range(20_000):
+        value = value + (i + 1.0)
+    operations, _ = values.compiled({"alpha": value})
+    assert len(operations) == 20_001
+    values.forget()
+
+
+def test_the_table_of_nodes_names_nodes_of_blender():
+    import bpy
+
+    unknown = {name for name in node_values.NODES if not hasattr(bpy.types, name)}
+    assert unknown <= {'ShaderNodeCombineRGB', 'ShaderNodeSeparateRGB', 'ShaderNodeCombineHSV',
+                       'ShaderNodeSeparateHSV'}  # of older releases

@@ -1,0 +1,164 @@
+"""A sheet of balls and tilted squares of shiny materials, by this bpy's Cycles and by Light Meshes.
+
+For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER LAMP.PART …, where the part is diffuse or
+gloss: writes LAMP.PART.ours.npy and LAMP.PART.theirs.npy (rows from the bottom, RGB), and cells.json, the materials'
+names in the order of the cells.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import bpy
+import light_meshes_addon
+import numpy as np
+from mathutils import Vector
+
+CELL, COLUMNS = 40, 12  # pixels of a cell, cells in a row; each material has two cells, side by side
+LAMPS = {
+    "point": ('POINT', {"energy": 4000.0, "shadow_soft_size": 0.0}, (3, 2, 7)),
+    "sun": ('SUN', {"energy": 3.0, "angle": 0.0}, (-3, 4, 6)),
+    "spot": ('SPOT', {"energy": 9000.0, "shadow_soft_size": 0.0, "spot_size": 2.2, "spot_blend": 0.4}, (-4, -3, 8)),
+    "area": ('AREA', {"energy": 3000.0, "size": 0.05}, (2, -4, 7)),
+}
+GOLD, TINT = (0.9, 0.6, 0.2, 1), (1.0, 0.7, 0.4, 1)
+
+
+def principled(**inputs):
+    return 'ShaderNodeBsdfPrincipled', inputs, {}
+
+
+def cases():
+    """Name → shader node, its inputs, its properties."""
+    found = {}
+    for roughness in (0.1, 0.2, 0.35, 0.5, 0.75, 1.0):
+        found[f"plastic {roughness}"] = principled(Base_Color=(0.2, 0.5, 0.8, 1), Roughness=roughness)
+        found[f"metal {roughness}"] = principled(Base_Color=GOLD, Metallic=1.0, Roughness=roughness)
+    for ior in (0.7, 1.1, 2.0, 3.5):
+        found[f"ior {ior}"] = principled(Base_Color=(0.5, 0.5, 0.5, 1), IOR=ior, Roughness=0.4)
+    for level in (0.0, 0.2, 1.0):
+        found[f"level {level}"] = principled(Base_Color=GOLD, Specular_IOR_Level=level, Roughness=0.6)
+    found["tint"] = principled(Base_Color=(0.1, 0.4, 0.6, 1), Specular_Tint=TINT, Roughness=0.5, IOR=1.8)
+    found["metal tint"] = principled(Base_Color=GOLD, Metallic=1.0, Specular_Tint=(0.3, 0.5, 0.9, 1), Roughness=0.5)
+    found["half metal"] = principled(Base_Color=GOLD, Metallic=0.5, Roughness=0.45, Specular_Tint=TINT)
+    for metallic in (0.0, 1.0):
+        kind, inputs, _ = principled(Base_Color=GOLD, Metallic=metallic, Roughness=0.9)
+        found[f"one bounce {metallic}"] = kind, inputs, {"distribution": 'GGX'}
+    glossy = 'ShaderNodeBsdfAnisotropic'
+    for roughness, distribution in ((0.15, 'MULTI_GGX'), (0.6, 'MULTI_GGX'), (1.0, 'MULTI_GGX'), (0.8, 'GGX')):
+        found[f"glossy {roughness} {distribution}"] = glossy, {"Color": GOLD, "Roughness": roughness}, {
+            "distribution": distribution}
+    if hasattr(bpy.types, "ShaderNodeBsdfMetallic"):
+        metallic = 'ShaderNodeBsdfMetallic'
+        found["edge tint"] = metallic, {"Base_Color": GOLD, "Edge_Tint": TINT, "Roughness": 0.5}, {
+            "fresnel_type": 'F82'}
+        if "PHYSICAL_CONDUCTOR" in bpy.types.ShaderNodeBsdfMetallic.bl_rna.properties["fresnel_type"].enum_items:
+            found["copper"] = metallic, {"IOR": (0.27, 0.68, 1.3), "Extinction": (3.6, 2.6, 2.3), "Roughness": 0.5}, {
+                "fresnel_type": 'PHYSICAL_CONDUCTOR'}
+    coat = {"Base_Color": (0.6, 0.1, 0.1, 1), "Roughness": 0.5, "Coat_Weight": 1.0}
+    found["coat"] = principled(Coat_Roughness=0.2, **coat)
+    if bpy.app.version >= (4, 5):  # Cycles 4.2 dims what is below a rough coat as if it were smooth
+        found["rough coat"] = principled(Coat_Roughness=0.7, Coat_IOR=2.0, **coat)
+    coat |= {"Coat_Weight": 0.6, "Coat_Tint": TINT}
+    found["tinted coat"] = principled(Coat_Roughness=0.15, Metallic=0.5, **coat)
+    found["diffuse"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD}, {}
+    return found
+
+
+def material(name, kind, inputs, properties):
+    made = bpy.data.materials.new(name)
+    if bpy.app.version < (5, 0):
+        made.use_nodes = True
+    tree = made.node_tree
+    tree.nodes.clear()
+    node, output = tree.nodes.new(kind), tree.nodes.new('ShaderNodeOutputMaterial')
+    for key, value in properties.items():
+        setattr(node, key, value)
+    for key, value in inputs.items():
+        node.inputs[key.replace("_", " ")].default_value = value
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    return made
+
+
+def sheet(scene, found):
+    """A ball and a square of each material, in cells of size 1 around whole numbers; the camera sees them all."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.45)
+    ball = bpy.context.object.data
+    for polygon in ball.polygons:
+        polygon.use_smooth = True
+    bpy.data.objects.remove(bpy.context.object)
+    square = bpy.data.meshes.new("square")
+    square.from_pydata([(-.4, -.4, -.2), (.4, -.4, .2), (.4, .4, .2), (-.4, .4, -.2)], [], [(0, 1, 2, 3)])
+    cell = 0
+    for name, case in found.items():
+        made = material(name, *case)
+        for mesh in (ball.copy(), square.copy()):
+            mesh.materials.append(made)
+            ob = bpy.data.objects.new(name, mesh)
+            ob.location = (cell % COLUMNS - COLUMNS / 2 + 0.5, cell // COLUMNS, 0)
+            scene.collection.objects.link(ob)
+            cell += 1
+    rows = -(-cell // COLUMNS)
+    camera = bpy.data.cameras.new("Camera")
+    camera.type, camera.ortho_scale = 'ORTHO', max(rows, COLUMNS)
+    scene.camera = bpy.data.objects.new("Camera", camera)
+    scene.camera.location = (0, rows / 2 - 0.5, 10)
+    scene.collection.objects.link(scene.camera)
+    scene.render.resolution_x, scene.render.resolution_y = CELL * COLUMNS, CELL * rows
+    return Vector((0, rows / 2 - 0.5, 0))
+
+
+def exact(scene):
+    """Both engines: one ray through the middle of a pixel, direct light only, sharp shadows, linear colours.
+
+    Cycles' box filter would be a pixel wide, whatever its width says.
+    """
+    ours, cycles = scene.light_meshes, scene.cycles
+    ours.shadows, ours.mode, ours.samples = 'SHARP', 'RAY_CASTING', 1
+    scene.render.filter_size = 0.0
+    cycles.device, cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = 'CPU', 4, False, False
+    cycles.pixel_filter_type, cycles.filter_width, cycles.max_bounces = 'BLACKMAN_HARRIS', 0.01, 0
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
+    scene.view_settings.view_transform = 'Standard'
+    image = scene.render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = 'IMAGE'
+    image.file_format, image.color_depth, image.color_mode = 'OPEN_EXR', '32', 'RGB'
+
+
+def picture(scene, engine, file):
+    scene.render.engine, scene.render.filepath = engine, str(file)
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(file))
+    pixels = np.array(image.pixels[:], np.float32).reshape(*tuple(image.size)[::-1], -1)[..., :3]
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def main(folder, *wanted):
+    light_meshes_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene, found = bpy.context.scene, cases()
+    middle = sheet(scene, found)
+    exact(scene)
+    for name, part in (w.split(".") for w in wanted):
+        kind, properties, place = LAMPS[name]
+        data = bpy.data.lights.new(name, kind)
+        for key, value in properties.items():
+            setattr(data, key, value)
+        lamp = bpy.data.objects.new(name, data)
+        lamp.location = middle + Vector(place)
+        lamp.rotation_euler = (-Vector(place)).to_track_quat('-Z', 'Y').to_euler()
+        scene.collection.objects.link(lamp)
+        lamp.visible_diffuse, lamp.visible_glossy = part == "diffuse", part == "gloss"
+        for engine, whose in (('LIGHT_MESHES', "ours"), ('CYCLES', "theirs")):
+            np.save(folder / f"{name}.{part}.{whose}.npy", picture(scene, engine, folder / "picture.exr"))
+        bpy.data.objects.remove(lamp)
+    (folder / "cells.json").write_text(json.dumps(list(found)))
+    from light_meshes_addon.headless import leave
+    light_meshes_addon.unregister()
+    leave(0)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), *sys.argv[2:])

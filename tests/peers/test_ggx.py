@@ -1,0 +1,81 @@
+"""Highlights of GGX, and what is dimmed below them, beside Cycles: balls and tilted squares in direct light."""
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytestmark = [pytest.mark.slow,
+              pytest.mark.skipif(not importlib.util.find_spec("bpy"), reason="bpy is not installed")]
+HERE = Path(__file__).parent
+PYTHONS = [p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p]
+CELL, COLUMNS = 40, 12  # as in ggx_pictures.py, which needs a bpy
+MOST = {"diffuse": (0.005, 0.03), "gloss": (0.03, 0.12)}  # in the median, and at the 99th percentile
+PICTURES = ["sun.diffuse", "area.diffuse", "point.gloss", "sun.gloss", "spot.gloss", "area.gloss"]
+
+
+def draw(python, folder, wanted):
+    """Draw the pictures `wanted` by a Python's bpy; returns the materials' names."""
+    import light_meshes_addon
+
+    packages = folder / "packages"
+    packages.mkdir()
+    (packages / "light_meshes_addon").symlink_to(Path(light_meshes_addon.__file__).parent)
+    environment = os.environ | {"PYTHONPATH": str(packages), "LIGHT_MESHES_PYTHON": sys.executable,
+                                "TMPDIR": str(folder)}
+    done = subprocess.run([python, str(HERE / "ggx_pictures.py"), str(folder), *wanted], env=environment,
+                          capture_output=True, text=True, timeout=200)
+    assert (folder / "cells.json").exists(), done.stdout[-3000:] + done.stderr[-3000:]
+    return json.loads((folder / "cells.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ggx")
+    return folder, draw(sys.executable, folder, PICTURES)
+
+
+def inside():
+    """Which pixels of a ball's cell and of a square's lie away from its edges."""
+    y, x = np.mgrid[:CELL, :CELL] - (CELL - 1) / 2
+    return np.hypot(x, y) < 0.42 * CELL, (abs(x) < 0.33 * CELL) & (abs(y) < 0.33 * CELL)
+
+
+def compare(folder, names, name):
+    """Assert that both engines' pictures agree, cell by cell; returns how many cells shine."""
+    ours, theirs = (np.load(folder / f"{name}.{whose}.npy").astype(float) for whose in ("ours", "theirs"))
+    median, most = MOST[name.split(".")[1]]
+    bright = 0
+    for cell in range(2 * len(names)):
+        y, x = (CELL * k for k in divmod(cell, COLUMNS))
+        pixels = inside()[cell % 2]
+        a, b = (picture[y:y + CELL, x:x + CELL][pixels] for picture in (ours, theirs))
+        light = b.max(1)
+        if light.max() == 0:
+            assert a.max() < 1e-6, names[cell // 2]
+            continue
+        bright += 1
+        seen = light > 0.01 * np.quantile(light, 0.99)  # else at the edge of what the lamp lights
+        difference = (np.abs(a - b).max(1) / np.maximum(light, 1e-12))[seen]
+        assert np.median(difference) <= median, (names[cell // 2], np.median(difference))
+        assert np.quantile(difference, 0.99) <= most, (names[cell // 2], np.quantile(difference, 0.99))
+    return bright
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_lit_as_in_cycles(drawn, name):
+    folder, names = drawn
+    # Not all have a diffuse part, and not all shine.
+    assert compare(folder, names, name) >= (30 if name.endswith("diffuse") else 50)
+
+
+@pytest.mark.parametrize("python", PYTHONS or [pytest.param(
+    None, marks=pytest.mark.skip(reason="LIGHT_MESHES_BPY_PYTHONS names no Python with another bpy"))])
+def test_in_every_blender(python, tmp_path):
+    names = draw(python, tmp_path, ["sun.diffuse", "sun.gloss"])
+    assert compare(tmp_path, names, "sun.diffuse") >= 30 and compare(tmp_path, names, "sun.gloss") >= 50

@@ -1,0 +1,111 @@
+"""Node trees written quickly, and sheets of planes that show many of them in one picture; any bpy runs this."""
+
+import math
+
+import bpy
+
+
+class Tree:
+    """A material's node tree, written down quickly."""
+
+    def __init__(self, name="Material"):
+        self.material = bpy.data.materials.new(name)
+        if bpy.app.version < (5, 0):
+            self.material.use_nodes = True
+        self.tree = self.material.node_tree
+        self.tree.nodes.clear()
+
+    def node(self, idname, inputs=None, **properties):
+        """A node; inputs by name or position: values, or sockets that are linked."""
+        node = self.tree.nodes.new(idname)
+        for name, value in properties.items():
+            setattr(node, name, value)
+        for key, value in (inputs or {}).items():
+            socket = node.inputs[key] if isinstance(key, int) else next(
+                s for s in node.inputs if s.name == key and not s.is_unavailable)
+            if isinstance(value, bpy.types.NodeSocket):
+                self.tree.links.new(value, socket)
+            else:
+                socket.default_value = value
+        return node
+
+    def uv(self):
+        return self.node('ShaderNodeTexCoord').outputs["UV"]
+
+    def separate(self, socket):
+        return self.node('ShaderNodeSeparateXYZ', {0: socket}).outputs
+
+    def emit(self, socket):
+        """The material: emission of the value at `socket`, brought to where light is positive."""
+        shown = self.node('ShaderNodeVectorMath', {0: socket, 1: (0.2, 0.2, 0.2), 2: (0.5, 0.5, 0.5)},
+                          operation='MULTIPLY_ADD').outputs[0]
+        emission = self.node('ShaderNodeEmission', {"Color": shown})
+        output = next((n for n in self.tree.nodes if n.bl_idname == 'ShaderNodeOutputMaterial'), None)
+        output = output or self.tree.nodes.new('ShaderNodeOutputMaterial')
+        self.tree.links.new(emission.outputs[0], output.inputs["Surface"])
+        return self.material
+
+
+def space(tree):
+    """Places in space that move over the plane, with all three numbers."""
+    return tree.node('ShaderNodeMapping', {"Vector": tree.uv(), "Location": (-0.4, -0.3, 0.2),
+                                           "Rotation": (0.5, 0.3, 0.2)}).outputs[0]
+
+
+def voronoi(tree, dimensions, feature, inputs=(), **properties):
+    """A Voronoi texture over the plane, and what it says there, all outputs in one colour."""
+    node = tree.node('ShaderNodeTexVoronoi', voronoi_dimensions=dimensions, feature=feature, **properties)
+    given = {"Scale": 3.0, "Randomness": 0.9, "Smoothness": 0.8, "Exponent": 1.3} | dict(inputs)
+    if dimensions in ('1D', '4D'):
+        given["W"] = tree.separate(tree.uv())[0]
+    if dimensions != '1D':
+        given["Vector"] = space(tree)
+    for name, value in given.items():
+        socket = next((s for s in node.inputs if s.name == name and not s.is_unavailable), None)
+        if socket is None:
+            continue
+        if isinstance(value, float):
+            socket.default_value = value
+        else:
+            tree.tree.links.new(value, socket)
+    outputs = {s.name: s for s in node.outputs if not s.is_unavailable}
+    if feature in ('DISTANCE_TO_EDGE', 'N_SPHERE_RADIUS'):
+        return node.outputs["Distance" if feature == 'DISTANCE_TO_EDGE' else "Radius"]
+    places = [*(tree.separate(outputs["Position"])[:2] if "Position" in outputs else ()),
+              *([outputs["W"]] if "W" in outputs else ())]
+    place = places[0]
+    for other in places[1:]:
+        place = tree.node('ShaderNodeMath', {0: place, 1: other}, operation='ADD').outputs[0]
+    red = tree.node('ShaderNodeSeparateColor', {0: outputs["Color"]}).outputs
+    color = tree.node('ShaderNodeMath', {0: red[0], 1: red[1], 2: red[2]}, operation='MULTIPLY_ADD').outputs[0]
+    return tree.node('ShaderNodeCombineXYZ', {0: outputs["Distance"], 1: color, 2: place}).outputs[0]
+
+
+FEATURES = ['F1', 'F2', 'SMOOTH_F1', 'DISTANCE_TO_EDGE', 'N_SPHERE_RADIUS']
+
+
+def sheet(scene, sockets, cell=32):
+    """Show these sockets (tree, socket) side by side, each on a plane of `cell` pixels a side; how many columns."""
+    columns = math.ceil(math.sqrt(len(sockets)))
+    for i, (tree, socket) in enumerate(sockets):
+        mesh = bpy.data.meshes.new("Plane")
+        corners = [(x, y, 0.2 * x + 0.1 * y) for x, y in ((-.5, -.5), (.5, -.5), (.5, .5), (-.5, .5))]
+        mesh.from_pydata(corners, [], [(0, 1, 2, 3)])  # tilted: on a level one many vectors have no direction
+        for corner, at in zip(mesh.uv_layers.new(name="UVMap").uv, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
+            corner.vector = at
+        mesh.materials.append(tree.emit(socket))
+        ob = bpy.data.objects.new(f"Plane {i}", mesh)
+        ob.location = (i % columns + 0.5 - columns / 2, columns / 2 - i // columns - 0.5, 0)
+        scene.collection.objects.link(ob)
+    camera = scene.camera.data
+    camera.type, camera.ortho_scale = 'ORTHO', columns
+    exact(scene)
+    scene.render.resolution_x = scene.render.resolution_y = columns * cell
+    return columns
+
+
+def exact(scene):
+    """Both engines look at pixels' middles, once."""
+    scene.render.resolution_percentage, scene.render.filter_size, scene.light_meshes.samples = 100, 0.0, 1
+    cycles = scene.cycles
+    cycles.samples, cycles.filter_width, cycles.use_denoising, cycles.use_adaptive_sampling = 4, 0.01, False, False

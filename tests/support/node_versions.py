@@ -1,0 +1,75 @@
+"""A sheet of node trees by this bpy's Cycles and by Light Meshes: for a Python with another bpy, see
+test_node_versions.py. Arguments: which sheet, and the two files to write.
+"""
+
+import sys
+
+import bpy
+import light_meshes_addon
+from node_trees import FEATURES, Tree, sheet, voronoi
+
+
+def voronois():
+    """Each feature in each number of dimensions."""
+    for dimensions in ('1D', '2D', '3D', '4D'):
+        for feature in FEATURES:
+            tree = Tree()
+            yield tree, voronoi(tree, dimensions, feature)
+
+
+def bumps():
+    """Bumps by a noise, and displacement as Layer Weight sees it."""
+    for kind in ("Generated", "UV", "Object"):
+        tree = Tree()
+        place = tree.node('ShaderNodeTexCoord').outputs[kind]
+        noise = tree.node('ShaderNodeTexNoise', {"Vector": place, "Scale": 1.5, "Detail": 1.0}).outputs[0]
+        yield tree, tree.node('ShaderNodeBump', {"Height": noise, "Distance": 0.4}).outputs[0]
+    tree = Tree()
+    noise = tree.node('ShaderNodeTexNoise', {"Vector": tree.uv(), "Scale": 1.5, "Detail": 1.0}).outputs[0]
+    output = tree.tree.nodes.new('ShaderNodeOutputMaterial')
+    tree.tree.links.new(tree.node('ShaderNodeDisplacement', {"Height": noise, "Scale": 0.4}).outputs[0],
+                        output.inputs["Displacement"])
+    tree.material.displacement_method = 'BUMP'
+    yield tree, tree.node('ShaderNodeLayerWeight').outputs["Facing"]
+
+
+def others():
+    """What releases may have changed: random numbers of objects, attributes, tangents, checkers, bricks."""
+    for name in ("Random", "Location"):
+        tree = Tree()
+        yield tree, tree.node('ShaderNodeObjectInfo').outputs[name]
+    tree = Tree()
+    yield tree, tree.node('ShaderNodeTangent', direction_type='UV_MAP').outputs[0]
+    tree = Tree()
+    yield tree, tree.node('ShaderNodeTexChecker', {"Vector": tree.uv(), "Scale": 4.0}).outputs[0]
+    tree = Tree()
+    yield tree, tree.node('ShaderNodeNormalMap', {"Color": tree.uv()}).outputs[0]
+    for output in ("View Vector", "View Z Depth", "View Distance"):
+        tree = Tree()
+        yield tree, tree.node('ShaderNodeCameraData').outputs[output]
+
+
+SHEETS = {"voronoi": voronois, "bumps": bumps, "others": others}
+
+
+def main(name, *files):
+    light_meshes_addon.register()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.view_settings.view_transform = 'Standard'
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.camera.location = (0, 0, 10)
+    scene.collection.objects.link(scene.camera)
+    sheet(scene, list(SHEETS[name]()))
+    for engine, file in zip(('LIGHT_MESHES', 'CYCLES'), files, strict=True):
+        scene.render.engine = engine
+        scene.render.image_settings.file_format = 'OPEN_EXR'
+        scene.render.image_settings.color_depth = '32'
+        scene.render.filepath = file
+        bpy.ops.render.render(write_still=True)
+    from light_meshes_addon.headless import leave
+    light_meshes_addon.unregister()
+    leave(0)
+
+
+main(*sys.argv[1:])
