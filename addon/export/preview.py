@@ -2,18 +2,10 @@
 
 # Soft edges that suit the area lights of these scenes, with few nodes, because the artist waits for every preview.
 SETTINGS = {"auto_h": False, "h": 0.03, "kI": 2.0, "samples": 4}
-_FLOORS = {"Floor", "FloorHidden"}
-_FLOOR_COLOR = [0.083] * 3
 
 
 def adapt(objects: list[dict], materials: list[dict]) -> None:
-    """Set the colour of the floor. Its nodes make a checker pattern, for which the mean colour is used here; icons hide
-    the floor from the camera.
-    """
-    for material in materials:
-        if material["name"] in _FLOORS:
-            material["Od"] = _FLOOR_COLOR
-            material.pop("program", None)
+    """Hide the floor from the camera in icons, where Blender shows the object alone."""
     if any(material["name"] == "FloorHidden" for material in materials):
         for ob in objects:
             ob["visible_camera"] &= ob["name"] != "Floor"
