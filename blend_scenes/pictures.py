@@ -174,8 +174,15 @@ def panels(folder):
                                                 oiio.ROI(0, width, 0, 705)) for shot in shots]])
 
 
+def materials(folder):
+    """Balls with procedural materials. Above: this engine. Below: Cycles."""
+    subprocess.run([sys.executable, str(HERE / "materials.py"), str(folder)], check=True)
+    return side_by_side([[oiio.ImageBufAlgo.channels(oiio.ImageBuf(str(folder / f"{engine}.png")), (0, 1, 2))]
+                         for engine in ("LIGHT_MESHES", "CYCLES")])
+
+
 PICTURES = {f.__name__: f for f in (tabletop, parameters, weights, cylinder, lens, control, light_size, limits,
-                                   panels)}
+                                   materials, panels)}
 
 if __name__ == "__main__":
     PICTURES_FOLDER.mkdir(exist_ok=True)

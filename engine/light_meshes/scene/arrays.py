@@ -95,6 +95,16 @@ def _joined(blocks: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
                                            ARRAYS[name][0]), *(b[name] for b in blocks)]) for name in _MESHES}
 
 
+def fits(shape: tuple[int, ...], tail: tuple[int | None, ...]) -> bool:
+    """Whether a shape is (n, *tail); None in `tail` is any length."""
+    return len(shape) == 1 + len(tail) and all(a in (b, None) for a, b in zip(tail, shape[1:], strict=True))
+
+
+def shape_of(tail: tuple[int | None, ...]) -> str:
+    """The shape (n, *tail) for a sentence."""
+    return ", ".join(["n", *("k" if n is None else str(n) for n in tail)])
+
+
 def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray:
     path = folder / block / f"{name}.npy"
     shown = f"{block}/{name}.npy" if block else f"{name}.npy"
@@ -114,10 +124,8 @@ def _read_array(folder: Path, block: str, name: str, mapped: bool) -> np.ndarray
         if not all(type(n) is int and n >= 0 for n in shape):
             raise SceneError(f"{shown} has the shape {quoted(shape)}, which is none: write the snapshot again")
         size = math.prod(shape) * found.itemsize
-        if fortran or found != np.dtype(dtype) or len(shape) != 1 + len(tail) or any(
-                a not in (b, None) for a, b in zip(tail, shape[1:], strict=True)):
-            wanted = ", ".join(["n", *("k" if n is None else str(n) for n in tail)])
-            raise SceneError(f"{shown} is {found} {quoted(shape)}; needed: {dtype} ({wanted})")
+        if fortran or found != np.dtype(dtype) or not fits(shape, tail):
+            raise SceneError(f"{shown} is {found} {quoted(shape)}; needed: {dtype} ({shape_of(tail)})")
         if path.stat().st_size - start != size:
             raise SceneError(f"{shown} is cut short: {path.stat().st_size - start} of {size} bytes")
         # "c": mapped, but kernels may treat it like an array in memory; nothing is ever written to the file.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import ARRAYS
+from .arrays import ARRAYS, fits, shape_of
 from .description import IDENTITY, Camera, Geometry, Image, Light, Material, Object, Scene, Settings
 from .errors import SceneError
 from .programs import Program, plain
@@ -54,9 +54,8 @@ def _check_arrays(geometry: Geometry) -> None:
     for name, (dtype, tail) in ARRAYS.items():
         array = getattr(geometry, name)
         _check_kind(array, np.ndarray, f"geometry: {name}")
-        if array.dtype != np.dtype(dtype) or array.shape[1:] != tail or not array.ndim:
-            needed = ", ".join(["n", *map(str, tail)])
-            raise SceneError(f"geometry: {name} is {array.dtype} {array.shape}; needed: {dtype} ({needed}), as "
+        if array.dtype != np.dtype(dtype) or not fits(array.shape, tail):
+            raise SceneError(f"geometry: {name} is {array.dtype} {array.shape}; needed: {dtype} ({shape_of(tail)}), as "
                              "Geometry.from_meshes makes it")
 
 
