@@ -46,8 +46,8 @@ def _attribute(mesh: Any, kind: str, name: str, corners: np.ndarray) -> np.ndarr
     if attribute is None or attribute.data_type not in _PROPERTY:
         return out
     prop, width = _PROPERTY[attribute.data_type]
-    flat = np.empty(len(attribute.data) * width,
-                    {'INT': np.int32, 'INT8': np.int32, 'BOOLEAN': np.bool_}.get(attribute.data_type, np.float32))
+    stored: dict[str, type] = {'INT': np.int32, 'INT8': np.int32, 'BOOLEAN': np.bool_}
+    flat: np.ndarray = np.empty(len(attribute.data) * width, stored.get(attribute.data_type, np.float32))
     attribute.data.foreach_get(prop, flat)
     values = _at_corners(mesh, attribute.domain, flat.astype(np.float32).reshape(-1, width), corners)
     if width == 1:

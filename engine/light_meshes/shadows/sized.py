@@ -42,7 +42,7 @@ class Batch(NamedTuple):
     S: NDArray[np.float32]  # (…,L,C)
     check: Check
 
-    def of(self, rows: NDArray[np.intp], active: NDArray[np.uint64]) -> Receivers:
+    def of(self, rows: NDArray[np.integer], active: NDArray[np.uint64]) -> Receivers:
         """Some of the receivers, asked for other lights."""
         on = self.at.triangle
         return Receivers(self.at.P[rows], self.at.normals()[rows], active, None if on is None else on[rows])

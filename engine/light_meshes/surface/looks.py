@@ -42,7 +42,7 @@ class Looks:
         rows = np.flatnonzero(self._varies[hits.material]) if self.any else np.zeros(0, np.int64)
         if not len(rows):
             return hits
-        own = Materials(*(column[hits.material[rows]] for column in table))
+        own = Materials._make(column[hits.material[rows]] for column in table)
         h = hits.at(rows)
         points = Points(h.P, h.Ns, h.Ng, -direction[rows], h.front, h.uv, h.triangle, ray[rows], self._around)
         material, Ns = hits.material[rows], None
