@@ -176,13 +176,23 @@ def panels(folder):
 
 def materials(folder):
     """Balls with procedural materials. Above: this engine. Below: Cycles."""
-    subprocess.run([sys.executable, str(HERE / "materials.py"), str(folder)], check=True)
+    return beside_cycles(folder, "materials")
+
+
+def shapes(folder):
+    """Things under lamps with a size. Above: this engine. Below: Cycles."""
+    return beside_cycles(folder, "shapes")
+
+
+def beside_cycles(folder, script):
+    """Run blend_scenes/SCRIPT.py, which renders with both engines; return its pictures, one above the other."""
+    subprocess.run([sys.executable, str(HERE / f"{script}.py"), str(folder)], check=True)
     return side_by_side([[oiio.ImageBufAlgo.channels(oiio.ImageBuf(str(folder / f"{engine}.png")), (0, 1, 2))]
                          for engine in ("LIGHT_MESHES", "CYCLES")])
 
 
 PICTURES = {f.__name__: f for f in (tabletop, parameters, weights, cylinder, lens, control, light_size, limits,
-                                   materials, panels)}
+                                   materials, shapes, panels)}
 
 if __name__ == "__main__":
     PICTURES_FOLDER.mkdir(exist_ok=True)
