@@ -35,6 +35,7 @@ SLOW_SECONDS = 2.0  # of a first picture
 
 def story():
     scene = bpy.context.scene
+    bpy.data.lights["Light"].light_meshes.softness = 'SCENE'  # by nodes, of whose step and radius the line speaks
     scene.render.engine = 'LIGHT_MESHES'
     ball = bpy.data.objects["Cube"]
     big = mesh_object("Big", 300, 4.0, 0.3, location=(0, 0, -1))

@@ -38,14 +38,14 @@ def test_light_comes_through_any_number_of_panes(light, values):
         S, ready = on_the_floor(panes(count, 0.9), light, SPOTS, **values)
         tolerance = 0.1 if "caustics" in values else 1e-6  # the way through is longer than the straight one
         np.testing.assert_allclose(S, 0.9 ** (2 * count), rtol=tolerance)
-        assert ready.path_warnings() == []
+        assert ready.shadowing.path_warnings() == []
 
 
 def test_behind_more_glass_than_is_followed_light_goes_straight(monkeypatch):
     monkeypatch.setattr(beams, "DEEPER", 0)
     S, ready = on_the_floor(panes(6, 0.9), point((0.2, 0.1, 8.0)), SPOTS)
     np.testing.assert_allclose(S, 0.9**12, rtol=1e-6)
-    (sentence,) = ready.path_warnings()
+    (sentence,) = ready.shadowing.path_warnings()
     assert "followed through 8 bends only" in sentence
     shade = Shape(rectangle((-2, -2), (2, 2), 5.0), GREY, "shade")  # but not through what is opaque
     np.testing.assert_array_equal(on_the_floor([*panes(6, 0.9), shade], point((0.2, 0.1, 8.0)), SPOTS)[0], 0)

@@ -66,7 +66,8 @@ def test_what_is_seen_in_a_mirror_and_in_shadow(plane, scene, render, add_plane,
         tree.tree.links.new(mix.outputs[0], tree.tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
         tree.material.cycles.emission_sampling, sheet.visible_diffuse = 'NONE', False  # no indirect light
         sheet.data.materials.append(tree.material)
-    add_light('SUN', energy=2.0, rotation=(0.3, 0, 0)).data.angle = 0
+    lamp = add_light('SUN', energy=2.0, rotation=(0.3, 0, 0))
+    lamp.data.angle, lamp.visible_glossy = 0, False  # its highlight is another test's
     scene.cycles.max_bounces, scene.cycles.samples = 4, 16
     scene.cycles.diffuse_bounces = 0
     scene.light_meshes.shadows = 'SHARP'

@@ -28,6 +28,7 @@ material.light_meshes.ks = 0
 mesh.materials.append(material)
 plane = add(mesh)
 sun = bpy.data.lights.new("Sun", 'SUN')
+sun.light_meshes.softness = 'SCENE'  # by nodes, whose step the command tells
 sun.energy, sun.angle = math.pi, 0
 add(sun, location=(0, 0, 4))
 scene.camera = add(bpy.data.cameras.new("Camera"), location=(0, 0, 10))
