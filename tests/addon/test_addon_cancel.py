@@ -67,11 +67,19 @@ class Run:
         return not self.processes()
 
 
+def _written(folder):
+    """The hidden pictures that are begun; they, and their folder, may be gone the next moment."""
+    try:
+        return [p for p in folder.glob(".light-meshes-*/.*") if p.stat().st_size]
+    except FileNotFoundError:
+        return []
+
+
 PHASES = {
     "starting": lambda run: list(run.temporary.glob("light-meshes-*")),
     "reading": lambda run: list(run.temporary.glob("*/blender_*")),
     "rendering": lambda run: list(run.temporary.glob("*/light-meshes-*/job-*/frame")),
-    "writing": lambda run: [p for p in run.out.glob(".light-meshes-*/.*") if p.stat().st_size],
+    "writing": lambda run: _written(run.out),
 }
 
 

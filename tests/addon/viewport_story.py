@@ -47,6 +47,7 @@ def story():
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
     scene.light_meshes.samples = 2
+    bpy.data.lights["Light"].light_meshes.softness = 'SCENE'  # by nodes, whose step the story tells
     for ob in list(bpy.data.objects):
         if ob.type == 'MESH':
             bpy.data.objects.remove(ob)
