@@ -6,10 +6,9 @@ docs/pictures/materials.jpg (see pictures.py).
 
 import sys
 from math import radians
-from pathlib import Path
 
 import bpy
-from parts import add, camera, clean_scene, light, mesh, principled, world
+from parts import add, by_both_engines, camera, clean_scene, light, mesh, principled, world
 
 BALLS = 64, 32  # segments and rings
 
@@ -95,13 +94,4 @@ def make():
 
 
 if __name__ == "__main__":
-    import light_meshes_addon
-
-    light_meshes_addon.register()
-    scene = make()
-    scene.cycles.samples, scene.cycles.max_bounces = 128, 0
-    for engine in ('LIGHT_MESHES', 'CYCLES'):
-        scene.render.engine = engine
-        scene.render.filepath = str(Path(sys.argv[1]) / f"{engine}.png")
-        bpy.ops.render.render(write_still=True)
-    light_meshes_addon.unregister()
+    by_both_engines(make, sys.argv[1], 128)

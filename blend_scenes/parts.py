@@ -136,6 +136,19 @@ def towards(location, target):
     return (Vector(target) - Vector(location)).to_track_quat('-Z', 'Y').to_euler()
 
 
+def by_both_engines(make, folder, samples):
+    """Render the scene that `make` returns into FOLDER/ENGINE.png, by this engine and by Cycles with so many samples.
+
+    Both have direct light only, and Cycles has no denoiser.
+    """
+    scene = make()
+    scene.cycles.samples, scene.cycles.max_bounces, scene.cycles.use_denoising = samples, 0, False
+    for engine in ('LIGHT_MESHES', 'CYCLES'):
+        scene.render.engine = engine
+        scene.render.filepath = str(Path(folder) / f"{engine}.png")
+        bpy.ops.render.render(write_still=True)
+
+
 def save(name):
     """Write blend_scenes/NAME.blend without the paths of this machine, which a .blend stores in several places."""
     bpy.context.scene.render.filepath = "//"

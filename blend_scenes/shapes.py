@@ -6,10 +6,9 @@ docs/pictures/shapes.jpg (see pictures.py).
 
 import sys
 from math import radians
-from pathlib import Path
 
 import bpy
-from parts import add, box, camera, clean_scene, light, mesh, principled, world
+from parts import add, box, by_both_engines, camera, clean_scene, light, mesh, principled, world
 
 
 def ball(name, radius, material):
@@ -46,13 +45,4 @@ def make():
 
 
 if __name__ == "__main__":
-    import light_meshes_addon
-
-    light_meshes_addon.register()
-    scene = make()
-    scene.cycles.samples, scene.cycles.max_bounces, scene.cycles.use_denoising = 256, 0, False
-    for engine in ('LIGHT_MESHES', 'CYCLES'):
-        scene.render.engine = engine
-        scene.render.filepath = str(Path(sys.argv[1]) / f"{engine}.png")
-        bpy.ops.render.render(write_still=True)
-    light_meshes_addon.unregister()
+    by_both_engines(make, sys.argv[1], 256)

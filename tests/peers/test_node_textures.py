@@ -1,23 +1,10 @@
 """Texture nodes beside Cycles: the same pattern, pixel by pixel."""
 
-import bpy
-import numpy as np
 import pytest
-from node_pictures import check
+from node_pictures import check, painted
 from node_trees import Tree
 
 pytestmark = pytest.mark.slow
-
-
-def painted(width=24, height=16):
-    """An image whose every texel is another colour, with an alpha that goes from 0 to 1."""
-    image = bpy.data.images.new("painted", width, height, alpha=True)
-    rng = np.random.default_rng(5)
-    pixels = rng.uniform(0.1, 0.9, (height, width, 4)).astype(np.float32)
-    pixels[..., 3] = np.linspace(0, 1, width)
-    image.pixels.foreach_set(pixels.ravel())
-    image.pack()
-    return image
 
 
 @pytest.mark.parametrize("projection", ['FLAT', 'SPHERE', 'TUBE'])
