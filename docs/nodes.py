@@ -7,14 +7,15 @@ import re
 from pathlib import Path
 
 import bpy
-from light_meshes_addon.export import lamp_nodes, node_values, surface_nodes
+from light_meshes_addon.export import node_values, surface_nodes
 
 PAGE = Path(__file__).with_name("materials.md")
 BLOCK = re.compile(r"(<!-- nodes -->\n).*?(\n<!-- end -->)", re.S)
 # What is read elsewhere than in the two tables.
 ELSEWHERE = {'ShaderNodeBackground': "as the world", 'ShaderNodeGroup': "followed, nested groups too",
              'ShaderNodeOutputMaterial': "", 'ShaderNodeOutputLight': "", 'ShaderNodeOutputWorld': "",
-             'ShaderNodeLightFalloff': "in lamps", 'ShaderNodeTexIES': "in lamps", 'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': ""}
+             'ShaderNodeLightFalloff': "in lamps", 'ShaderNodeTexIES': "in lamps",
+             'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': ""}
 # What a translated node does otherwise than in Cycles.
 NEARLY = {
     'ShaderNodeBsdfPrincipled': "without subsurface, sheen, anisotropy, thin film; rough mirror images are not seen",
@@ -38,7 +39,7 @@ def rows():
             node = tree.nodes.new(name)
         except RuntimeError:  # of freestyle's trees, or a base class
             continue
-        known = name in node_values.NODES or name in lamp_nodes.NODES or name in surface_nodes._SHADERS or name in ELSEWHERE
+        known = name in node_values.NODES or name in surface_nodes._SHADERS or name in ELSEWHERE
         remark = NEARLY.get(name, ELSEWHERE.get(name, ""))
         found.append((node.bl_label, ("nearly" if name in NEARLY else "yes") if known else "no", remark))
         tree.nodes.remove(node)

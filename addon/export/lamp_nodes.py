@@ -216,4 +216,3 @@ _OWN = {
     'ShaderNodeNormalMap': _bump,
     'ShaderNodeNewGeometry': _geometry,
 }
-NODES = ('ShaderNodeLightFalloff', 'ShaderNodeTexIES')  # that only lamps have

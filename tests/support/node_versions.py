@@ -6,7 +6,7 @@ import sys
 
 import bpy
 import light_meshes_addon
-from node_trees import FEATURES, Tree, lamp_sheet, sheet, voronoi
+from node_trees import FEATURES, Tree, lamp_sheet, outputs_of_lamps, sheet, voronoi
 
 
 def voronois():
@@ -49,25 +49,6 @@ def others():
         yield tree, tree.node('ShaderNodeCameraData').outputs[output]
 
 
-def lamps():
-    """What lamps' nodes are given, which releases changed: their own space, numbers of their objects, their UVs."""
-    def output(idname, name):
-        return lambda tree: tree.node(idname).outputs[name]
-
-    cases = [(kind, output(idname, name)) for kind in ('POINT', 'SPOT', 'AREA') for idname, name in (
-        ('ShaderNodeTexCoord', "Object"), ('ShaderNodeTexCoord', "Generated"), ('ShaderNodeTexCoord', "Normal"),
-        ('ShaderNodeTexCoord', "Camera"), ('ShaderNodeTexCoord', "Reflection"), ('ShaderNodeNewGeometry', "Position"),
-        ('ShaderNodeObjectInfo', "Location"), ('ShaderNodeObjectInfo', "Random"), ('ShaderNodeObjectInfo', "Color"),
-        ('ShaderNodeLightPath', "Is Shadow Ray"), ('ShaderNodeLightFalloff', "Constant"))]
-    def attribute(tree):
-        return tree.node('ShaderNodeAttribute', attribute_type='OBJECT', attribute_name="energy").outputs["Fac"]
-
-    return [*cases, ('POINT', attribute), *((kind, output(idname, name)) for kind, idname, name in (
-        ('POINT', 'ShaderNodeTexCoord', "UV"), ('SPOT', 'ShaderNodeTexCoord', "UV"),
-        ('SPOT', 'ShaderNodeNewGeometry', "Parametric"), ('SUN', 'ShaderNodeTexCoord', "Normal"),
-        ('SUN', 'ShaderNodeNewGeometry', "Position"), ('SUN', 'ShaderNodeTexCoord', "UV")))]
-
-
 SHEETS = {"voronoi": voronois, "bumps": bumps, "others": others}
 
 
@@ -80,7 +61,7 @@ def main(name, *files):
     scene.camera.location = (0, 0, 10)
     scene.collection.objects.link(scene.camera)
     if name == "lamps":
-        lamp_sheet(scene, lamps())
+        lamp_sheet(scene, outputs_of_lamps(['POINT', 'SPOT']))
     else:
         sheet(scene, list(SHEETS[name]()))
     for engine, file in zip(('LIGHT_MESHES', 'CYCLES'), files, strict=True):

@@ -74,8 +74,8 @@ class Program:
     def __hash__(self) -> int:
         return hash((self.operations, tuple(self.values.items())))
 
-    def needed(self, names: Collection[str]) -> list[bool]:
-        """Which operations the parameters of these names need."""
+    def needed(self, names: Collection[str]) -> tuple[list[bool], set[int]]:
+        """Which operations the parameters of these names need, and which registers."""
         starts = [0]
         for operation in self.operations:
             starts.append(starts[-1] + OPERATIONS[operation.name][1])
@@ -86,7 +86,7 @@ class Program:
             needs[i] = any(register in asked for register in range(starts[i], starts[i + 1]))
             if needs[i]:
                 asked.update(a[0] for a in self.operations[i].arguments if isinstance(a, tuple) and len(a) == 1)
-        return needs
+        return needs, asked
 
     def images(self) -> set[int]:
         """The images that it looks at."""
