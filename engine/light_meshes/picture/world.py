@@ -42,6 +42,7 @@ class World:
     materials: shading.Materials
     looks: Looks
     sky: Sky
+    as_lamps: NDArray[np.bool_] | None = None  # (T,) triangles whose light comes from lamps in their place; None: none
 
     def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
         """The hits of rays along `direction`, with what the programs of their materials say of them; see `Looks`."""
