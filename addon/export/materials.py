@@ -111,6 +111,11 @@ class Materials:
         if not chosen.keys() & _PHONG and (highlight := surface.facets.parameters()):
             # Phong's stand for these where one number must do, as in the engine's plan.
             found |= highlight | {name: typical(name, found[name]) for name in _PHONG}
+            if "mirror" not in chosen and not surface.fresnel:
+                # Reflected rays follow the same lobes, and find the world's light, too.
+                found |= {"blurred": True, "mirror": typical("mirror", found["mirror"])}
+                if "ka" not in chosen:
+                    found["ka"] = found["kd"]
         description |= _written(found)
         if overrides:
             description |= {

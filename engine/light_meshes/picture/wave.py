@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ class Rays(NamedTuple):
     clear: NDArray[np.bool_] | None = None  # (n,) straight through all surfaces so far
     media: NDArray[np.int32] | None = None  # (n,m) the bodies that it is in, −1: none
     mirrored: NDArray[np.int16] | None = None  # (n,) of its bends those at mirrors
+    # Where surfaces have lobes of microfacets (`blurred`):
+    fan: NDArray[np.int32] | None = None  # (n,) −1 − the sample of its pixel; its number ≥ 0 after it was spread out
     # Where surfaces lie in one place:
     start: NDArray[np.float64] | None = None  # (n,3) where it began to go straight on
     last: NDArray[np.int32] | None = None  # (n,) the triangle that it met last, −1: none
@@ -32,6 +35,11 @@ class Rays(NamedTuple):
         """The rays of these rows, or where a mask (n,) is set."""
         index = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
         return Rays._make(a if a is None else a.take(index, axis=0) for a in self)
+
+    def pieces(self, most: int) -> Iterator[Rays]:
+        """These rays, `most` of them at a time."""
+        for i in range(0, len(self.pixel), most):
+            yield Rays._make(a if a is None else a[i:i + most] for a in self)
 
     def seen_as(self, part: int) -> Rays:
         """Rays that go on as `part`, if they have not been one yet."""
