@@ -12,7 +12,7 @@ from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
 from ..surface import points
 from .prepared import Prepared
-from .reflections import background, leaving, reflected
+from .reflections import background, leaving, reflected, softened
 from .wave import Rays, joined
 
 BENDS = 64  # a ray through glass bends at up to this many surfaces and then goes straight on
@@ -46,7 +46,7 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
     if ready.glass.stacks is not None:
         rays = rays._replace(start=origin, last=np.full(n, -1, np.int32))
     if ready.plan.blurred:
-        rays = rays._replace(fan=(-1 - np.arange(n) % len(ready.offsets)).astype(np.int32))
+        rays = rays._replace(fan=(-1 - np.arange(n) % len(ready.offsets)).astype(np.int32), blur=np.zeros(n))
     if tile.parts:
         rays = rays._replace(part=np.zeros(n, np.int8))  # DIRECT
     if tile.layers:
@@ -149,6 +149,7 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
            check: Callable[[], None]) -> dict[str, NDArray]:
     """Add the light of the surfaces that rays hit. Returns the shadow passes there. `first` is as in `_wave`."""
     work = tile.work(len(weight))
+    hits = softened(ready, rays, hits)
     if first and ready.sparse:
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work)
     else:

@@ -32,6 +32,7 @@ class Plan:
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
     blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
+    spreads: bool = False  # of which some are bright, and spread rays out
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
     uniform_skip: bool = False
@@ -231,6 +232,7 @@ def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Mater
     else:
         p.decide("reflected rays", "no", "no material mirrors")
     p.blurred = bool(lobes)
+    p.spreads = p.blurred and p.reflections and any(m.name in lobes and max(m.metal, m.coat) > 0.1 for m in materials)
     if lobes:
         p.decide("rough reflections", "rays" if p.reflections else "the world only",
                  f"{len(lobes)} materials with lobes of microfacets, '{lobes[0]}' first")

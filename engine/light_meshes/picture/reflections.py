@@ -48,7 +48,7 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     if not len(rays.pixel):
         return []
     settings, camera = ready.scene.settings, ready.scene.camera
-    assert rays.fan is not None
+    assert rays.fan is not None and rays.blur is not None
     up = camera.matrix[:3, 1] / np.linalg.norm(camera.matrix[:3, 1])
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, up, len(ready.offsets), settings.cutoff)
     sky = ready.world.sky
@@ -61,7 +61,8 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     if not len(rows):
         return []
     sent = found.weight.max(axis=1) > 0
-    children = _once_more(rays.seen_as(REFLECTED).at(rows)._replace(fan=found.fan[sent]))
+    children = _once_more(rays.seen_as(REFLECTED).at(rows)._replace(
+        fan=found.fan[sent], blur=np.maximum(rays.blur[rows], found.blur[sent])))
     return [("reflection", leaving(children, hits.P[rows], hits.triangle[rows], found.weight[sent], hits.Ng[rows],
                                    found.direction[sent], 1))]
 
@@ -80,12 +81,38 @@ def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: 
     return rays._replace(weight=weight, origin=P, normal=normal, direction=direction, depth=rays.depth + np.int16(step))
 
 
+def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
+    """What rays (n,) hit, as the light of lamps is seen there by those that a rough surface has spread out.
+
+    Highlights are as wide as the lobe at least: smaller ones would be dots, which only some of the few rays find. And
+    surfaces do not shine for which lamps stand, as these have highlights of their own.
+    """
+    if rays.blur is None:
+        return hits
+    m, row = hits.table, hits.row
+    wider = m.ggx[row] & ((m.roughness[row] < rays.blur) | (m.coat_roughness[row] < rays.blur))
+    if ready.world.as_lamps is not None:
+        wider |= (rays.blur > 0) & ready.world.as_lamps[hits.triangle]
+    rows = np.flatnonzero(wider)
+    if not len(rows):
+        return hits
+    own = shading.Materials._make(column[row[rows]] for column in m)
+    for roughness in (own.roughness, own.coat_roughness):
+        np.maximum(roughness, rays.blur[rows], out=roughness)
+    if ready.world.as_lamps is not None:
+        own.emission[ready.world.as_lamps[hits.triangle[rows]] & (rays.blur[rows] > 0)] = 0.0
+    row = row.copy()
+    row[rows] = len(m.ka) + np.arange(len(rows), dtype=np.int32)
+    return hits._replace(row=row, table=shading.Materials._make(
+        np.concatenate([a, b]) for a, b in zip(m, own, strict=True)))
+
+
 def background(ready: Prepared, rays: Rays) -> NDArray[np.float64]:
     """The radiance (n,3), or one row (3,), that rays see which miss all surfaces. Those of rough surfaces see what lights
     surfaces: lamps that stand for the world's suns have highlights of their own.
     """
     seen = ready.world.sky.seen(rays.direction)
-    if rays.fan is None or not (rays.fan >= 0).any():
+    if rays.blur is None or not (rays.blur > 0).any():
         return seen
     light = ready.world.sky.light(rays.direction)
-    return seen if seen is light else np.where((rays.fan >= 0)[:, None], light, seen)
+    return seen if seen is light else np.where((rays.blur > 0)[:, None], light, seen)

@@ -24,6 +24,7 @@ class Rays(NamedTuple):
     mirrored: NDArray[np.int16] | None = None  # (n,) of its bends those at mirrors
     # Where surfaces have lobes of microfacets (`blurred`):
     fan: NDArray[np.int32] | None = None  # (n,) −1 − the sample of its pixel; its number ≥ 0 after it was spread out
+    blur: NDArray[np.float64] | None = None  # (n,) the largest roughness of these surfaces so far, 0 where smooth
     # Where surfaces lie in one place:
     start: NDArray[np.float64] | None = None  # (n,3) where it began to go straight on
     last: NDArray[np.int32] | None = None  # (n,) the triangle that it met last, −1: none
@@ -37,9 +38,17 @@ class Rays(NamedTuple):
         return Rays._make(a if a is None else a.take(index, axis=0) for a in self)
 
     def pieces(self, most: int) -> Iterator[Rays]:
-        """These rays, `most` of them at a time."""
-        for i in range(0, len(self.pixel), most):
-            yield Rays._make(a if a is None else a[i:i + most] for a in self)
+        """These rays, about `most` of them at a time; all of a sample at once, so that it does not matter for the sum of
+        what they find where the others are.
+        """
+        if len(self.pixel) <= most:
+            yield self
+            return
+        order = np.argsort(self.pixel, kind="stable")
+        first = np.flatnonzero(np.diff(self.pixel[order], prepend=-1))  # row of each sample
+        cuts = np.unique(first[np.searchsorted(first, np.arange(0, len(order), most), "right") - 1])
+        for i, j in zip(cuts, [*cuts[1:], len(order)], strict=True):
+            yield self.at(order[i:j])
 
     def seen_as(self, part: int) -> Rays:
         """Rays that go on as `part`, if they have not been one yet."""

@@ -1,8 +1,12 @@
 /* Reflected rays of rough surfaces: how many, and which way (blurred.py). */
 #include "ggx.h"
 
-enum { MOST_RAYS = 32 };  /* of one camera ray at one lobe */
-/* Rays of all samples of a pixel for a lobe that is wide and bright. */
+/* From this roughness on rays count as spread out. */
+#define ROUGH 0.1
+/* Highlights that such rays see are not smaller than those of this roughness. */
+#define LEAST_SEEN 0.2
+enum { LEAST_RAYS = 4, MOST_RAYS = 32 };  /* of one camera ray at a lobe that is wide and bright */
+/* How many there should be of all samples of a pixel. */
 #define RAYS_OF_A_PIXEL 128.0
 
 /* One lobe at one hit: its material's row, what gets to it through a coat, and its roughness. */
@@ -42,16 +46,16 @@ static f64 albedo_of(const Lobe *lobe, const f64 *tables, f64 facing, f64 *albed
     return most;
 }
 
-/* Which share of a lobe is followed by rays. Faint reflections of rough surfaces are not: they cost as much as bright
-   ones, and nobody sees them. */
-static f64 followed(f64 roughness, f64 albedo) {
-    f64 rough = held((roughness - 0.1) / 0.2, 0.0, 1.0);
-    return rough > 0.0 ? held((albedo - 0.1 * rough) / (0.1 * rough), 0.0, 1.0) : 1.0;
+/* Which share of a lobe is followed by rays. Faint reflections of rough surfaces are not, beside the light that they
+   scatter (matt): rays cost much, and nobody sees them. */
+static f64 followed(f64 roughness, f64 albedo, f64 matt) {
+    f64 rough = held((roughness - ROUGH) / 0.2, 0.0, 1.0), least = 0.1 * rough * (matt + albedo);
+    return least > 0.0 ? held((albedo - least) / least, 0.0, 1.0) : 1.0;
 }
 
-/* How many rays of one sample follow it, of `samples` in a pixel: a power of 2. */
+/* How many rays of one sample follow it, of `samples` in a pixel: a power of 2. Narrow and faint lobes need fewer. */
 static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
-    f64 wanted = RAYS_OF_A_PIXEL * held(2.5 * roughness, 0.0, 1.0) * held(2.0 * albedo, 0.0, 1.0) / (f64)samples;
+    f64 wanted = fmax(RAYS_OF_A_PIXEL / (f64)samples, LEAST_RAYS) * held(2.5 * roughness, 0.0, 1.0) * held(2.0 * albedo, 0.2, 1.0);
     i32 count = 1;
     while (count < MOST_RAYS && count < wanted) count *= 2;
     return roughness < 0.02 ? 1 : count;
@@ -59,11 +63,12 @@ static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
 
 /* Fills count with the rays that follow each hit's coat and the lobe below it, and left with what both reflect that is
    not followed, as a share of light from everywhere. fan: which rays of a pixel they are, below 0 for those that were
-   not spread out yet, which may be. may: whether rays may go on from there. weight: what of the light counts. */
+   not spread out yet, which may be. may: whether rays may go on from there. matt: what
+   of the light the surface scatters. weight: what of the light counts. */
 KERNEL(blurred_count, "ggx f64[M,25]  tables f64[T]  blurred bool[M]  way f64[n,3]  Ns f64[n,3]  material i32[n]  "
-       "fan i32[n]  may bool[n]  weight f64[n,3]  cutoff f64  samples i64  count i32[n,2]!  left f64[n,3]!")
+       "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  samples i64  count i32[n,2]!  left f64[n,3]!")
 i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const u8 *blurred, const f64 *way, const f64 *Ns,
-                  const i32 *material, const i32 *fan, const u8 *may, const f64 *weight, f64 cutoff, i64 samples,
+                  const i32 *material, const i32 *fan, const u8 *may, const f64 *matt, const f64 *weight, f64 cutoff, i64 samples,
                   i32 *count, f64 *left) {
     (void)M, (void)T;
     for (i64 p = 0; p < n; p++) {
@@ -76,7 +81,7 @@ i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const 
             Lobe lobe;
             f64 albedo[3];
             if (!lobe_of(m, tables, facing, which, &lobe)) continue;
-            f64 most = albedo_of(&lobe, tables, facing, albedo), share = followed(lobe.roughness, most);
+            f64 most = albedo_of(&lobe, tables, facing, albedo), share = followed(lobe.roughness, most, matt[p]);
             if (!may[p] || most * share * brightest <= cutoff) share = 0.0;
             if (share > 0.0) count[2 * p + which] = fan[p] < 0 ? rays_of(lobe.roughness, most, samples) : 1;
             for (int j = 0; j < 3; j++) left[3 * p + j] += (1.0 - share) * albedo[j];
@@ -139,53 +144,61 @@ static void facet_at(const f64 *V, const f64 *N, f64 sight, f64 alpha, const f64
     for (int c = 0; c < 3; c++) H[c] = (h[0] * x[c] + h[1] * y[c] + h[2] * N[c]) / length;
 }
 
+/* Where a ray goes that comes along V from a facet H of a surface with the normals N and G. Returns the cosine to N of the
+   way that the facet sends it; where the triangles of a smooth mesh are in this way, it leaves as far above them. */
+static f64 facet_sends(const f64 *V, const f64 *N, const f64 *G, const f64 *H, f64 c, f64 *L) {
+    for (int j = 0; j < 3; j++) L[j] = 2.0 * c * H[j] - V[j];
+    f64 rise = dot3(L, N), above = dot3(L, G);
+    if (above <= 0.0)
+        for (int j = 0; j < 3; j++) L[j] -= (2.0 * above - 1e-6) * G[j];
+    f64 length = sqrt(dot3(L, L));
+    for (int j = 0; j < 3; j++) L[j] /= length;
+    return rise;
+}
+
 /* F of a lobe at the cosine c between facet and eye, in channel j. */
 static f64 facet_reflects(const Gloss *g, int j, f64 c) {
-    f64 away = 1.0 - c, fifth = square(square(away)) * away;
-    f64 F = g->plain[j] + g->schlick[j] * fifth - g->edge[j] * (c * fifth * away) + g->fresnel[j] * fresnel_share(c, g->ior2, g->normal);
+    f64 away = 1.0 - c, fifth = square(square(away)) * away, s = fresnel_share(c, g->ior2, g->normal);
+    f64 F = g->plain[j] + g->schlick[j] * fifth - g->edge[j] * (c * fifth * away) + g->fresnel[j] * s;
     return F > 0.0 ? F : 0.0;
 }
 
 /* The rays that `blurred_count` counted, in the order of hits, coats first: of which hit, which way, with what weight (0
-   where microfacets send it into the surface), and their number in `fan`. depth: how many lobes rays have met before. */
+   where microfacets send it into the surface), their number in `fan`, and how rough the lobe is, 0: not spread out.
+   depth: how many lobes rays have met before. */
 KERNEL(blurred_rays, "ggx f64[M,25]  tables f64[T]  way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  material i32[n]  fan i32[n]  "
-       "depth i32[n]  weight f64[n,3]  up f64[3]  samples i64  count i32[n,2]  hit i64[m]!  out f64[m,3]!  share f64[m,3]!  "
-       "number i32[m]!")
+       "depth i32[n]  matt f64[n]  weight f64[n,3]  up f64[3]  samples i64  count i32[n,2]  hit i64[m]!  out f64[m,3]!  "
+       "share f64[m,3]!  number i32[m]!  blur f64[m]!")
 i64 blurred_rays(i64 M, i64 T, i64 n, i64 most, const f64 *ggx, const f64 *tables, const f64 *way, const f64 *Ng,
-                 const f64 *Ns, const i32 *material, const i32 *fan, const i32 *depth, const f64 *weight, const f64 *up,
-                 i64 samples, const i32 *count, i64 *hit, f64 *out, f64 *share, i32 *number) {
+                 const f64 *Ns, const i32 *material, const i32 *fan, const i32 *depth, const f64 *matt, const f64 *weight,
+                 const f64 *up, i64 samples, const i32 *count, i64 *hit, f64 *out, f64 *share, i32 *number, f64 *blur) {
     (void)M, (void)T;
     i64 at = 0;
     for (i64 p = 0; p < n; p++) {
-        const f64 *m = ggx + G_COLUMNS * (i64)material[p], *N = Ns + 3 * p, *G = Ng + 3 * p;
+        const f64 *m = ggx + G_COLUMNS * (i64)material[p], *N = Ns + 3 * p;
         f64 V[3] = {-way[3 * p], -way[3 * p + 1], -way[3 * p + 2]}, facing = dot3(V, N);
+        int fresh = fan[p] < 0;
         for (int which = 0; which < 2; which++) {
             i32 rays = count[2 * p + which];
             Lobe lobe;
             f64 albedo[3];
-            if (!rays || at + rays > most || !lobe_of(m, tables, facing, which, &lobe)) continue;
-            f64 followed_share = followed(lobe.roughness, albedo_of(&lobe, tables, facing, albedo));
+            if (rays < 1 || at + rays > most || !lobe_of(m, tables, facing, which, &lobe)) continue;
+            f64 part = followed(lobe.roughness, albedo_of(&lobe, tables, facing, albedo), matt[p]);
             Gloss g = gloss_at(lobe.row, tables, facing, lobe.roughness);
             f64 alpha = square(lobe.roughness), aa = square(alpha);
             f64 own = sqrt(1.0 + aa * (1.0 / square(g.sight) - 1.0));
+            int spread = lobe.roughness >= ROUGH;
             for (i32 k = 0; k < rays; k++, at++) {
-                f64 H[3], point[2], *L = out + 3 * at;
-                i32 i = fan[p] < 0 ? (-1 - fan[p]) * rays + k : fan[p];
-                disk_point((u32)i, fan[p] < 0 ? (f64)samples * rays : 4096.0, fan[p] < 0 ? 0 : depth[p], point);
+                f64 H[3], point[2];
+                i32 i = fresh ? (-1 - fan[p]) * rays + k : fan[p];
+                disk_point((u32)i, fresh ? (f64)samples * rays : 4096.0, fresh ? 0 : depth[p], point);
                 facet_at(V, N, g.sight, alpha, up, point, H);
-                f64 c = dot3(V, H), length;
-                for (int j = 0; j < 3; j++) L[j] = 2.0 * c * H[j] - V[j];
-                f64 rise = dot3(L, N), below = dot3(L, G);
-                /* Where facets of a smooth mesh would send it into the mesh, it leaves at the same angle above them. */
-                if (below <= 0.0)
-                    for (int j = 0; j < 3; j++) L[j] -= (2.0 * below - 1e-6) * G[j];
-                length = sqrt(dot3(L, L));
-                for (int j = 0; j < 3; j++) L[j] /= length;
-                hit[at] = p;
-                number[at] = lobe.roughness > 0.1 || fan[p] >= 0 ? i : fan[p];
-                f64 passed = rise > 0.0 && c > 0.0 ? followed_share * (1.0 + own) / (own + sqrt(1.0 + aa * (1.0 / square(rise) - 1.0))) / rays : 0.0;
+                f64 c = held(dot3(V, H), 0.0, 1.0), rise = facet_sends(V, N, Ng + 3 * p, H, c, out + 3 * at);
+                f64 seen = rise > 0.0 ? (1.0 + own) / (own + sqrt(1.0 + aa * (1.0 / square(rise) - 1.0))) : 0.0;  /* G2/G1 */
                 for (int j = 0; j < 3; j++)
-                    share[3 * at + j] = weight[3 * p + j] * lobe.through[j] * passed * facet_reflects(&g, j, c < 1.0 ? c : 1.0);
+                    share[3 * at + j] = weight[3 * p + j] * part / rays * lobe.through[j] * seen * facet_reflects(&g, j, c);
+                hit[at] = p, number[at] = spread || !fresh ? i : fan[p];
+                blur[at] = spread ? fmax(lobe.roughness, LEAST_SEEN) : 0.0;
             }
         }
     }

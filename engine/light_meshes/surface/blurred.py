@@ -29,6 +29,7 @@ class Spread(NamedTuple):
     direction: NDArray[np.float64]  # (m,3) unit
     weight: NDArray[np.float64]  # (m,3) what of the light that it finds counts
     fan: NDArray[np.int32]  # (m,) as in `wave.Rays`
+    blur: NDArray[np.float64]  # (m,) the roughness of the lobe; 0: as good as a mirror
     left: NDArray[np.float64]  # (n,3)
 
 
@@ -42,12 +43,15 @@ def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float6
     less weight than cutoff are not sent.
     """
     ggx, tables = hits.table.facets()
-    n = len(hits.P)
+    n, m = len(hits.P), hits.table
+    matt = np.ascontiguousarray(m.kd[hits.row] * m.Od[hits.row].max(1, initial=0))
     count, left = np.zeros((n, 2), np.int32), np.zeros((n, 3))
     if ggx is None:
-        return Spread(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int32), left)
-    _count(ggx, tables, hits.table.blurred, direction, hits.Ns, hits.row, fan, may, weight, cutoff, samples, count, left)
-    m = int(count.sum())
-    found = Spread(np.empty(m, np.int64), np.empty((m, 3)), np.empty((m, 3)), np.empty(m, np.int32), left)
-    _rays(ggx, tables, direction, hits.Ng, hits.Ns, hits.row, fan, depth.astype(np.int32), weight, up, samples, count, *found[:4])
+        return Spread(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int32), np.zeros(0), left)
+    _count(ggx, tables, hits.table.blurred, direction, hits.Ns, hits.row, fan, may, matt, weight, cutoff, samples,
+           count, left)
+    rays = int(count.sum())
+    found = Spread(np.empty(rays, np.int64), np.empty((rays, 3)), np.empty((rays, 3)), np.empty(rays, np.int32), np.empty(rays),
+                   left)
+    _rays(ggx, tables, direction, hits.Ng, hits.Ns, hits.row, fan, depth.astype(np.int32), matt, weight, up, samples, count, *found[:5])
     return found
