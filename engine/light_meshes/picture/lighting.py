@@ -84,8 +84,8 @@ class Lighting:
                 if texture is not None:
                     texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
         colour, ambient = np.empty_like(Od), np.empty_like(Od)
-        shading.unlit(m, hits.row, settings.ambient * np.array(self._world.scene.world_color), Od, colour, ambient)
         shading.dim(m, hits, direction, Od)
+        shading.unlit(m, hits.row, settings.ambient * np.array(self._world.scene.world_color), Od, colour, ambient)
         terms = {"Emission": m.emission[hits.row], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
         return Od, Sums(colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})

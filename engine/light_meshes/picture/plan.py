@@ -31,6 +31,8 @@ class Plan:
 
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
+    blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
+    spreads: bool = False  # of which some are bright, and spread rays out
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
     uniform_skip: bool = False
@@ -217,7 +219,8 @@ def _short_rays(p: Plan, scene: Scene) -> None:
 def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Material]) -> None:
     """Decide whether rays are reflected, by `materials` (those in use) or inside glass."""
     s = scene.settings
-    mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
+    lobes = [m.name for m in materials if m.blurred and m.highlight == "GGX" and not m.fresnel]
+    mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt)) or m.name in lobes]
     totally = bool(glass.bending.any())  # total internal reflection
     p.reflections = s.mode == "WHITTED" and (bool(mirrors) or totally) and s.max_depth > 0
     if s.mode != "WHITTED":
@@ -228,6 +231,11 @@ def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Mater
         p.decide("reflected rays", f"up to {s.max_depth}", "total reflection inside glass")
     else:
         p.decide("reflected rays", "no", "no material mirrors")
+    p.blurred = bool(lobes)
+    p.spreads = p.blurred and p.reflections and any(m.name in lobes and max(m.metal, m.coat) > 0.1 for m in materials)
+    if lobes:
+        p.decide("rough reflections", "rays" if p.reflections else "the world only",
+                 f"{len(lobes)} materials with lobes of microfacets, '{lobes[0]}' first")
 
 
 def _holes(p: Plan, scene: Scene) -> None:

@@ -18,7 +18,7 @@ from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
 from .integrator import radiance
-from .memory import BATCH, LARGER
+from .memory import BATCH, LARGER, SPREAD
 from .prepared import Prepared
 
 
@@ -98,7 +98,7 @@ def draw(
     crop = crop_of(ready.scene)
     threads = threads or processors.count()
     if tile_size is None:
-        batch = BATCH * (LARGER if ready.sparse else 1)
+        batch = BATCH * (LARGER if ready.sparse else 1) // (SPREAD if ready.plan.spreads else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     tiles = _tiles(crop, tile_size)
     lock, done = threading.Lock(), 0

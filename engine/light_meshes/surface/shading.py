@@ -83,6 +83,7 @@ class Materials(NamedTuple):
     fresnel: NDArray[np.bool_]
     alpha: NDArray[np.float64]
     alpha_image: NDArray[np.int32]
+    blurred: NDArray[np.bool_]  # lobes of microfacets show what is around
     ggx: NDArray[np.bool_]  # highlights of microfacets, by all that follows
     roughness: NDArray[np.float64]
     metal: NDArray[np.float64]
@@ -101,7 +102,7 @@ class Materials(NamedTuple):
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
         """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
-        return (np.column_stack(self[14:]), _facet_tables()) if self.ggx.any() else (None, None)
+        return (np.column_stack(self[15:]), _facet_tables()) if self.ggx.any() else (None, None)
 
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
@@ -134,6 +135,7 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
         colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
         np.array([m.fresnel for m in materials], np.bool_), column("alpha"),
         np.array([m.alpha_image for m in materials], np.int32),
+        np.array([m.blurred and m.highlight == "GGX" and not m.fresnel for m in materials], np.bool_),
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
         colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
         colour("dielectric_tint"), column("layered"), column("compensation"),
