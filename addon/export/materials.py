@@ -57,6 +57,10 @@ class Materials:
     def images(self) -> list[dict]:
         return self._images.descriptions
 
+    def image(self, node, report: Report, tile: int = 0) -> int:
+        """The number of the image of a lamp's image texture node; negative where it cannot be had."""
+        return self._images.index(node, report, tile)
+
     @property
     def textured(self) -> bool:
         """Whether any material is placed by a UV map."""

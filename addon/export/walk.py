@@ -6,6 +6,7 @@ from itertools import islice
 from ..properties import caustics_of
 from . import color, lights, linking, world
 from .geometry import Geometry
+from .lamp_nodes import Profiles
 from .materials import Materials
 from .report import Report
 
@@ -24,6 +25,7 @@ class Walk:
         self._lamps: list[dict] = []
         self.lamps: list[tuple] = []  # the key of each light, from `_identity`
         self._links = linking.Links()
+        self._profiles = Profiles()
         self._materials, self._geometry, self._report, self._check = materials, geometry, report, check
         self._done = 0
 
@@ -31,13 +33,13 @@ class Walk:
         """Take in the remaining instances of the depsgraph. `seen` says whether an object is visible."""
         for instance in islice(depsgraph.object_instances, self._done, None):
             if instance.show_self and seen(instance.object):
-                self._take(instance, instance.object)
+                self._take(instance, instance.object, depsgraph)
             self._done += 1
             self._check()
 
-    def _take(self, instance, ob) -> None:
+    def _take(self, instance, ob, depsgraph) -> None:
         if ob.type == 'LIGHT':
-            self._lamps.append(lights.light(ob, instance.parent, instance.matrix_world, self._report))
+            self._lamps.append(lights.light(instance, ob, depsgraph, self._report, self._materials, self._profiles))
             self.lamps.append(_identity(instance, ob))
             self._links.add(ob)
         else:
@@ -57,6 +59,7 @@ class Walk:
             "lights": self._lamps,
             "materials": list(self._materials.descriptions),
             "images": list(self._materials.images),
+            "profiles": self._profiles.descriptions,
             "objects": self._geometry.objects,
             "world_color": world.color(shown_world, self._report),
             "settings": values,

@@ -97,10 +97,14 @@ class Lighting:
         for part, lit, _, S in self.lit(self._surfaces(hits, direction, Od), bool(shadows), check, work, lights):
             with self._stats.stage("shading"):
                 both = (terms["Diffuse"][part], terms["Glossy"][part]) if terms else ()
-                shading.gather(lit, S, colour[part], *both)
+                shading.gather(lit, self.emitted(lit, S), colour[part], *both)
                 for name, shadow in shadows.items():
                     shown = self._shadow_lights[name]
                     shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
+
+    def emitted(self, lit: shading.Lit, S: NDArray[np.float32]) -> NDArray[np.float32]:
+        """S (n,L,C) as `shading.gather` wants it: multiplied by what the nodes of lamps say."""
+        return self._world.lamps(lit.hits.P, lit.hits.Ns, S)
 
     def shadow_ratio(self, hits: Hits, direction: NDArray, check: Check,
                      work: NDArray | None = None) -> NDArray[np.float64]:
@@ -117,8 +121,9 @@ class Lighting:
         surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white)
         for part, some, active, S in self.lit(surfaces, False, check, work):
             with self._stats.stage("shading"):
-                shading.gather(some, S, lit[part])
-                shading.gather(some, pairs.seen(active, len(self._world.scene.lights)), full[part])
+                shading.gather(some, self.emitted(some, S), lit[part])
+                every = pairs.seen(active, len(self._world.scene.lights))
+                shading.gather(some, self.emitted(some, every), full[part])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 

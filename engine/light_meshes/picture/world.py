@@ -19,6 +19,7 @@ from ..shadows.registry import KINDS
 from ..support import processors
 from ..support.statistics import Statistics
 from ..surface import shading, textures
+from ..surface.lamps import Lamps
 from ..surface.looks import Looks
 from ..surface.sky import Sky
 
@@ -41,6 +42,7 @@ class World:
     lights: shading.Lights
     materials: shading.Materials
     looks: Looks
+    lamps: Lamps
     sky: Sky
     as_lamps: NDArray[np.bool_] | None = None  # (T,) triangles whose light comes from lamps in their place; None: none
 
@@ -104,7 +106,7 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
                         alike.tracer if alike else None, glass.stacks)
     check()
     return World(scene, camera, surfaces, lost, images, unread, glass, who, tracer, shading.light_arrays(scene.lights),
-                 shading.material_arrays(scene.materials), looks, Sky(scene))
+                 shading.material_arrays(scene.materials), looks, Lamps(scene, images, camera), Sky(scene))
 
 
 def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:

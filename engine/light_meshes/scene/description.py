@@ -21,6 +21,8 @@ from .material import HIGHLIGHTS as HIGHLIGHTS
 from .material import RGB as RGB
 from .material import Material as Material
 from .mesh import Mesh, at_least, numbers
+from .profile import Profile
+from .programs import NO_PROGRAM, Program
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
@@ -36,6 +38,7 @@ COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
 Scalar = bool | int | float | str
+Row = tuple[float, float, float, float]
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -172,6 +175,9 @@ class Light:
     receivers: tuple[int, ...] | None = None  # objects that it lights; None: all
     blockers: tuple[int, ...] | None = None  # objects that cast shadows in its light; None: all
     shadow_pass: int = -1  # the pass "Shadow N" shows the visibility of the lights that have this N; -1: no pass
+    program: Program = NO_PROGRAM  # its nodes: by what `intensity` is multiplied for a point that it lights
+    # From the lamp's own space, in which programs see it, to the world; None: x, y and z are those of the world.
+    matrix: tuple[Row, Row, Row] | None = None
 
 
 @dataclass(frozen=True)
@@ -305,6 +311,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     materials: tuple[Material, ...] = (Material("default"),)
     images: tuple[Image, ...] = ()
+    profiles: tuple[Profile, ...] = ()  # of IES files
     objects: tuple[Object, ...] = ()
     world_color: RGB = (0.0, 0.0, 0.0)  # radiance, for background and ambient light Ia
     settings: Settings = field(default_factory=Settings)
