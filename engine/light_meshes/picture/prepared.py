@@ -37,6 +37,7 @@ class Prepared:
         memory.check(parts)
 
         self.world: World = world(scene, view, stats, check, previous.world if previous else None)
+        scene = self.world.scene  # with the lamps that stand for the world's suns
         measured = Measured(self.world, previous.measured if previous else None)
         step = automatic_step.automatic(self.world, measured)
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)

@@ -29,7 +29,9 @@ COARSE = 64  # rays along each side of the coarse view
 class World:
     """A scene's surfaces, lights and materials as arrays, and the tracer that finds them."""
 
-    scene: Scene  # as it was described: the coarse view is that of its own camera
+    # As it was described, so that the coarse view is that of its own camera; with the lamps that stand for the suns of
+    # its world, and its mean as world colour.
+    scene: Scene
     camera: Camera  # of the picture
     surfaces: Surfaces
     lost: list[str]  # a sentence for each object with triangles that cannot be drawn
@@ -88,6 +90,11 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
     with stats.stage("textures"):
         images, unread = textures.load(scene.images, textures.alphas(scene), processors.count(),
                                        old.textures if old else [])
+    check()
+    with stats.stage("sky"):
+        sky = Sky(scene, images, camera, old.sky if old else None, check)
+        if sky.varies:
+            scene = dataclasses.replace(scene, lights=(*scene.lights, *sky.suns), world_color=tuple(sky.mean.tolist()))
     looks = Looks(scene, surfaces, images, camera)
     alike = old if old and surfaces is old.surfaces else None
     if alike and _interfaces_key(scene, images, camera) == _interfaces_key(alike.scene, alike.textures, alike.camera):
@@ -103,7 +110,7 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
                         alike.tracer if alike else None, glass.stacks)
     check()
     return World(scene, camera, surfaces, lost, images, unread, glass, who, tracer, shading.light_arrays(scene.lights),
-                 shading.material_arrays(scene.materials), looks, Sky(scene))
+                 shading.material_arrays(scene.materials), looks, sky)
 
 
 def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:

@@ -21,6 +21,7 @@ from .material import HIGHLIGHTS as HIGHLIGHTS
 from .material import RGB as RGB
 from .material import Material as Material
 from .mesh import Mesh, at_least, numbers
+from .programs import NO_PROGRAM, Program
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
@@ -303,6 +304,9 @@ class Scene:
     images: tuple[Image, ...] = ()
     objects: tuple[Object, ...] = ()
     world_color: RGB = (0.0, 0.0, 0.0)  # radiance, for background and ambient light Ia
+    # What the world is by direction, where it is not `world_color` in all: it sets "emission", the radiance that comes
+    # from where "position" is, a unit vector. `world_color` has then no meaning.
+    world: Program = NO_PROGRAM
     settings: Settings = field(default_factory=Settings)
     to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # from the scene's linear light to that of sRGB, which PNGs use
     warnings: tuple[str, ...] = ()  # one sentence for each thing that the exporter could not translate
