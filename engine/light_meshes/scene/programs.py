@@ -185,8 +185,8 @@ def _reference(argument: Any, count: int, where: str) -> Any:
 
 def check_world(world: Program, where: str) -> None:
     """Raise SceneError unless `world` is what a scene's world may be: a radiance that needs no surface."""
-    if set(world.values) - {"emission"}:
-        raise SceneError(f"{where}: it sets {quoted(min(set(world.values) - {'emission'}))}; a world has an emission only")
+    if other := set(world.values) - {"emission"}:
+        raise SceneError(f"{where}: its program sets {quoted(min(other))}; a world has an emission only")
     for operation in world.operations:
         if operation.name in OF_SURFACES or len(operation.arguments) > OPERATIONS[operation.name][0]:
             raise SceneError(f"{where}: its program has {quoted(operation.name)} of surfaces; a world has none")
