@@ -174,7 +174,7 @@ _CAMERA, _SHADOW, _REFLECTED, _TRANSMITTED, _LIGHTING = (float(i) for i in range
 
 
 def light_path(nodes, node, socket) -> Value | None:
-    """The Light Path node. Only a world has diffuse rays: what lights surfaces. How often a ray was bent is not said."""
+    """The Light Path node. Only a world has diffuse rays: what lights surfaces. How often one was bent is not said."""
     name, lighting = socket.name, (_LIGHTING,) if nodes.kind == "World" else ()
     rays = {"Is Camera Ray": (_CAMERA,), "Is Shadow Ray": (_SHADOW,), "Is Reflection Ray": (_REFLECTED,),
             "Is Transmission Ray": (_TRANSMITTED,), "Is Glossy Ray": (_REFLECTED, _TRANSMITTED),
