@@ -103,6 +103,10 @@ class Materials:
         """What these materials ask of instances, and the channels for it."""
         return _numbered(self._channels.instances, [self._asked_for[i].instances for i in indices])
 
+    def image(self, node, tile: int) -> int:
+        """The number of an image that is no material's, of a node of the world; negative where it cannot be had."""
+        return self._images.index(node, self._report, tile)
+
     def _translate(self, index: int, material, report: Report) -> None:
         asked = Asked(self._channels)
         nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)

@@ -54,6 +54,7 @@ class Walk:
             self._report.warn(f"Depth of field with Samples at {values['samples']}: things out of focus appear as "
                               f"so many sharp copies; with {FEW_SAMPLES} or more they are blurred")
         self._links.link(self._lamps, self._geometry.owners)
+        background = world.described(shown_world, self._report, self._materials.image)
         return {
             "camera": camera,
             "lights": self._lamps,
@@ -61,7 +62,7 @@ class Walk:
             "images": list(self._materials.images),
             "profiles": self._profiles.descriptions,
             "objects": self._geometry.objects,
-            "world_color": world.color(shown_world, self._report),
+            **background,
             "settings": values,
             "to_rec709": color.to_rec709(),
             "warnings": self._report.sentences,

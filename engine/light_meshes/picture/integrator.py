@@ -82,7 +82,9 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             lost = np.ones(len(miss.pixel), np.bool_) if miss.clear is None else miss.clear
             tile.take_alpha(miss.pixel[lost], miss.weight[lost])
             miss = miss.at(~lost)
-        world = ready.world.sky.seen(miss.direction)
+        with ready.stats.stage("sky"):
+            sky = ready.world.sky
+            world = sky.seen(miss.direction, _kinds(kind, miss) if sky.varies else None)
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):

@@ -40,8 +40,8 @@ class Prepared:
         memory.check(parts)
 
         bare = world(scene, view, stats, check, previous.world if previous else None)
-        self.world: World = emitters.lit(bare, stats, check)
-        scene = self.world.scene
+        self.world: World = emitters.lit(bare, scene, stats, check)
+        scene = self.world.scene  # with the lamps that stand for the world's suns, and for surfaces that give light
         measured = Measured(self.world, previous.measured if previous else None)
         step = automatic_step.automatic(self.world, measured)
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)

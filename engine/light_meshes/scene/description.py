@@ -314,6 +314,9 @@ class Scene:
     profiles: tuple[Profile, ...] = ()  # of IES files
     objects: tuple[Object, ...] = ()
     world_color: RGB = (0.0, 0.0, 0.0)  # radiance, for background and ambient light Ia
+    # What the world is by direction, where it is not `world_color` in all: it sets "emission", the radiance that comes
+    # from where "position" is, a unit vector. `world_color` has then no meaning.
+    world: Program = NO_PROGRAM
     settings: Settings = field(default_factory=Settings)
     to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # from the scene's linear light to that of sRGB, which PNGs use
     warnings: tuple[str, ...] = ()  # one sentence for each thing that the exporter could not translate
