@@ -58,7 +58,7 @@ class Materials:
         return self._images.descriptions
 
     def image(self, node, report: Report, tile: int = 0) -> int:
-        """The number of the image of a lamp's image texture node; negative where it cannot be had."""
+        """The number of the image of a node of a lamp or the world; negative where it cannot be had."""
         return self._images.index(node, report, tile)
 
     @property
@@ -102,10 +102,6 @@ class Materials:
     def instances(self, indices: Iterable[int]) -> dict[Key, int]:
         """What these materials ask of instances, and the channels for it."""
         return _numbered(self._channels.instances, [self._asked_for[i].instances for i in indices])
-
-    def image(self, node, tile: int) -> int:
-        """The number of an image that is no material's, of a node of the world; negative where it cannot be had."""
-        return self._images.index(node, self._report, tile)
 
     def _translate(self, index: int, material, report: Report) -> None:
         asked = Asked(self._channels)

@@ -54,7 +54,8 @@ class Walk:
             self._report.warn(f"Depth of field with Samples at {values['samples']}: things out of focus appear as "
                               f"so many sharp copies; with {FEW_SAMPLES} or more they are blurred")
         self._links.link(self._lamps, self._geometry.owners)
-        background = world.described(shown_world, self._report, self._materials.image)
+        background = world.described(
+            shown_world, self._report, lambda node, tile: self._materials.image(node, self._report, tile))
         return {
             "camera": camera,
             "lights": self._lamps,
