@@ -84,14 +84,17 @@ class Gatherer:
         return out
 
     def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], local: NDArray[np.float64],
-                 turn: NDArray[np.float64] | None = None) -> Seen:
-        """What rays from points P (r,3) along `local` (d,3), turned to normals M (r,3), meet; x = r·d."""
+                 turn: NDArray[np.float64] | None = None, larger: float = 1.0) -> Seen:
+        """What rays from points P (r,3) along `local` (d,3), turned to normals M (r,3), meet; x = r·d.
+
+        turn (r,2): by the angle with this cosine and sine before. larger: how much larger patches are.
+        """
         f = self._field
         x = len(P) * len(local)
         origin, direction, normal = np.empty((x, 3)), np.empty((x, 3)), np.empty((x, 3))
         _rays(P, M, turn, local, origin, direction, normal)
         light, layers = np.zeros((x, 3)), []
-        first = self._trace(origin, direction, normal)
+        first = self._trace(origin, direction, normal, larger)
         f.stats.add(gathered_rays=x)
         triangle, u, v, distance, keys = first
         if not f.scene.geometry.triangles.size:
@@ -102,15 +105,15 @@ class Gatherer:
             layers.append(Layer(np.flatnonzero(hit), keys[hit], None))
             self._add_sky(light, np.flatnonzero(~hit), direction, None)
         else:
-            self._pass(origin, direction, first, clear, light, layers)
+            self._pass(origin, direction, first, clear, light, layers, larger)
         return Seen(distance, light, layers)
 
-    def _trace(self, origin: NDArray, direction: NDArray, normal: NDArray) -> tuple[NDArray, ...]:
+    def _trace(self, origin: NDArray, direction: NDArray, normal: NDArray, larger: float) -> tuple[NDArray, ...]:
         """Triangles, barycentrics, distances and keys of patches of what rays meet."""
         g = self._field.grids
         triangle, u, v = self._field.tracer.closest("diffuse", origin, direction, normal)
         distance, keys = np.empty(len(origin), np.float32), np.empty(len(origin), np.uint64)
-        _met(*g.shape, g.flipped, g.longest, self.for_small, self._finest, SHARE, triangle, u, v, origin, direction,
+        _met(*g.shape, g.flipped, g.longest, self.for_small, self._finest, SHARE * larger, triangle, u, v, origin, direction,
              distance, keys)
         return triangle, u, v, distance, keys
 
@@ -121,7 +124,7 @@ class Gatherer:
             light[rows] += found if weight is None else weight * found
 
     def _pass(self, origin: NDArray, direction: NDArray, first: tuple[NDArray, ...], clear: NDArray, light: NDArray,
-              layers: list[Layer]) -> None:
+              layers: list[Layer], larger: float) -> None:
         """Follow rays through what lets them pass, straight on, as shadow rays go."""
         g, glass = self._field.grids, self._field.glass
         distance = first[3]
@@ -144,7 +147,7 @@ class Gatherer:
             origin = g.points(triangle[on], u[on], v[on])
             N = g.normals(triangle[on])
             N *= np.where((N * direction).sum(1) < 0, -1, 1)[:, None]
-            triangle, u, v, way, keys = self._trace(origin, direction, N)
+            triangle, u, v, way, keys = self._trace(origin, direction, N, larger)
             assert self._clear is not None
             clear = (triangle >= 0) & self._clear[triangle]
         del way, distance
