@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from itertools import islice
 
+from .. import everywhere
 from ..properties import caustics_of
 from . import color, lights, linking, world
 from .geometry import Geometry
@@ -84,6 +85,7 @@ def settings(scene, view_layer) -> dict:
     return {name: getattr(own, name) for name in (
         "mode", "shadows", "h", "kI", "auto_h", "weights", "shadow_rate", "light_samples", "max_depth", "ambient",
         "refraction", "glass", "leak_free")} | {
+        **everywhere.of(scene),
         "caustics": caustics_of(own),
         "samples": min(view_layer.samples, MOST_SAMPLES) or own.samples,
         # The engine's filter is never wider than 10 pixels; Blender's slider allows more.

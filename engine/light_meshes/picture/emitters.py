@@ -59,7 +59,7 @@ def lit(bare: World, scene: Scene, stats: Statistics, check: Callable[[], None])
     """The world with lamps for surfaces that give light, where its settings gather light from everywhere; else `bare`.
     """
     settings = scene.settings
-    if not (settings.world_light == "SKY" or settings.bounces) or settings.mode == "LOCAL":
+    if not settings.gathers:
         return bare
     with stats.stage("emitters"):
         found = emitting(bare)

@@ -52,10 +52,11 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     up = camera.matrix[:3, 1] / np.linalg.norm(camera.matrix[:3, 1])
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, up, len(ready.offsets), settings.cutoff)
     sky = ready.world.sky
-    if settings.ambient and not sky.dark:
+    ambient = 1.0 if settings.world_light == "SKY" else settings.ambient
+    if ambient and not sky.dark:
         turned = np.empty_like(hits.P)
         shading.mirrored(rays.direction, hits.Ng, hits.Ns, turned)
-        light = found.left * (settings.ambient * sky.light(turned))
+        light = found.left * (ambient * sky.light(turned))
         tile.add_light(rays.pixel, rays.part, weight, light, {"Ambient": light})
     rows = found.hit[found.weight.max(axis=1, initial=0) > 0]
     if not len(rows):

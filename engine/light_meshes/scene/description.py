@@ -78,6 +78,11 @@ class Settings:
     lattice_origin: RGB = (0.0, 0.0, 0.0)
     uniform_skip: bool = True  # exact shortcut of method §5; switch it off only to measure or test it
 
+    @property
+    def gathers(self) -> bool:
+        """Whether light comes from everywhere: from the world with occlusion, or from surface to surface."""
+        return (self.world_light == "SKY" or self.bounces > 0) and self.mode != "LOCAL"
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -207,6 +212,7 @@ class Object:
     # False: the shadows that it casts are sharp; the object and the material must both allow soft ones
     cast_soft_shadows: bool = True
     receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp
+    visible_diffuse: bool = True  # met by rays that gather light from everywhere (Settings.world_light, bounces)
     holdout: bool = False  # a hole in the picture: black, alpha 0
     shadow_catcher: bool = False  # the camera sees only the shadows on it
     # For smooth surfaces, with the names of Cycles and Blender (see `terminator`): the cosine to a light below which
