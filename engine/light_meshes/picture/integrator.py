@@ -83,8 +83,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             tile.take_alpha(miss.pixel[lost], miss.weight[lost])
             miss = miss.at(~lost)
         with ready.stats.stage("sky"):
-            sky = ready.world.sky
-            world = sky.seen(miss.direction, _kinds(kind, miss) if sky.varies else None)
+            world = background(ready, miss, _kinds(kind, miss) if ready.world.sky.varies else None)
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):
@@ -144,13 +143,16 @@ def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], h
     lamps, kinds = ready.lamps, _kinds(kind, rays) if ready.lamps.by else None
     if kinds is None or not (np.left_shift(1, kinds) & lamps.by).any():
         return
+    weight = rays.weight
+    if rays.fan is not None:  # rough surfaces have highlights of lamps instead
+        weight = np.where(rays.fan[:, None] < 0, weight, 0.0)
     far = np.full(len(hit), np.inf)
     far[hit] = np.einsum("ni,ni->n", hits.P - rays.origin[hit], rays.direction[hit])
     light = lamps.light(rays.origin, rays.direction, far, kinds)
-    rows = np.flatnonzero(light.any(1))
+    rows = np.flatnonzero(light.any(1) & weight.any(1))
     if len(rows):
         seen = rays.at(rows)
-        tile.add_light(seen.pixel, seen.part, seen.weight, light[rows], {"Emission": light[rows]})
+        tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]})
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:

@@ -108,11 +108,12 @@ def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
         np.concatenate([a, b]) for a, b in zip(m, own, strict=True)))
 
 
-def background(ready: Prepared, rays: Rays) -> NDArray[np.float64]:
-    """The radiance (n,3), or one row (3,), that rays see which miss all surfaces. Those of rough surfaces see what lights
-    surfaces: lamps that stand for the world's suns have highlights of their own.
+def background(ready: Prepared, rays: Rays, kinds: NDArray[np.int8] | None) -> NDArray[np.float64]:
+    """The radiance (n,3), or one row (3,), that rays see which miss all surfaces. kinds (n,): as `points` has them.
+
+    Those of rough surfaces see what lights surfaces: lamps that stand for the world's suns have highlights of their own.
     """
-    seen = ready.world.sky.seen(rays.direction)
+    seen = ready.world.sky.seen(rays.direction, kinds)
     if rays.blur is None or not (rays.blur > 0).any():
         return seen
     light = ready.world.sky.light(rays.direction)
