@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from itertools import islice
 
+from .. import everywhere
 from ..properties import caustics_of
 from . import color, lights, linking, world
 from .geometry import Geometry
@@ -54,6 +55,8 @@ class Walk:
             self._report.warn(f"Depth of field with Samples at {values['samples']}: things out of focus appear as "
                               f"so many sharp copies; with {FEW_SAMPLES} or more they are blurred")
         self._links.link(self._lamps, self._geometry.owners)
+        background = world.described(
+            shown_world, self._report, lambda node, tile: self._materials.image(node, self._report, tile))
         return {
             "camera": camera,
             "lights": self._lamps,
@@ -61,7 +64,7 @@ class Walk:
             "images": list(self._materials.images),
             "profiles": self._profiles.descriptions,
             "objects": self._geometry.objects,
-            "world_color": world.color(shown_world, self._report),
+            **background,
             "settings": values,
             "to_rec709": color.to_rec709(),
             "warnings": self._report.sentences,
@@ -82,6 +85,7 @@ def settings(scene, view_layer) -> dict:
     return {name: getattr(own, name) for name in (
         "mode", "shadows", "h", "kI", "auto_h", "weights", "shadow_rate", "light_samples", "max_depth", "ambient",
         "refraction", "glass", "leak_free")} | {
+        **everywhere.of(scene),
         "caustics": caustics_of(own),
         "samples": min(view_layer.samples, MOST_SAMPLES) or own.samples,
         # The engine's filter is never wider than 10 pixels; Blender's slider allows more.

@@ -65,6 +65,26 @@ class LampTree(Tree):
         self.tree.links.new(socket, self.tree.nodes.new('ShaderNodeOutputLight').inputs[0])
 
 
+class World(Tree):
+    """A world's node tree; the scene has it."""
+
+    def __init__(self, scene):
+        scene.world = bpy.data.worlds.new("World")
+        if bpy.app.version < (5, 0):
+            scene.world.use_nodes = True
+        self.tree = scene.world.node_tree
+        self.tree.nodes.clear()
+        self.output = self.tree.nodes.new('ShaderNodeOutputWorld')
+
+    def background(self, color, strength=1.0):
+        """The output of a Background of this colour."""
+        return self.node('ShaderNodeBackground', {"Color": color, "Strength": strength}).outputs[0]
+
+    def shine(self, shader):
+        """The world is what `shader`, the output of one, gives."""
+        self.tree.links.new(shader, self.output.inputs["Surface"])
+
+
 def space(tree):
     """Places in space that move over the plane, with all three numbers."""
     return tree.node('ShaderNodeMapping', {"Vector": tree.uv(), "Location": (-0.4, -0.3, 0.2),

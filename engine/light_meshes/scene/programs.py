@@ -40,6 +40,9 @@ OF_SURFACES = {"attribute", "instance", "corner_normal", "bump"}  # only a mater
 # These may have two more arguments, for bumps: they are taken one step beside the point, along the first (1) or the
 # second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
 SHIFTED = {"uv", "position", "object", "generated", "attribute"}
+# What only a point of a surface has: a world's program must not ask for it.
+OF_SURFACES = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump", "box",
+               "to_world_normal", "corner_normal", "object_scale", "parametric"}
 # Parameters of a Material that a program may set: (channels, smallest, largest value).
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),
@@ -99,6 +102,10 @@ class Program:
     def asks(self) -> set[str]:
         """The names of its operations."""
         return {o.name for o in self.operations}
+
+    def sees(self, *names: str) -> bool:
+        """Whether it has an operation of one of these names."""
+        return any(o.name in names for o in self.operations)
 
     def sees_camera(self) -> bool:
         """Whether what it gives depends on where the camera is."""
@@ -174,7 +181,7 @@ def program(data: Any, where: str, names: Collection[str] = PARAMETERS, without:
 CHOICES: dict[str, tuple[tuple[int, float, float], ...]] = {
     "image": ((0, 0, 1e9),), "ies": ((0, 0, 1e9),), "table": ((2, 0, 1), (3, 0, 1)),
     "noise": ((0, 1, 4), (1, 0, 4), (2, 0, 1)), "white_noise": ((0, 1, 4),), "magic": ((4, 0, 10),),
-    "attribute": ((0, 0, 1e6),), "instance": ((0, 0, 1e6),), "ray": ((0, 0, 3),),
+    "attribute": ((0, 0, 1e6),), "instance": ((0, 0, 1e6),), "ray": ((0, 0, 4),),
     "voronoi": ((0, 1, 4), (1, 0, 4), (2, 0, 3), (3, 0, 1), (4, 0, 1)), "brick": ((1, 0, 99), (3, 0, 99))}
 
 
@@ -200,6 +207,15 @@ def _reference(argument: Any, count: int, where: str) -> Any:
     if isinstance(argument, int | float) and not isinstance(argument, bool) and abs(argument) <= 1e300:
         return float(argument)
     raise SceneError(f"{where} has {quoted(argument)} where a finite number or an earlier register must stand")
+
+
+def check_world(world: Program, where: str) -> None:
+    """Raise SceneError unless `world` is what a scene's world may be: a radiance that needs no surface."""
+    if other := set(world.values) - {"emission"}:
+        raise SceneError(f"{where}: its program sets {quoted(min(other))}; a world has an emission only")
+    for operation in world.operations:
+        if operation.name in OF_SURFACES or len(operation.arguments) > OPERATIONS[operation.name][0]:
+            raise SceneError(f"{where}: its program has {quoted(operation.name)} of surfaces; a world has none")
 
 
 def _table(argument: Any, where: str, total: int) -> tuple[float, ...]:

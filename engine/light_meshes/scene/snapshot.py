@@ -125,7 +125,9 @@ def write(scene: Scene, folder: Path) -> None:
         value = getattr(scene, f.name)
         if f.name == "geometry":
             continue
-        if dataclasses.is_dataclass(value):
+        if isinstance(value, programs.Program):
+            data[f.name] = programs.plain(value)
+        elif dataclasses.is_dataclass(value):
             data[f.name] = _plain(value)
         elif value and dataclasses.is_dataclass(value[0]):
             data[f.name] = [_plain(v) for v in value]
@@ -182,6 +184,7 @@ def read(path: Path, mapped: bool = True) -> Scene:
         profiles=profiles(data.get("profiles", [])),
         objects=_many(Object, data, "objects"),
         world_color=world,
+        world=programs.program(data["world"], "world") if "world" in data else programs.NO_PROGRAM,
         settings=built(Settings, data.get("settings", {}), "settings"),
         to_rec709=to_rec709,
         warnings=tuple(warnings),
@@ -319,6 +322,9 @@ def check(scene: Scene) -> None:
     """Raise SceneError unless all indices of `scene` are valid. The values of vertices are not checked."""
     g = scene.geometry
     check_geometry(g, len(scene.objects), len(scene.materials))
+    programs.check_world(scene.world, "world")
+    if not all(0 <= image < len(scene.images) for image in scene.world.images()):
+        raise SceneError("world: its program looks at an image that does not exist")
     for material in scene.materials:
         if not all(0 <= image < len(scene.images) for image in material.program.images()):
             raise SceneError(f"material {quoted(material.name)}: its program looks at an image that does not exist")

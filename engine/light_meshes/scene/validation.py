@@ -11,7 +11,7 @@ from .arrays import ARRAYS, fits, shape_of
 from .description import IDENTITY, Camera, Geometry, Image, Light, Material, Object, Scene, Settings
 from .errors import SceneError
 from .profile import Profile
-from .programs import Program, plain
+from .programs import Program, plain, program
 from .snapshot import built, camera, check, checked_value, profiles
 
 _MANY = {"lights": Light, "materials": Material, "images": Image, "objects": Object}
@@ -42,6 +42,8 @@ def checked(scene: Scene) -> Scene:
     for n, item in enumerate(scene.profiles):
         _check_kind(item, Profile, f"profile {n}")
     many["profiles"] = profiles([_values(item) for item in scene.profiles])
+    _check_kind(scene.world, Program, "scene: world")
+    one["world"] = program(plain(scene.world), "world")
     made = dataclasses.replace(scene, camera=camera(_values(scene.camera)), warnings=tuple(scene.warnings),
                                settings=built(Settings, _values(scene.settings), "settings"), **many, **one)
     check(made)

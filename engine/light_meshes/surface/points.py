@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..rays.geometry import Surfaces
 from ..scene.description import Camera, Scene
 
-CAMERA, SHADOW, REFLECTED, TRANSMITTED = range(4)  # kinds of rays that come to a point
+# Kinds of rays that come to a point. LIGHTING is the world's: what lights surfaces.
+CAMERA, SHADOW, REFLECTED, TRANSMITTED, LIGHTING = range(5)
 
 
 class Around:
