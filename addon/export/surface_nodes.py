@@ -7,7 +7,6 @@ from . import values as v
 from .facets import Facets
 from .node_inputs import normal
 from .nodes import Nodes
-from .report import shown
 from .surface import BLACK, Surface, scaled
 from .values import Triple, Value
 
@@ -99,15 +98,14 @@ def _glass(nodes: Nodes, node) -> Surface:
 
 
 def _glassy(nodes: Nodes, node, color: Triple, fresnel: bool) -> Surface:
-    roughness = nodes.value(node, "Roughness")
+    roughness = v.clamp(nodes.value(node, "Roughness"))
     if not v.is_constant(roughness) or roughness > 1e-3:
-        nodes.warn(f"'Roughness' of the glass in node '{nodes.plain_name(node)}' is not translated; it is rendered "
-                   "clear", f"instead of {shown(roughness)}" if v.is_constant(roughness) else "")
+        nodes.warn(f"shadows of the rough glass in node '{nodes.plain_name(node)}' are those of clear glass")
     ior = v.maximum(nodes.value(node, "IOR"), 0.01)
     if not fresnel:
-        return Surface.glass(color, ior, False)
+        return Surface.glass(color, ior, False, frosted=roughness)
     tint = color if node.bl_idname == 'ShaderNodeBsdfGlass' else (1.0, 1.0, 1.0)
-    return Surface.glass(color, ior, True, Facets.glass(tint, ior, v.clamp(roughness), _several(nodes, node)))
+    return Surface.glass(color, ior, True, Facets.glass(tint, ior, roughness, _several(nodes, node)), roughness)
 
 
 def _transparent(nodes: Nodes, node) -> Surface:

@@ -32,6 +32,7 @@ class Material:
     ior: float = 1.0  # acts only at closed meshes; an open sheet does not bend rays
     priority: int = 0  # where media overlap, the one with the highest priority counts
     fresnel: bool = False  # compute mirror and kt from Fresnel's equations
+    frosted: float = 0.0  # roughness of glass: how much what it mirrors and what passes is blurred
     alpha: float = 1.0  # the share of the surface that is there; the rest is a hole that neither bends nor shades
     alpha_image: int = -1  # index of the image whose alpha channel multiplies alpha; -1: none
     transparent_shadow: bool = True  # False: casts the shadow of an opaque surface
@@ -42,7 +43,7 @@ class Material:
     cryptomatte: int = 0  # the number of its name for Cryptomatte
     program: Program = NO_PROGRAM  # computes some of all these values point by point, from the material's nodes
     highlight: str = "PHONG"  # or GGX, for which all that follows is
-    blurred: bool = False  # its lobes show what is around, as sharp or blurred as they are; `mirror` does not count then
+    blurred: bool = False  # its lobes show what is around, more or less sharp; `mirror` does not count then
     roughness: float = 0.5  # α is its square
     metal: float = 0.0  # weight of the metal's lobe, and what it reflects
     F0: RGB = (1.0, 1.0, 1.0)  # at normal incidence,

@@ -80,6 +80,7 @@ class Materials(NamedTuple):
     kt: NDArray[np.float64]  # (M,3)
     ior: NDArray[np.float64]
     fresnel: NDArray[np.bool_]
+    frosted: NDArray[np.float64]
     alpha: NDArray[np.float64]
     alpha_image: NDArray[np.int32]
     blurred: NDArray[np.bool_]  # lobes of microfacets show what is around
@@ -101,7 +102,7 @@ class Materials(NamedTuple):
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
         """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
-        return (np.column_stack(self[15:]), _facet_tables()) if self.ggx.any() else (None, None)
+        return (np.column_stack(self[16:]), _facet_tables()) if self.ggx.any() else (None, None)
 
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
@@ -132,7 +133,7 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
     return Materials(
         colour("Od"), column("ka"), column("kd"), column("ks"), colour("Os"), column("nShiny"), colour("mirror"),
         colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
-        np.array([m.fresnel for m in materials], np.bool_), column("alpha"),
+        np.array([m.fresnel for m in materials], np.bool_), column("frosted"), column("alpha"),
         np.array([m.alpha_image for m in materials], np.int32),
         np.array([m.blurred and m.highlight == "GGX" and not m.fresnel for m in materials], np.bool_),
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
