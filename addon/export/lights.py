@@ -38,6 +38,9 @@ def light(ob, parent, matrix_world, report: Report) -> dict:
         "reference_distance": lamp.light_meshes.reference_distance,
         "diffuse": all(o.visible_diffuse for o in seen),
         "glossy": all(o.visible_glossy for o in seen),
+        "seen_by_camera": all(o.visible_camera for o in seen),
+        "seen_in_mirrors": all(o.visible_glossy for o in seen),
+        "seen_in_glass": all(o.visible_transmission for o in seen),
     }
     factor, own = _SHAPES[lamp.type](lamp, lengths, axes, report)
     power = factor * lamp.energy * _exposure(lamp)

@@ -76,6 +76,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
+    _add_lamps(ready, kind, rays, hit, hits, tile)
     if not hit.all():
         miss = rays.at(~hit)
         if settings.film_transparent and kind == "camera":
@@ -137,6 +138,20 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
         bounced = rays._replace(clear=np.zeros_like(rays.clear))
         children += reflected(ready, bounced, hits, share, face.mirror, events, tile)
     return children
+
+
+def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], hits: Hits, tile: Tile) -> None:
+    """Add the light of lamps that rays see before the surface that they hit, if any."""
+    lamps, kinds = ready.lamps, _kinds(kind, rays) if ready.lamps.by else None
+    if kinds is None or not (np.left_shift(1, kinds) & lamps.by).any():
+        return
+    far = np.full(len(hit), np.inf)
+    far[hit] = np.einsum("ni,ni->n", hits.P - rays.origin[hit], rays.direction[hit])
+    light = lamps.light(rays.origin, rays.direction, far, kinds)
+    rows = np.flatnonzero(light.any(1))
+    if len(rows):
+        seen = rays.at(rows)
+        tile.add_light(seen.pixel, seen.part, seen.weight, light[rows], {"Emission": light[rows]})
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:

@@ -16,6 +16,7 @@ from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
 from ..support.statistics import Statistics
 from ..surface import shading
+from ..surface.seen import seen_in_mirrors
 from .plan import Plan
 from .world import World
 
@@ -37,6 +38,8 @@ class Lighting:
         """method: that of the plan. passes: of the picture, of which some show shadows."""
         self._world, self._plan, self._method, self._stats = world, plan, method, stats
         self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
+        shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
+        self._shown = shown if plan.reflections and shown.any() else None
         self.terminator = Terminator(world.scene, world.surfaces)
         groups = np.array([light.shadow_pass for light in world.scene.lights], np.int64)
         self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
@@ -121,7 +124,7 @@ class Lighting:
 
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
         """These hits, in the light of all lights."""
-        return shading.Lit(self._world.lights, hits.table, hits, direction, Od)
+        return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown)
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
             lights: NDArray[np.uint64] | None = None, visibility: Method | None = None) -> Iterator[

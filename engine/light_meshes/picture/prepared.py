@@ -13,6 +13,7 @@ from ..rays.camera import filter_offsets
 from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
 from ..support.statistics import Statistics
+from ..surface.seen import SeenLamps
 from . import automatic_step, emitters, memory, reuse
 from .lighting import Lighting
 from .measured import Measured
@@ -62,6 +63,7 @@ class Prepared:
         self.nodes_kept = reuse.nodes(self.shadowing, before)
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
+        self.lamps = SeenLamps(scene.lights)
         self.numbers = numbers(scene)
         self.sparse = None
         if self.plan.shadow_rate > 1 and nodes is not None:

@@ -156,6 +156,10 @@ class Light:
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
     facing_disc: bool = False  # POINT and SPOT with SIZE: lights as a disc that turns to each receiver, not a sphere
+    # With SIZE, which rays see the lamp itself:
+    seen_by_camera: bool = False
+    seen_in_mirrors: bool = False
+    seen_in_glass: bool = False
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
     # Whose soft shadow it casts. One of the same width everywhere, r: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE
