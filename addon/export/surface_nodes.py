@@ -49,6 +49,8 @@ def _principled(nodes: Nodes, node) -> Surface:
     color = nodes.color(node, "Base Color")
     tint, several = nodes.color(node, "Specular Tint"), _several(nodes, node)
     base = Surface.principled(color, metallic, roughness, specular, nodes.value(node, "IOR"), tint, several)
+    if "Diffuse Roughness" in node.inputs:
+        base = replace(base, diffuse_roughness=nodes.value(node, "Diffuse Roughness"))
     transmission = v.clamp(nodes.value(node, "Transmission Weight")) * (1 - metallic)
     if not is_zero(transmission):
         # As Cycles: the base colour is that of two crossings.
@@ -67,7 +69,7 @@ def _principled(nodes: Nodes, node) -> Surface:
 
 
 def _diffuse(nodes: Nodes, node) -> Surface:
-    return Surface.diffuse(nodes.color(node, "Color"))
+    return Surface.diffuse(nodes.color(node, "Color"), nodes.value(node, "Roughness"))
 
 
 def _glossy(nodes: Nodes, node) -> Surface:
@@ -112,6 +114,10 @@ def _transparent(nodes: Nodes, node) -> Surface:
     return Surface.transparent(nodes.color(node, "Color"))
 
 
+def _translucent(nodes: Nodes, node) -> Surface:
+    return Surface.translucent_of(nodes.color(node, "Color"))
+
+
 def _emission(nodes: Nodes, node) -> Surface:
     return Surface.emitting(scaled(nodes.color(node, "Color"), nodes.value(node, "Strength")))
 
@@ -136,6 +142,7 @@ _SHADERS = {
     'ShaderNodeBsdfMetallic': _metallic,
     'ShaderNodeBsdfGlass': _glass,
     'ShaderNodeBsdfRefraction': _glass,
+    'ShaderNodeBsdfTranslucent': _translucent,
     'ShaderNodeBsdfTransparent': _transparent,
     'ShaderNodeEmission': _emission,
     'ShaderNodeMixShader': _mix,

@@ -13,7 +13,7 @@ from ..rays.geometry import Hits
 from ..surface import points
 from .frosted import BENDS, frosted
 from .prepared import Prepared
-from .reflections import going, reflected, softened
+from .reflections import background, going, reflected, softened
 from .wave import Rays, joined
 
 PIECE = 1 << 16  # rays that are shaded at once where they spread out
@@ -83,7 +83,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             lost = np.ones(len(miss.pixel), np.bool_) if miss.clear is None else miss.clear
             tile.take_alpha(miss.pixel[lost], miss.weight[lost])
             miss = miss.at(~lost)
-        world = ready.world.sky.seen(miss.direction)
+        world = background(ready, miss)
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):
@@ -148,7 +148,10 @@ def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], h
     far = np.full(len(hit), np.inf)
     far[hit] = np.einsum("ni,ni->n", hits.P - rays.origin[hit], rays.direction[hit])
     light = lamps.light(rays.origin, rays.direction, far, kinds)
-    rows = np.flatnonzero(light.any(1))
+    seen_by = light.any(1)
+    if rays.blur is not None:
+        seen_by &= rays.blur == 0  # rough surfaces have highlights of lamps instead
+    rows = np.flatnonzero(seen_by)
     if len(rows):
         seen = rays.at(rows)
         tile.add_light(seen.pixel, seen.part, seen.weight, light[rows], {"Emission": light[rows]})
@@ -174,7 +177,25 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
         light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work)
     tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms)
     tile.add_work(rays.pixel, work)
+    if ready.plan.translucent:
+        _shine_through(ready, rays, weight, hits, tile, check)
     return light.shadows
+
+
+def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
+                   check: Callable[[], None]) -> None:
+    """Add the light that comes through surfaces scattered: that of a matt surface on their other side."""
+    rows = np.flatnonzero((hits.table.translucent[hits.row] > 0).any(1))
+    if not len(rows):
+        return
+    some = hits.at(rows)
+    back = some._replace(Ng=-some.Ng, Ns=-some.Ns, front=~some.front, table=hits.table.behind(),
+                         smooth=None if some.smooth is None else -some.smooth)
+    work = tile.work(len(rows))
+    light = ready.lighting.direct(back, rays.direction[rows], check, tile.parts, False, work)
+    tile.add_light(rays.pixel[rows], None if rays.part is None else rays.part[rows], weight[rows], light.colour,
+                   light.terms)
+    tile.add_work(rays.pixel[rows], work)
 
 
 def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,

@@ -32,6 +32,7 @@ class Plan:
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
     blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
+    translucent: bool = False  # light comes through some surfaces scattered
     frosted: bool = False  # some glass is rough
     spreads: bool = False  # of which some are bright, and spread rays out
     transparent: bool = False  # rays pass through surfaces
@@ -234,6 +235,7 @@ def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Mater
         p.decide("reflected rays", "no", "no material mirrors")
     p.frosted = s.refraction != "NONE" and any(
         any(m.kt) and (m.frosted > 0 or "frosted" in m.program.values) for m in materials)
+    p.translucent = any(any(m.translucent) or "translucent" in m.program.values for m in materials)
     p.blurred = bool(lobes)
     p.spreads = p.frosted or (p.blurred and p.reflections and any(
         m.name in lobes and max(m.metal, m.coat) > 0.1 for m in materials))

@@ -108,7 +108,7 @@ _RANGES = {
     (Material, "alpha"): (0.0, 1.0),
 }
 _RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
-    "frosted", "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
+    "diffuse_roughness", "frosted", "translucent", "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
     "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
 
 
