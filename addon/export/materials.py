@@ -57,6 +57,10 @@ class Materials:
     def images(self) -> list[dict]:
         return self._images.descriptions
 
+    def image(self, node, report: Report, tile: int = 0) -> int:
+        """The number of the image of a node of a lamp or the world; negative where it cannot be had."""
+        return self._images.index(node, report, tile)
+
     @property
     def textured(self) -> bool:
         """Whether any material is placed by a UV map."""
@@ -145,7 +149,8 @@ def translate(material, report: Report) -> Surface:
 # What stands for a value that differs from place to place, where a single one is wanted: in the panel when an override
 # begins, and in the engine's plan.
 _TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "nShiny": 50.0, "mirror": [0.5] * 3,
-            "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5, "frosted": 0.5, "diffuse_roughness": 0.5, "translucent": [0.5] * 3,
+            "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5, "frosted": 0.5,
+            "diffuse_roughness": 0.5, "translucent": [0.5] * 3,
             "roughness": 0.5, "metal": 0.5, "F0": [0.8] * 3, "F90": [1.0] * 3, "F82": [1.0] * 3, "dielectric": 0.5,
             "dielectric_ior": 1.5, "dielectric_tint": [1.0] * 3, "layered": 1.0, "compensation": 1.0,
             "coat": 0.5, "coat_roughness": 0.1, "coat_ior": 1.5, "coat_tint": [1.0] * 3}

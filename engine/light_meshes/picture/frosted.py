@@ -36,12 +36,13 @@ def frosted(ready: Prepared, rays: Rays, through: Rays, hits: Hits, share: NDArr
     once = ~hits.table.fresnel[hits.row[rows]]  # of these light that is masked is lost
     weight[once] *= unmasked(roughness[rows[once]], -(rays.direction[rows[once]] * hits.Ns[rows[once]]).sum(1),
                              -(own.refracted[once] * hits.Ns[rows[once]]).sum(1))[:, None]
-    spread = {"fan": found.fan, "blur": np.maximum(rays.blur[rows], found.blur)}
-    on = through.at(rows)._replace(media=own.media, **spread)
+    # Lamps are seen through rough glass; in what it mirrors they have highlights.
+    on = through.at(rows)._replace(media=own.media, fan=found.fan)
     children = going(ready, "reflection", on, at, weight * own.kt, own.refracted, 1)
     events = np.where(own.kt.any(1), rays.depth[rows], rays.mirrored[rows])
     may = (events < ready.scene.settings.max_depth) & ready.plan.reflections
-    back = rays.at(rows)._replace(clear=np.zeros(len(rows), np.bool_), **spread)
+    back = rays.at(rows)._replace(clear=np.zeros(len(rows), np.bool_), fan=found.fan,
+                                  blur=np.maximum(rays.blur[rows], found.blur))
     children += mirrored(ready, back, at, weight * own.mirror, may)
     face.kt[rough] = face.mirror[rough] = 0.0
     return children

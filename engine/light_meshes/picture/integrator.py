@@ -83,7 +83,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             lost = np.ones(len(miss.pixel), np.bool_) if miss.clear is None else miss.clear
             tile.take_alpha(miss.pixel[lost], miss.weight[lost])
             miss = miss.at(~lost)
-        world = background(ready, miss)
+        with ready.stats.stage("sky"):
+            world = background(ready, miss, _kinds(kind, miss) if ready.world.sky.varies else None)
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):
@@ -145,16 +146,16 @@ def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], h
     lamps, kinds = ready.lamps, _kinds(kind, rays) if ready.lamps.by else None
     if kinds is None or not (np.left_shift(1, kinds) & lamps.by).any():
         return
+    weight = rays.weight
+    if rays.blur is not None:  # rough surfaces have highlights of lamps instead
+        weight = np.where(rays.blur[:, None] > 0, 0.0, weight)
     far = np.full(len(hit), np.inf)
     far[hit] = np.einsum("ni,ni->n", hits.P - rays.origin[hit], rays.direction[hit])
     light = lamps.light(rays.origin, rays.direction, far, kinds)
-    seen_by = light.any(1)
-    if rays.blur is not None:
-        seen_by &= rays.blur == 0  # rough surfaces have highlights of lamps instead
-    rows = np.flatnonzero(seen_by)
+    rows = np.flatnonzero(light.any(1) & weight.any(1))
     if len(rows):
         seen = rays.at(rows)
-        tile.add_light(seen.pixel, seen.part, seen.weight, light[rows], {"Emission": light[rows]})
+        tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]})
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:

@@ -59,10 +59,11 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
                    settings.cutoff)
     sky = ready.world.sky
-    if settings.ambient and not sky.dark:
+    ambient = 1.0 if settings.world_light == "SKY" else settings.ambient
+    if ambient and not sky.dark:
         turned = np.empty_like(hits.P)
         shading.mirrored(rays.direction, hits.Ng, hits.Ns, turned)
-        light = found.left * (settings.ambient * sky.light(turned))
+        light = found.left * (ambient * sky.light(turned))
         tile.add_light(rays.pixel, rays.part, weight, light, {"Ambient": light})
     rows = found.hit[found.weight.max(axis=1, initial=0) > 0]
     if not len(rows):
@@ -123,12 +124,12 @@ def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
         np.concatenate([a, b]) for a, b in zip(m, own, strict=True)))
 
 
-def background(ready: Prepared, rays: Rays) -> NDArray[np.float64]:
-    """The radiance (n,3), or one row (3,), that rays see which miss all surfaces.
+def background(ready: Prepared, rays: Rays, kinds: NDArray[np.int8] | None) -> NDArray[np.float64]:
+    """The radiance (n,3), or one row (3,), that rays see which miss all surfaces. kinds (n,): as `points` has them.
 
     Those of rough surfaces see what lights surfaces: lamps that stand for the world's suns have their own highlights.
     """
-    seen = ready.world.sky.seen(rays.direction)
+    seen = ready.world.sky.seen(rays.direction, kinds)
     if rays.blur is None or not (rays.blur > 0).any():
         return seen
     light = ready.world.sky.light(rays.direction)

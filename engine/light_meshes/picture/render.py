@@ -169,6 +169,9 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         report[name] = counts[name]
     if counts["lamp_pairs"]:  # of a receiver and a lamp with a size
         report |= {name: counts[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")}
+    if ready.plan.gathers:
+        for name in ("records", "gathered_rays", "gathered_short_rays"):
+            report[name] = counts[name]
     lit = ready.soft
     if lit is not None:
         vertices = ready.surfaces.vertices

@@ -54,8 +54,8 @@ def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float6
     found = Spread(np.empty(rays, np.int64), np.empty((rays, 3)), np.empty((rays, 3)), np.empty(rays, np.int32),
                    np.empty(rays), left)
     if rays:
-        _rays(ggx, tables, direction, hits.Ng, hits.Ns, hits.row, fan, depth.astype(np.int32), matt, weight, up, samples,
-              count, *found[:5])
+        _rays(ggx, tables, direction, hits.Ng, hits.Ns, hits.row, fan, depth.astype(np.int32), matt, weight, up,
+              samples, count, *found[:5])
     return found
 
 
