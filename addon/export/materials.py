@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import bpy
+
 from ..cryptomatte import DEFAULT
 from . import values
 from .channels import Asked, Channels, Key
@@ -138,7 +140,10 @@ def translated(material, nodes: Nodes | None) -> Surface:
     """
     if nodes:
         return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
-    return Surface.diffuse(tuple(material.diffuse_color)[:3]) if material else Surface()  # as Cycles
+    if material:
+        return Surface.diffuse(tuple(material.diffuse_color)[:3])  # as Cycles
+    # Without any material Cycles shows a matt surface, and since 5.0 a new Principled BSDF.
+    return Surface.principled((0.8, 0.8, 0.8), 0.0, 0.5, 0.5) if bpy.app.version >= (5, 0) else Surface()
 
 
 def translate(material, report: Report) -> Surface:
