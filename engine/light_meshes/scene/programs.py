@@ -47,7 +47,8 @@ OF_SURFACES = {"uv", "attribute", "instance", "object", "object_normal", "genera
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),
     "nShiny": (1, 0.0, 1e9), "mirror": (3, 0.0, 1e30), "emission": (3, 0.0, 1e30), "kt": (3, 0.0, 1e30),
-    "ior": (1, 0.01, 100.0), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
+    "ior": (1, 0.01, 100.0), "frosted": (1, 0.0, 1.0), "diffuse_roughness": (1, 0.0, 1.0),
+    "translucent": (3, 0.0, 1e30), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
     "metal": (1, 0.0, 1e30), "F0": (3, 0.0, 1.0), "F90": (3, 0.0, 1.0), "F82": (3, 0.0, 1.0),
     "dielectric": (1, 0.0, 1e30), "dielectric_ior": (1, 1e-5, 1000.0), "dielectric_tint": (3, 0.0, 1e30),
     "layered": (1, 0.0, 1.0), "compensation": (1, 0.0, 1.0), "coat": (1, 0.0, 1.0), "coat_roughness": (1, 0.0, 1.0),
