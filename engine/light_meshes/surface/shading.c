@@ -7,6 +7,7 @@
 #include "ggx.h"
 #include "rough_matt.h"
 #include "sized_block.h"
+#include "sized_facets.h"
 
 _Static_assert((int)NO_TYPE <= (int)BALL, "numbers of types of light and of lamps with a size must differ");
 
@@ -148,17 +149,6 @@ static Sized size_of(const Source *s) {
 /* Copies receiver k's vector out of a block. */
 static inline void taken(const f64 (*from)[SIDE], int k, f64 *out) {
     for (int j = 0; j < 3; j++) out[j] = from[j][k];
-}
-
-/* The lamp as if all its light came from its middle: for highlights of microfacets, which know no lamps with a size. */
-static Source middle_of(const Source *s) {
-    Source middle = *s;
-    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
-    if (s->kind == SKY) middle.kind = SUN;
-    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
-    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
-    else middle.kind = POINT;
-    return middle;
 }
 
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
@@ -335,10 +325,32 @@ INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const in
     }
 }
 
+/* `facet_power` of a lamp with a size, over I: the sum over rays to it. */
+static void facets_sized(const Sized *s, const Block *b, const Facets *f, int k, f64 *power) {
+    Ray rays[RAYS];
+    Seen seen = {.alpha = sqrt(f->alpha2[k])};
+    f64 P[3], Ns[3], eye[3], one[3];
+    taken(b->P, k, P), taken(b->Ns, k, Ns), taken(b->eye, k, eye);
+    memcpy(seen.N, Ns, sizeof Ns), memcpy(seen.V, eye, sizeof eye);
+    int count = rays_to(s, &seen, P, rays);
+    power[0] = power[1] = power[2] = 0.0;
+    for (int i = 0; i < count; i++) {
+        f64 cosine = dot3(Ns, rays[i].way), lobe = 2.0 * cosine * b->facing[k] - dot3(rays[i].way, eye);
+        facet_power(b, f, (Arriving){1, rays[i].weight, 1.0, cosine, lobe}, k, one);
+        for (int j = 0; j < 3; j++) power[j] += one[j];
+    }
+}
+
 static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
                              const Facets *f, f64 (*total)[SIDE]) {
-    const Source middle = middle_of(source);
-    switch (middle.kind) { TYPES(OF_TYPE, add_facets, &middle, S, channel, b, f, total) }
+    const Sized s = size_of(source);
+    for (int k = 0; k < SIDE; k++) {
+        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
+        f64 power[3];
+        if (!(b->returns[k] & (GGX | COAT)) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
+        facets_sized(&s, b, f, k, power);
+        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power[j] * source->colour[j]);
+    }
 }
 
 /* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
@@ -384,24 +396,26 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
 /* Adds to one (matt and gloss) what a light would give a white surface if it were visible; GGX keeps its colours. most:
    S if that is above 1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
-    const Source middle = s->kind >= BALL ? middle_of(s) : *s;
-    Arriving a = arriving(middle.kind, &middle, b, k);
-    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), power = a.power * brightest;
+    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), gloss[3], coat[3] = {0.0};
+    int facets = s->glossy && b->returns[k] & GGX, coated = facets && b->returns[k] & COAT;
     if (s->kind >= BALL) {
         const Sized sized = size_of(s);
         f64 P[3], N[3];
+        if (facets) facets_sized(&sized, b, &b->facets, k, gloss);
+        if (coated) facets_sized(&sized, b, &b->coat, k, coat);
         taken(b->P, k, P), taken(b->Ns, k, N);
         if (s->diffuse) one[0] += brightest * matt_of(&sized, P, N);
         if (s->glossy && b->returns[k] & PHONG) one[1] += brightest * gloss_sized(&sized, b, k, nShiny);
     } else {
+        Arriving a = arriving(s->kind, s, b, k);
+        f64 power = a.power * brightest;
+        if (facets) facet_power(b, &b->facets, a, k, gloss);
+        if (coated) facet_power(b, &b->coat, a, k, coat);
         if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
         if (s->glossy && b->returns[k] & PHONG && a.lobe > 0.0 && a.cosine > 0.0)
             one[1] += power * lobe_power(a, nShiny);
     }
-    if (!s->glossy || !(b->returns[k] & GGX)) return;
-    f64 gloss[3], coat[3] = {0.0};
-    facet_power(b, &b->facets, a, k, gloss);
-    if (b->returns[k] & COAT) facet_power(b, &b->coat, a, k, coat);
+    if (!facets) return;
     for (int j = 0; j < 3; j++) gloss[j] += coat[j];
     one[1] += most * fmax(gloss[0] * s->colour[0], fmax(gloss[1] * s->colour[1], gloss[2] * s->colour[2]));
 }
