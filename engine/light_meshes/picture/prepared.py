@@ -46,8 +46,10 @@ class Prepared:
         before = previous.shadowing if previous else None
         self.shadowing: Shadowing = shadowing(self.world, settings, casters, self.plan, measured, stats, before)
         nodes = self.shadowing.method.nodes
-        if nodes is not None:
-            parts.append(memory.nodes(self.scene, self.world, nodes.lattice.reach, self.plan.channels))
+        self.soft = next((one for one in nodes if not one.points), None)  # nodes of lights of one width
+        if self.soft:
+            parts.append(memory.nodes(self.scene, self.world, self.soft.lattice.reach, self.plan.channels))
+        parts += memory.shares(self.scene, self.world, nodes)
         self.warnings = [*darkness(scene), *self.world.lost, *self.world.unread,
                          *automatic_step.drawn_sharp(scene.lights, step), *self.shadowing.warnings,
                          *memory.check(parts)]
@@ -57,10 +59,11 @@ class Prepared:
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
         self.numbers = numbers(scene)
         self.sparse = None
-        if self.plan.shadow_rate > 1 and nodes is not None:
-            self.sparse = Sparse(self.world, self.lighting, casters, nodes.lattice, self.offsets, stats)
+        if self.plan.shadow_rate > 1 and nodes:
+            finest = self.soft.lattice if self.soft else nodes[0].lattice
+            self.sparse = Sparse(self.world, self.lighting, casters, finest, self.offsets, stats)
 
-        self.passes, self.stats, self.soft = tuple(passes), stats, nodes
+        self.passes, self.stats = tuple(passes), stats
         self.measured: Measured = measured
         self.measured_h = measured.h if settings.auto_h else 0.0
         self.surfaces, self.tracer, self.glass = self.world.surfaces, self.world.tracer, self.world.glass

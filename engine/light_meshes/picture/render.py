@@ -17,6 +17,7 @@ from ..scene.description import Camera, Scene
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
+from . import reuse
 from .integrator import radiance
 from .memory import BATCH, LARGER
 from .prepared import Prepared
@@ -169,19 +170,20 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         report[name] = counts[name]
     if counts["lamp_pairs"]:  # of a receiver and a lamp with a size
         report |= {name: counts[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")}
-    lit = ready.soft
-    if lit is not None:
+    nodes = ready.shadowing.method.nodes
+    if nodes:
         vertices = ready.surfaces.vertices
         finite = np.isfinite(vertices).all(1)[:, None]
         low, high = vertices.min(0, where=finite, initial=1), vertices.max(0, where=finite, initial=-1)
         box = np.maximum(high.astype(np.float64) - low, 0) * ready.surfaces.scale
-        radii = (s.h * lit.lattice.reach).tolist()
+        radii = (s.h * ready.soft.lattice.reach).tolist() if ready.soft else [s.h * s.kI]
+        found = reuse.count(nodes)
         lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all nodes that any receiver can reach
         report |= {
             "h": s.h, "kI": s.kI, "r": s.h * s.kI, "measured_h": ready.measured_h, "radii": radii,
             "receivers": counts["receivers"], "candidates": counts["candidates"],
-            "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
-            "nodes_kept": ready.nodes_kept, "node_bytes": lit.store.bytes,
+            "nodes": found, "node_share": found / lattice_nodes,
+            "nodes_kept": ready.nodes_kept, "node_bytes": sum(one.store.bytes for one in nodes),
             "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
             "certified": counts["certified"], "spared_rays": counts["spared_rays"],

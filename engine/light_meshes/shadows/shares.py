@@ -24,9 +24,9 @@ from . import pairs
 from .lamp_points import Shapes, points, turns_of_nodes
 from .meshes.averaging import ask
 from .meshes.certificate import Certificate
-from .meshes.lattice import candidates, lattice
+from .meshes.lattice import Lattice, candidates, lattice
 from .meshes.node_store import NodeStore
-from .method import Check, Receivers, Setup
+from .method import Check, Nodes, Receivers, Setup
 
 FIRST = 4  # points of a lamp that every node traces
 POINTS = 16  # that nodes near penumbrae trace
@@ -59,6 +59,19 @@ class Lamps(NamedTuple):
     facing: NDArray[np.float64]  # (L,3) the normal of AREA lamps, 0 of others, which look the same from everywhere
 
 
+class LampNodes(Nodes):
+    """Values of nodes of one lattice that are of several points of each lamp."""
+
+    def __init__(self, of: Lattice, lamps: Shapes, points: int, numbers: int) -> None:
+        """points: of each lamp that a value is of. numbers: bytes of a value."""
+        self.lattice, self.lamps, self.points, self.paths = of, lamps, points, None
+        self.store = NodeStore(len(lamps.shape), numbers, np.uint8)
+
+    def take(self, old: Nodes) -> None:
+        """Take over the nodes of `old`, see `Nodes`."""
+        self.store = old.store
+
+
 class Shares:
     """One lattice of such nodes."""
 
@@ -71,8 +84,9 @@ class Shares:
         self._lamps, self._tracer, self._stats = lamps, setup.tracer, setup.stats
         self._surfaces = setup.lattice.surfaces
         self._casters = setup.casters.soft
-        self._first = NodeStore(self.count, 1, np.uint8)
-        self._all = NodeStore(self.count, 2, np.uint8)
+        self._first, self._all = (LampNodes(self.lattice, lamps.shapes, *kind)
+                                  for kind in ((FIRST, 1), (POINTS, 2)))
+        self.nodes = (self._first, self._all)
         self._every = np.stack([mask_of(range(self.count), self.count)])
         self.certificate: Certificate | None = None
 
@@ -80,16 +94,6 @@ class Shares:
     def reach(self) -> float:
         """How far from a receiver its group's candidates may be, world."""
         return self.h * (float(self.lattice.reach[-1]) + ACROSS)
-
-    @property
-    def nodes(self) -> int:
-        """How many nodes there are."""
-        return max(self._first.count, self._all.count)
-
-    @property
-    def bytes(self) -> int:
-        """Memory of the nodes."""
-        return self._first.bytes + self._all.bytes
 
     def groups(self, at: Receivers) -> Groups:
         """The groups of receivers, which ask for the lights in at.active."""
@@ -106,7 +110,7 @@ class Shares:
     def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
         """Lights that all candidates of each group see (g,W), and those that they do not agree on."""
         need = self._need(g, g.lit)
-        seen_points = self._first.values(g.nodes, need, lambda nodes, todo: self._trace_first(nodes, todo, check))
+        seen_points = self._first.store.values(g.nodes, need, lambda nodes, todo: self._trace_first(nodes, todo, check))
         seen, mixed = np.empty_like(g.lit), np.empty_like(g.lit)
         needs_memory(_sorted(g.start, g.candidate, FIRST, seen_points, g.lit, seen, mixed))
         return seen, mixed
@@ -114,13 +118,13 @@ class Shares:
     def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:
         """Lamps (g,W) that the plane of a group may cut."""
         out = np.empty_like(g.lit)
-        _grazing(g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes, g.lit, out)
+        _grazing(g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes[:4], g.lit, out)
         return out
 
     def shares(self, g: Groups, lights: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
         """Shares and distances (u,2L) of the nodes of groups, right for `lights` (g,W)."""
-        found: NDArray[np.uint8] = self._all.values(g.nodes, self._need(g, lights),
-                                                    lambda nodes, todo: self._trace_all(nodes, todo, check))
+        found: NDArray[np.uint8] = self._all.store.values(g.nodes, self._need(g, lights),
+                                                          lambda nodes, todo: self._trace_all(nodes, todo, check))
         return found
 
     def mean(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], g: Groups,

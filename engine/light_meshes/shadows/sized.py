@@ -18,7 +18,6 @@ from ..rays.tracer import points as places
 from . import pairs
 from .casters import union
 from .lamp_points import FREE, narrowest, points, shapes, turns_of_points
-from .meshes.certificate import certificate
 from .method import Check, Method, Receivers, Setup
 from .shares import Groups, Lamps, Shares
 from .sharp import dim, sharp
@@ -56,7 +55,7 @@ class SizedLamps(Method):
         surfaces that take no soft shadows."""
         assert setup.lattice is not None
         casters = setup.casters
-        self.nodes, self._others = others.nodes, others
+        self._others = others
         self._count, self._channels = len(setup.lights), max(1, setup.through.channels)
         self._tracer, self._stats = setup.tracer, setup.stats
         self._groups, self._soft = casters.soft, union(casters.soft, self._count)
@@ -66,13 +65,13 @@ class SizedLamps(Method):
         self._lamps = lamps(setup)
         # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
         self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
+        self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
         assert setup.lattice is not None
         level = Shares(self._lamps, setup, setup.settings.h * coarser)
-        if setup.lattice.casts is not None:
-            with self._stats.stage("certificate"):
-                level.certificate = certificate(setup.lattice.surfaces, setup.lattice.casts, level.reach)
+        if setup.lattice.certify is not None:
+            level.certificate = setup.lattice.certify(level.reach)
         return level
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
