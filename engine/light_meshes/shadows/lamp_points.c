@@ -68,6 +68,32 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
     return 0;
 }
 
+/* Adds up what `count` points of the lamp of each pair give a matt surface at P[row], and what of it gets through to
+   there: `visible` of each point. Up to a constant of the pair; facing: the normals of lamps that have a face. */
+KERNEL(lamp_sums,
+       "count i64  P f64[n,3]  N f64[n,3]  row i32[k]  light i32[k]  directional bool[L]  shape u8[L]  facing f64[L,3]  "
+       "point f64[p,3]  visible f32[p,C]  clear f64[k,C]!  whole f64[k]!")
+i64 lamp_sums(i64 n, i64 k, i64 L, i64 p, i64 C, i64 count, const f64 *P, const f64 *N, const i32 *row,
+              const i32 *light, const u8 *directional, const u8 *shape, const f64 *facing, const f64 *point,
+              const f32 *visible, f64 *clear, f64 *whole) {
+    (void)n, (void)L;
+    if (p != k * count) return 1;
+    for (i64 at = 0; at < k; at++) {
+        i64 i = light[at];
+        const f64 *from = P + 3 * (i64)row[at], *normal = N + 3 * (i64)row[at];
+        for (i64 q = at * count; q < (at + 1) * count; q++) {
+            f64 way[3];
+            for (int j = 0; j < 3; j++) way[j] = point[3 * q + j] - (directional[i] ? 0.0 : from[j]);
+            f64 square = dot(way, way), length = sqrt(square), weight = dot(way, normal) / length;
+            if (!(weight > 0.0)) continue;
+            if (shape[i] != FREE) weight *= fabs(dot(way, facing + 3 * i)) / (square * length);
+            for (i64 c = 0; c < C; c++) clear[C * at + c] += weight * visible[C * q + c];
+            whole[at] += weight;
+        }
+    }
+    return 0;
+}
+
 /* The turns of nodes: a Kronecker sequence, so that neighbours' points stand between each other. */
 KERNEL(lamp_turns_of_nodes, "nodes i32[n,3]  out f64[n,2]!")
 i64 lamp_turns_of_nodes(i64 n, const i32 *nodes, f64 *out) {

@@ -13,15 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rays.tracer import Targets
 from ..rays.tracer import points as places
+from ..support.native import kernel
 from . import pairs
 from .casters import union
-from .lamp_points import FREE, narrowest, points, shapes, turns_of_points
+from .lamp_points import narrowest, points, shapes, turns_of_points
 from .method import Check, Method, Receivers, Setup
 from .shares import Groups, Lamps, Shares
 from .sharp import dim, sharp
-from .terminator import Lift, split, starts
+from .terminator import split, starts
 
 LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
@@ -31,6 +31,9 @@ BLEND = 0.5  # and alone from so many octaves above that on
 RAYS = 16  # from a receiver to a lamp where the penumbra is narrow,
 MORE_RAYS = 32  # and where no node may answer and they disagree
 BATCH = 1 << 15  # receivers at once
+RAYS_AT_ONCE = 1 << 18
+
+_sums = kernel("lamp_sums")
 
 
 class Batch(NamedTuple):
@@ -194,44 +197,35 @@ class SizedLamps(Method):
         self._stats.add(ray_pairs=len(row))
         with self._stats.stage("rays near contact"):
             clear, whole = self._clear(at, row, light, 0, RAYS, check)
-            more = np.flatnonzero(alone & ((clear > 0) & (clear < whole)).any(1))
+            more = np.flatnonzero(alone & ((clear > 0) & (clear < whole[:, None])).any(1))
             found, further = self._clear(at, row[more], light[more], RAYS, MORE_RAYS - RAYS, check)
             clear[more] += found
             whole[more] += further
-        return (clear / np.maximum(whole, 1e-300)).astype(np.float32)
+        return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
     def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
                check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what points first..first+count of light[k] give P[row[k]], added up: what gets through (k,C), and what
-        would if nothing stood between (k,1). Ω is that of the lamp above the horizon, so the points below do not count.
+        would if nothing stood between (k,). Ω is that of the lamp above the horizon, so the points below do not count.
         """
-        clear, whole = np.zeros((len(row), self._channels)), np.zeros((len(row), 1))
+        clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
         facing = at.normals() if at.lift is None else at.lift.side
-        turn = turns_of_points(at.P)
-        targets = self._lamps.targets
-        lift: Lift | None = at.lift
-        origin, normal, of = starts(lift, at.P, at.N, targets, row, light)
+        turn, targets, shapes = turns_of_points(at.P), self._lamps.targets, self._lamps.shapes
         for group in self._groups:
             mine = np.flatnonzero(_in(group.lights, light))
-            order = np.arange(len(mine), dtype=np.int32)
-            for j in range(first, first + count if len(mine) else first):
+            for i in range(0, len(mine), RAYS_AT_ONCE // count):
                 check()
-                to = points(self._lamps.shapes, targets, at.P, turn, row[mine], light[mine], j, 1)
-                weight = self._weight(at.P[row[mine]], facing[row[mine]], to, light[mine])
-                clear[mine] += weight * self._sharp.segments(origin, of[mine], to, order, normal, group.casters)
-                whole[mine] += weight
+                part = mine[i:i + RAYS_AT_ONCE // count]
+                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count)
+                origin, normal, of = starts(at.lift, at.P, at.N, targets, row[part], light[part])
+                order = np.arange(len(to.position), dtype=np.int32)
+                visible = self._sharp.segments(origin, np.repeat(of, count), to, order, normal, group.casters)
+                some, all_of_it = np.zeros((len(part), self._channels)), np.zeros(len(part))
+                _sums(count, at.P, facing, row[part], light[part], targets.directional, shapes.shape,
+                      self._lamps.facing, to.position, visible.astype(np.float32), some, all_of_it)
+                clear[part], whole[part] = some, all_of_it
         self._stats.add(shadow_rays=len(row) * count)
         return clear, whole
-
-    def _weight(self, P: NDArray[np.float64], N: NDArray[np.float64], to: Targets,
-                light: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return how much (k,1) matt surfaces at P get from these points of lamps, up to a constant of the pair."""
-        way = to.position - np.where(to.directional[:, None], 0.0, P)
-        square = np.einsum("ij,ij->i", way, way)
-        cosine = np.einsum("ij,ij->i", way, N) / np.sqrt(square)
-        side = np.abs(np.einsum("ij,ij->i", way, self._lamps.facing[light]))  # of a face; 0 of what turns to P
-        weight = np.maximum(cosine, 0) * np.where(self._lamps.shapes.shape[light] == FREE, 1.0, side / square**1.5)
-        return weight[:, None]
 
 
 def lamps(setup: Setup) -> Lamps:
