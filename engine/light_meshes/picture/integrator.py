@@ -76,7 +76,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             lost = np.ones(len(miss.pixel), np.bool_) if miss.clear is None else miss.clear
             tile.take_alpha(miss.pixel[lost], miss.weight[lost])
             miss = miss.at(~lost)
-        world = np.array(ready.scene.world_color)
+        world = ready.world.sky.seen(miss.direction)
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):

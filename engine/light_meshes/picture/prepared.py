@@ -6,12 +6,14 @@ import dataclasses
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from ..film.numbers import numbers
 from ..rays.camera import filter_offsets
 from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
 from ..support.statistics import Statistics
-from . import automatic_step, memory, reuse
+from . import automatic_step, emitters, memory, reuse
 from .lighting import Lighting
 from .measured import Measured
 from .plan import darkness, plan
@@ -36,13 +38,18 @@ class Prepared:
         parts = memory.before(dataclasses.replace(scene, camera=view), passes)
         memory.check(parts)
 
-        self.world: World = world(scene, view, stats, check, previous.world if previous else None)
+        bare = world(scene, view, stats, check, previous.world if previous else None)
+        self.world: World = emitters.lit(bare, stats, check)
+        scene = self.world.scene
         measured = Measured(self.world, previous.measured if previous else None)
         step = automatic_step.automatic(self.world, measured)
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)
         casters = automatic_step.without(self.world.casters, step.sharp, len(scene.lights))
         self.scene = dataclasses.replace(self.world.scene, settings=settings, camera=view)  # as it is drawn
         self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason)
+        if self.world.as_lamps is not None:
+            self.plan.decide("emitting surfaces", f"{len(scene.lights) - len(bare.scene.lights)} lamps",
+                             f"for {np.count_nonzero(self.world.as_lamps):,} triangles that give light")
         before = previous.shadowing if previous else None
         self.shadowing: Shadowing = shadowing(self.world, settings, casters, self.plan, measured, stats, before)
         nodes = self.shadowing.method.nodes

@@ -20,6 +20,7 @@ from ..support import processors
 from ..support.statistics import Statistics
 from ..surface import shading, textures
 from ..surface.looks import Looks
+from ..surface.sky import Sky
 
 COARSE = 64  # rays along each side of the coarse view
 
@@ -40,6 +41,8 @@ class World:
     lights: shading.Lights
     materials: shading.Materials
     looks: Looks
+    sky: Sky
+    as_lamps: NDArray[np.bool_] | None = None  # (T,) triangles whose light comes from lamps in their place; None: none
 
     def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
         """The hits of rays along `direction`, with what the programs of their materials say of them; see `Looks`."""
@@ -101,7 +104,7 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
                         alike.tracer if alike else None, glass.stacks)
     check()
     return World(scene, camera, surfaces, lost, images, unread, glass, who, tracer, shading.light_arrays(scene.lights),
-                 shading.material_arrays(scene.materials), looks)
+                 shading.material_arrays(scene.materials), looks, Sky(scene))
 
 
 def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:

@@ -24,6 +24,7 @@ from .mesh import Mesh, at_least, numbers
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
+WORLD_LIGHTS = ("AMBIENT", "SKY")
 GLASS = ("BOUNDED", "PAPER")
 CAUSTICS = ("PAPER", "FOCUS")
 SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")  # the methods of `shadows.registry`
@@ -54,6 +55,8 @@ class Settings:
     max_depth: int = 4  # how many mirror reflections follow the first hit
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour
+    world_light: str = "AMBIENT"  # how the world lights: AMBIENT, the paper's Ia·ka, or SKY, from all around
+    bounces: int = 0  # how often diffuse light goes on from surface to surface
     filter_size: float = 1.5  # size of the Blackman-Harris pixel filter: it ends this many pixels from the centre
     refraction: str = "VIEW"  # which rays glass bends: M1 NONE, M2 VIEW rays, M3 FULL: shadow paths too (eq. 6)
     glass: str = "BOUNDED"  # nodes behind glass: BOUNDED drops them, PAPER weights them as in eq. (7)
