@@ -67,8 +67,8 @@ class Prepared:
         self.numbers = numbers(scene)
         self.sparse = None
         if self.plan.shadow_rate > 1 and nodes:
-            finest = self.soft.lattice if self.soft else nodes[0].lattice
-            self.sparse = Sparse(self.world, self.lighting, casters, finest, self.offsets, stats)
+            reach = min(settings.kI if one.points else float(one.lattice.reach[0]) for one in nodes)
+            self.sparse = Sparse(self.world, self.lighting, casters, (settings.h, reach), self.offsets, stats)
 
         self.passes, self.stats = tuple(passes), stats
         self.measured: Measured = measured

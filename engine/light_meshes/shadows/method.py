@@ -41,6 +41,8 @@ class Receivers(NamedTuple):
     # (n,) triangles on which P is; None: on surfaces that receive soft shadows
     triangle: NDArray[np.int32] | None = None
     lift: Lift | None = None  # where light grazes smooth surfaces, rays start above their facets; None: nowhere
+    # (n,W) bits that the method sets of lights whose S may change within less than r; None: nobody wants to know
+    narrow: NDArray[np.uint64] | None = None
 
     def normals(self) -> NDArray[np.float64]:
         """Return N; only for receivers that are on surfaces."""

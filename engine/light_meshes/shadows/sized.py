@@ -23,7 +23,8 @@ from .shares import Groups, Lamps, Shares
 from .sharp import dim, sharp
 from .terminator import split, starts
 
-LEVELS = 4  # lattices, each of twice the step of the one before
+import os
+FINER, COARSER = int(os.environ.get("FINER", "2")), 3  # lattices beside that of h, each of half or twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
@@ -40,22 +41,26 @@ class Batch(NamedTuple):
     """Receivers whose lights nodes may answer for, and where their answers go."""
 
     at: Receivers
-    rows: NDArray[np.intp]  # (n,) of S
+    rows: NDArray[np.intp]  # (n,) of S and rest
     S: NDArray[np.float32]  # (…,L,C)
+    rest: NDArray[np.float32]  # (…,L) by how much what finer levels, or rays, say of a pair counts
     check: Check
+    narrow: NDArray[np.uint64] | None  # see Receivers
 
-    def of(self, rows: NDArray[np.integer], active: NDArray[np.uint64]) -> Receivers:
+    def of(self, rows: NDArray[np.integer], active: NDArray[np.uint64]) -> Batch:
         """Some of the receivers, asked for other lights."""
         on = self.at.triangle
-        return Receivers(self.at.P[rows], self.at.normals()[rows], active, None if on is None else on[rows])
+        at = Receivers(self.at.P[rows], self.at.normals()[rows], active, None if on is None else on[rows])
+        return self._replace(at=at, rows=self.rows[rows])
 
 
 class SizedLamps(Method):
     """S of lamps with a size."""
 
-    def __init__(self, setup: Setup, others: Method, levels: int = LEVELS) -> None:
+    def __init__(self, setup: Setup, others: Method, finer: int = FINER, coarser: int = COARSER) -> None:
         """setup: its casters are those of lamps with a size only. others: of all other lights, and of such lamps on
-        surfaces that take no soft shadows."""
+        surfaces that take no soft shadows. finer, coarser: lattices beside that of h.
+        """
         assert setup.lattice is not None
         casters = setup.casters
         self._others = others
@@ -67,7 +72,9 @@ class SizedLamps(Method):
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
         # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
-        self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
+        powers = range(0) if setup.through.channels else range(-finer, coarser + 1)
+        self.levels = [self._level(setup, 2.0**k) for k in powers]
+        self._fine, self._coarse = self.levels[finer::-1], self.levels[finer + 1:]  # from h on
         self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
@@ -89,17 +96,20 @@ class SizedLamps(Method):
         asked &= ~lifted
         if not self.levels:
             asked[:] = 0
-        by_rays = soft & ~asked
+        if at.narrow is not None:
+            at.narrow[:] |= soft & ~asked
+        by_rays, rest = soft & ~asked, np.ones(S.shape[:2], np.float32)
         lit = np.flatnonzero(asked.any(1))
         for i in range(0, len(lit), BATCH):
             check()
             rows = lit[i:i + BATCH]
             on = None if at.triangle is None else at.triangle[rows]
             some = Receivers(at.P[rows], at.normals()[rows], asked[rows], on)
-            by_rays[rows] |= self._ask(Batch(some, rows, S, check))
+            by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow))
         self._stats.add(lamp_pairs=_count(soft))
         for row, light in pairs.blocks(by_rays, self._count):
-            S[row, light] = self._by_rays(at, row, light, np.ones(len(row), np.bool_), check)
+            share = rest[row, light]
+            S[row, light] += share[:, None] * self._by_rays(at, row, light, share == 1, check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0
@@ -109,37 +119,62 @@ class SizedLamps(Method):
         return S
 
     def _ask(self, batch: Batch) -> NDArray[np.uint64]:
-        """Fill S from nodes; returns the lights (n,W) that rays must answer for."""
-        at, level, stats = batch.at, self.levels[0], self._stats
+        """Add to S what nodes say; returns the lights (n,W) that rays must answer for."""
+        left = batch.at.active.copy()
+        by_rays = np.zeros_like(left)
+        for level in self._fine:
+            some = np.flatnonzero(left.any(1))
+            if not len(some):
+                break
+            grazing, left[some] = self._at_level(level, batch.of(some, left[some]))
+            by_rays[some] |= grazing
+            if level is self._fine[0]:
+                if batch.narrow is not None:
+                    batch.narrow[batch.rows] |= by_rays | left
+                self._stats.add(receivers=len(left), mixed_pairs=_count(by_rays | left))
+        return by_rays | left
+
+    def _at_level(self, level: Shares, batch: Batch) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """Add to S what nodes of a level say. Returns the lights (n,W) that a receiver's plane cuts, for which no nodes
+        can answer, and those for which finer levels must answer too.
+        """
+        at, stats = batch.at, self._stats
         with stats.stage("candidates"):
             g = level.groups(at)
             grazing = level.grazing(g, at.normals())
             g.lit[:] &= ~grazing
-            by_rays = grazing[g.group] & at.active
-            soft = at.active & ~by_rays
+            cut = grazing[g.group] & at.active
+            soft = at.active & ~cut
         with stats.stage("nodes"):
             seen, mixed = level.sorted(g, batch.check)
         certified = self._certified(level, at, g)
         unsure = mixed & np.where(certified, np.uint64(0), ~np.uint64(0))[:, None]
-        by_rays |= unsure[g.group] & soft
+        finer = unsure[g.group] & soft
         agreed = soft & ~mixed[g.group]
         hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & agreed.any(1)).astype(np.int32))
-        by_rays[hidden] |= agreed[hidden]
+        finer[hidden] |= agreed[hidden]
         agreed[hidden] = 0
         with stats.stage("average"):
-            batch.S[batch.rows] += pairs.seen(agreed & seen[g.group], self._count)
+            for row, light in pairs.blocks(agreed & seen[g.group], self._count):
+                to = batch.rows[row]
+                batch.S[to, light, 0] += batch.rest[to, light]
         mixed &= ~unsure
         todo = mixed[g.group] & soft
-        stats.add(receivers=len(at.P), mixed_pairs=_count(todo | by_rays))
         if todo.any():
             with stats.stage("nodes"):
                 shares = level.shares(g, mixed, batch.check)
             for row, light in pairs.blocks(todo, self._count):
                 with stats.stage("average"):
                     value, width = level.mean(at, row, light, g, shares)
-                self._refine(batch, row, light, value, width)
-                batch.S[batch.rows[row], light, 0] = value
-        return by_rays
+                if level is self._fine[0]:
+                    self._coarsen(batch, row, light, value, width)
+                trust, to = _trust(width, WIDE), batch.rows[row]
+                batch.S[to, light, 0] += batch.rest[to, light] * trust * value
+                batch.rest[to, light] *= 1 - trust
+                near = trust < 1
+                np.bitwise_or.at(finer, (row[near], light[near] >> 6),
+                                 np.uint64(1) << (light[near] & 63).astype(np.uint64))
+        return cut, finer
 
     def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
         """Those of these receivers whose nearest candidate is not seen: all of them may be behind something."""
@@ -148,17 +183,12 @@ class SizedLamps(Method):
             self._stats.add(short_rays=len(rows))
             return rows[self._tracer.occluded(at.P, rows, places(g.position), nearest, at.N, closed=True)]
 
-    def _refine(self, batch: Batch, row: NDArray[np.int32], light: NDArray[np.int32], value: NDArray[np.float32],
-                width: NDArray[np.float32]) -> None:
-        """Make the finest level's `value` (k,) of pairs, whose penumbrae are `width` r wide, that of rays where it is
-        too coarse for them, and of coarser levels where these do."""
-        trust = _trust(width, WIDE)
-        near = np.flatnonzero(trust < 1)
-        if len(near):
-            rays = self._by_rays(batch.at, row[near], light[near], width[near] == 0, batch.check)[:, 0]
-            value[near] = trust[near] * value[near] + (1 - trust[near]) * rays
+    def _coarsen(self, batch: Batch, row: NDArray[np.int32], light: NDArray[np.int32], value: NDArray[np.float32],
+                 width: NDArray[np.float32]) -> None:
+        """Make the `value` (k,) of pairs, by the lattice of h, whose penumbrae are `width` r wide, that of coarser ones
+        where these do."""
         rest = np.flatnonzero(width >= 2 * WIDER)
-        for level in self.levels[1:]:
+        for level in self._coarse:
             if not len(rest):
                 return
             found, wide = self._coarser(level, batch, row[rest], light[rest])
@@ -172,7 +202,7 @@ class SizedLamps(Method):
         some, of = np.unique(row, return_inverse=True)
         soft = np.zeros((len(some), batch.at.active.shape[1]), np.uint64)
         np.bitwise_or.at(soft, (of, light >> 6), np.uint64(1) << (light & 63).astype(np.uint64))
-        at = batch.of(some, soft)
+        at = batch.of(some, soft).at
         with self._stats.stage("candidates"):
             g = level.groups(at)
         certified = self._certified(level, at, g)
