@@ -19,7 +19,7 @@ from ..shadows.casters import Casters, smooth_lights, union
 from ..shadows.method import Kind
 from ..shadows.radius import extent
 from ..shadows.registry import KINDS, NONE
-from ..shadows.sized import COARSER, FINER, MORE_RAYS, RAYS
+from ..shadows.sized import LEVELS, MORE_RAYS, RAYS
 from ..support.bits import has
 
 LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that nodes may answer
@@ -189,7 +189,7 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters) -> None:
         p.decide("lamps without a size", "sharp", f"{names(points)}: one ray says all of a point")
     if lamps:
         how, why = "shares at nodes", (
-            f"{1 + FINER + COARSER} lattices, of h = {h / 2**FINER:.3g} to {h * 2**COARSER:.3g}, by the penumbra's width; {RAYS} rays "
+            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; {RAYS} rays "
             f"where it is narrower than r, up to {MORE_RAYS} where something is near")
         if p.paths:
             how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"

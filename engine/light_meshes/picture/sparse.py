@@ -111,7 +111,9 @@ class Sparse:
 
     def __init__(self, world: World, lighting: Lighting, casters: Casters, ball: tuple[float, float],
                  offsets: NDArray[np.float64], stats: Statistics) -> None:
-        """casters: those of the picture's shadows; ball: h, and the least r of lights in steps; offsets (samples,2): in the pixel filter."""
+        """casters: those of the picture's shadows. ball: h, and the least r of lights in steps. offsets (samples,2): in
+        the pixel filter.
+        """
         self._world, self._lighting, self._stats, self._offsets = world, lighting, stats, offsets
         self._camera = dataclasses.replace(world.camera, crop=None)
         s, m, lights = world.scene.settings, world.materials, len(world.scene.lights)

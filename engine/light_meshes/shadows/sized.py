@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.tracer import points as places
+from ..support.bits import has
 from ..support.native import kernel
 from . import pairs
 from .casters import union
@@ -23,14 +24,14 @@ from .shares import Groups, Lamps, Shares
 from .sharp import dim, sharp
 from .terminator import split, starts
 
-import os
-FINER, COARSER = int(os.environ.get("FINER", "2")), 3  # lattices beside that of h, each of half or twice the step of the one before
+LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
 # Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
-RAYS = 16  # from a receiver to a lamp where the penumbra is narrow,
-MORE_RAYS = 32  # and where no node may answer and they disagree
+FEW, FINE = 4, 4.0  # so many lamps, or from that kI on: RAYS from a receiver to a lamp where the penumbra is narrow,
+RAYS, MORE_RAYS = 16, 32  # and more where no node may answer and they disagree
+FEWER_RAYS = 8  # with more lamps, whose errors are smaller parts of the light: RAYS where these disagree
 BATCH = 1 << 15  # receivers at once
 RAYS_AT_ONCE = 1 << 18
 
@@ -43,7 +44,7 @@ class Batch(NamedTuple):
     at: Receivers
     rows: NDArray[np.intp]  # (n,) of S and rest
     S: NDArray[np.float32]  # (…,L,C)
-    rest: NDArray[np.float32]  # (…,L) by how much what finer levels, or rays, say of a pair counts
+    rest: NDArray[np.float32]  # (…,L) by how much what rays say of a pair counts
     check: Check
     narrow: NDArray[np.uint64] | None  # see Receivers
 
@@ -57,10 +58,9 @@ class Batch(NamedTuple):
 class SizedLamps(Method):
     """S of lamps with a size."""
 
-    def __init__(self, setup: Setup, others: Method, finer: int = FINER, coarser: int = COARSER) -> None:
+    def __init__(self, setup: Setup, others: Method, levels: int = LEVELS) -> None:
         """setup: its casters are those of lamps with a size only. others: of all other lights, and of such lamps on
-        surfaces that take no soft shadows. finer, coarser: lattices beside that of h.
-        """
+        surfaces that take no soft shadows."""
         assert setup.lattice is not None
         casters = setup.casters
         self._others = others
@@ -71,10 +71,9 @@ class SizedLamps(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
+        self._rays = rays(setup.settings.kI, sum(has(self._soft, i) for i in range(self._count)))
         # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
-        powers = range(0) if setup.through.channels else range(-finer, coarser + 1)
-        self.levels = [self._level(setup, 2.0**k) for k in powers]
-        self._fine, self._coarse = self.levels[finer::-1], self.levels[finer + 1:]  # from h on
+        self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
         self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
@@ -120,39 +119,21 @@ class SizedLamps(Method):
 
     def _ask(self, batch: Batch) -> NDArray[np.uint64]:
         """Add to S what nodes say; returns the lights (n,W) that rays must answer for."""
-        left = batch.at.active.copy()
-        by_rays = np.zeros_like(left)
-        for level in self._fine:
-            some = np.flatnonzero(left.any(1))
-            if not len(some):
-                break
-            grazing, left[some] = self._at_level(level, batch.of(some, left[some]))
-            by_rays[some] |= grazing
-            if level is self._fine[0]:
-                if batch.narrow is not None:
-                    batch.narrow[batch.rows] |= by_rays | left
-                self._stats.add(receivers=len(left), mixed_pairs=_count(by_rays | left))
-        return by_rays | left
-
-    def _at_level(self, level: Shares, batch: Batch) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """Add to S what nodes of a level say. Returns the lights (n,W) that a receiver's plane cuts, for which no nodes
-        can answer, and those for which finer levels must answer too.
-        """
-        at, stats = batch.at, self._stats
+        at, level, stats = batch.at, self.levels[0], self._stats
         with stats.stage("candidates"):
             g = level.groups(at)
             grazing = level.grazing(g, at.normals())
             g.lit[:] &= ~grazing
-            cut = grazing[g.group] & at.active
-            soft = at.active & ~cut
+            by_rays = grazing[g.group] & at.active
+            soft = at.active & ~by_rays
         with stats.stage("nodes"):
             seen, mixed = level.sorted(g, batch.check)
         certified = self._certified(level, at, g)
         unsure = mixed & np.where(certified, np.uint64(0), ~np.uint64(0))[:, None]
-        finer = unsure[g.group] & soft
+        by_rays |= unsure[g.group] & soft
         agreed = soft & ~mixed[g.group]
         hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & agreed.any(1)).astype(np.int32))
-        finer[hidden] |= agreed[hidden]
+        by_rays[hidden] |= agreed[hidden]
         agreed[hidden] = 0
         with stats.stage("average"):
             for row, light in pairs.blocks(agreed & seen[g.group], self._count):
@@ -160,21 +141,23 @@ class SizedLamps(Method):
                 batch.S[to, light, 0] += batch.rest[to, light]
         mixed &= ~unsure
         todo = mixed[g.group] & soft
+        stats.add(receivers=len(at.P), mixed_pairs=_count(todo | by_rays))
         if todo.any():
             with stats.stage("nodes"):
                 shares = level.shares(g, mixed, batch.check)
             for row, light in pairs.blocks(todo, self._count):
                 with stats.stage("average"):
                     value, width = level.mean(at, row, light, g, shares)
-                if level is self._fine[0]:
-                    self._coarsen(batch, row, light, value, width)
+                self._coarsen(batch, row, light, value, width)
                 trust, to = _trust(width, WIDE), batch.rows[row]
                 batch.S[to, light, 0] += batch.rest[to, light] * trust * value
                 batch.rest[to, light] *= 1 - trust
                 near = trust < 1
-                np.bitwise_or.at(finer, (row[near], light[near] >> 6),
+                np.bitwise_or.at(by_rays, (row[near], light[near] >> 6),
                                  np.uint64(1) << (light[near] & 63).astype(np.uint64))
-        return cut, finer
+        if batch.narrow is not None:
+            batch.narrow[batch.rows] |= by_rays
+        return by_rays
 
     def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
         """Those of these receivers whose nearest candidate is not seen: all of them may be behind something."""
@@ -188,7 +171,7 @@ class SizedLamps(Method):
         """Make the `value` (k,) of pairs, by the lattice of h, whose penumbrae are `width` r wide, that of coarser ones
         where these do."""
         rest = np.flatnonzero(width >= 2 * WIDER)
-        for level in self._coarse:
+        for level in self.levels[1:]:
             if not len(rest):
                 return
             found, wide = self._coarser(level, batch, row[rest], light[rest])
@@ -226,9 +209,10 @@ class SizedLamps(Method):
         """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         self._stats.add(ray_pairs=len(row))
         with self._stats.stage("rays near contact"):
-            clear, whole = self._clear(at, row, light, 0, RAYS, check)
-            more = np.flatnonzero(alone & ((clear > 0) & (clear < whole[:, None])).any(1))
-            found, further = self._clear(at, row[more], light[more], RAYS, MORE_RAYS - RAYS, check)
+            few, many = self._rays
+            clear, whole = self._clear(at, row, light, 0, few, check)
+            more = np.flatnonzero((alone | (few < RAYS)) & ((clear > 0) & (clear < whole[:, None])).any(1))
+            found, further = self._clear(at, row[more], light[more], few, many - few, check)
             clear[more] += found
             whole[more] += further
         return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
@@ -256,6 +240,11 @@ class SizedLamps(Method):
                 clear[part], whole[part] = some, all_of_it
         self._stats.add(shadow_rays=len(row) * count)
         return clear, whole
+
+
+def rays(kI: float, lamps: int) -> tuple[int, int]:
+    """Return how many rays go from a receiver to one of so many lamps with a size, and how many at most."""
+    return (RAYS, MORE_RAYS) if lamps <= FEW or kI >= FINE else (FEWER_RAYS, RAYS)
 
 
 def lamps(setup: Setup) -> Lamps:
