@@ -22,6 +22,8 @@ from .integrator import radiance
 from .memory import BATCH, LARGER
 from .prepared import Prepared
 
+SHOWN = 8  # lamps of which the statistics tell one by one how their shadows were found
+
 
 class Cancelled(Exception):  # noqa: N818  (it is no error)
     """The caller's `cancelled()` returned True."""
@@ -153,11 +155,27 @@ def measure(scene: Scene) -> dict[str, Any]:
     return {"h": ready.measured.h, "radii": radii}
 
 
+def _lamps(ready: Prepared) -> dict[str, str]:
+    """Return what the plan came to for lamps with a size, as further reasons: a row a lamp, of the first SHOWN."""
+    pairs, rays = (ready.stats.of_lights.get(name) for name in ("lamp_pairs", "ray_pairs"))
+    if pairs is None or rays is None:
+        return {}
+    how = ready.plan.reasons.get("lamps with a size", "").split(":")[0]
+    found = [i for i, n in enumerate(pairs) if n]
+    rows = {f"lamp '{ready.scene.lights[i].name}'": f"{how}: {rays[i] / pairs[i]:.1%} of its receivers took rays"
+            for i in found[:SHOWN]}
+    rest = found[SHOWN:]
+    if rest:
+        share = rays[rest].sum() / pairs[rest].sum()
+        rows["other lamps with a size"] = f"{how}: {share:.1%} of the receivers of these {len(rest)} took rays"
+    return rows
+
+
 def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seconds: float) -> dict[str, Any]:
     """Return the statistics of a finished render."""
     s, counts = ready.scene.settings, ready.stats.counts
     report: dict[str, Any] = {
-        "plan": ready.plan.reasons,
+        "plan": ready.plan.reasons | _lamps(ready),
         "width": frame.width, "height": frame.height, "samples": s.samples,
         "triangles": len(ready.surfaces.triangles), "instances": len(ready.scene.geometry.instance_mesh),
         "lights": len(ready.scene.lights), "materials": len(ready.scene.materials),

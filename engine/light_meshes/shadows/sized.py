@@ -47,6 +47,7 @@ class Batch(NamedTuple):
     rest: NDArray[np.float32]  # (…,L) by how much what rays say of a pair counts
     check: Check
     narrow: NDArray[np.uint64] | None  # see Receivers
+    probe: NDArray[np.float64] | None  # see Method
 
     def of(self, rows: NDArray[np.integer], active: NDArray[np.uint64]) -> Batch:
         """Some of the receivers, asked for other lights."""
@@ -98,14 +99,16 @@ class SizedLamps(Method):
         if at.narrow is not None:
             at.narrow[:] |= soft & ~asked
         by_rays, rest = soft & ~asked, np.ones(S.shape[:2], np.float32)
+        own = None if probe is None else np.zeros_like(probe)
         lit = np.flatnonzero(asked.any(1))
         for i in range(0, len(lit), BATCH):
             check()
             rows = lit[i:i + BATCH]
             on = None if at.triangle is None else at.triangle[rows]
             some = Receivers(at.P[rows], at.normals()[rows], asked[rows], on)
-            by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow))
-        self._stats.add(lamp_pairs=_count(soft))
+            by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow, own))
+        for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays)):
+            self._stats.add_each(name, _each(pairs_of, self._count))
         for row, light in pairs.blocks(by_rays, self._count):
             share = rest[row, light]
             S[row, light] += share[:, None] * self._by_rays(at, row, light, share == 1, check)
@@ -115,6 +118,9 @@ class SizedLamps(Method):
         left = at.active & ~soft
         if left.any():
             S += self._others(at._replace(active=left), check, probe)  # S is 0 there so far
+        if probe is not None and own is not None:
+            own[:, 2] = by_rays.any(1)
+            probe += own
         return S
 
     def _ask(self, batch: Batch) -> NDArray[np.uint64]:
@@ -141,7 +147,7 @@ class SizedLamps(Method):
                 batch.S[to, light, 0] += batch.rest[to, light]
         mixed &= ~unsure
         todo = mixed[g.group] & soft
-        stats.add(receivers=len(at.P), mixed_pairs=_count(todo | by_rays))
+        stats.add(receivers=len(at.P), mixed_pairs=int(_each(todo | by_rays, self._count).sum()))
         if todo.any():
             with stats.stage("nodes"):
                 shares = level.shares(g, mixed, batch.check)
@@ -157,6 +163,11 @@ class SizedLamps(Method):
                                  np.uint64(1) << (light[near] & 63).astype(np.uint64))
         if batch.narrow is not None:
             batch.narrow[batch.rows] |= by_rays
+        if batch.probe is not None:
+            count = (g.start[:, -1] - g.start[:, 0])[g.group]
+            none = np.zeros(len(count))  # sets that are empty, which rays stand for: known at the end
+            batch.probe[batch.rows] = np.stack([count, np.where(todo.any(1), count, 0), none,
+                                                ~(todo | by_rays).any(1)], axis=1)
         return by_rays
 
     def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -207,7 +218,6 @@ class SizedLamps(Method):
     def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], alone: NDArray[np.bool_],
                  check: Check) -> NDArray[np.float32]:
         """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
-        self._stats.add(ray_pairs=len(row))
         with self._stats.stage("rays near contact"):
             few, many = self._rays
             clear, whole = self._clear(at, row, light, 0, few, check)
@@ -267,6 +277,7 @@ def _in(words: NDArray[np.uint64], light: NDArray[np.int32]) -> NDArray[np.bool_
     return found
 
 
-def _count(mask: NDArray[np.uint64]) -> int:
-    """How many bits are set."""
-    return int(np.unpackbits(mask.view(np.uint8)).sum())
+def _each(mask: NDArray[np.uint64], lights: int) -> NDArray[np.int64]:
+    """How many rows of mask (n,W) have the bit of each light: (L,)."""
+    bits = np.unpackbits(np.ascontiguousarray(mask).view(np.uint8), axis=1, count=lights, bitorder="little")
+    return bits.sum(0, dtype=np.int64)
