@@ -70,7 +70,7 @@ class Measured:
         if not sized or not METHODS[world.scene.settings.shadows].lattice:
             return {}
         pixel = (self._h or step(world)) * ACROSS / max(camera.width, camera.height)
-        wide = 2 * lamp_points.shapes(lights).reach()
+        wide = 2 * lamp_points.reaches(lamp_points.shapes(lights))
         small = [i for i in sized if 0 < wide[i] * (
             2 * world.surfaces.scale if KINDS[lights[i].type].directional else 1) < SMALL * pixel]
         found = zip(small, _magnifications(world, small, most=True) if small else [], strict=True)

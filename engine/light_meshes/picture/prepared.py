@@ -13,7 +13,8 @@ from ..rays.camera import filter_offsets
 from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
 from ..support.statistics import Statistics
-from . import automatic_step, emitters, memory, reuse
+from ..surface.seen import SeenLamps
+from . import automatic_step, emitters, everywhere, memory, reuse
 from .lighting import Lighting
 from .measured import Measured
 from .plan import darkness, plan
@@ -39,8 +40,8 @@ class Prepared:
         memory.check(parts)
 
         bare = world(scene, view, stats, check, previous.world if previous else None)
-        self.world: World = emitters.lit(bare, stats, check)
-        scene = self.world.scene
+        self.world: World = emitters.lit(bare, scene, stats, check)
+        scene = self.world.scene  # with the lamps that stand for the world's suns, and for surfaces that give light
         measured = Measured(self.world, previous.measured if previous else None)
         step = automatic_step.automatic(self.world, measured)
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)
@@ -58,13 +59,17 @@ class Prepared:
         if self.soft:
             parts.append(memory.nodes(self.scene, self.world, self.soft.lattice.reach, self.plan.channels))
         parts += memory.shares(self.scene, self.world, nodes)
-        self.warnings = [*darkness(scene), *self.world.lost, *self.world.unread,
+        self.warnings = [*darkness(scene, self.plan), *self.world.lost, *self.world.unread,
                          *automatic_step.drawn_sharp(scene.lights, step), *self.shadowing.warnings,
                          *memory.check(parts)]
         self.memory = memory.expected(parts)  # in bytes
         self.nodes_kept = reuse.nodes(self.shadowing, before)
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
+        if self.plan.gathers:
+            h = measured.h if settings.auto_h else settings.h
+            self.lighting.everywhere = everywhere.records(self.world, self.plan, self.lighting, settings, h, stats)
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
+        self.lamps = SeenLamps(scene.lights)
         self.numbers = numbers(scene)
         self.sparse = None
         if self.plan.shadow_rate > 1 and nodes:

@@ -19,7 +19,7 @@ from ..support import processors
 from ..support.statistics import peak_memory
 from . import reuse
 from .integrator import radiance
-from .memory import BATCH, LARGER
+from .memory import BATCH, LARGER, SPREAD
 from .prepared import Prepared
 
 SHOWN = 8  # lamps of which the statistics tell one by one how their shadows were found
@@ -101,7 +101,7 @@ def draw(
     crop = crop_of(ready.scene)
     threads = threads or processors.count()
     if tile_size is None:
-        batch = BATCH * (LARGER if ready.sparse else 1)
+        batch = BATCH * (LARGER if ready.sparse else 1) // (SPREAD if ready.plan.spreads else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     tiles = _tiles(crop, tile_size)
     lock, done = threading.Lock(), 0
@@ -188,6 +188,9 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         report[name] = counts[name]
     if counts["lamp_pairs"]:  # of a receiver and a lamp with a size
         report |= {name: counts[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")}
+    if ready.plan.gathers:
+        for name in ("records", "gathered_rays", "gathered_short_rays"):
+            report[name] = counts[name]
     nodes = ready.shadowing.method.nodes
     if nodes:
         vertices = ready.surfaces.vertices

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from ..shadows.lamp_points import reaches
 from ..shadows.method import Nodes
 from ..support.native import kernel
 from .footprints import casting, changed
@@ -64,7 +65,7 @@ def _keep(now: Nodes, then: Nodes, boxes: NDArray[np.float64], new: Shadowing, o
     if not len(boxes) and lights == len(old.world.scene.lights) and (source == np.arange(len(source))).all():
         now.take(then)
     elif not new.paths:
-        spread = then.lamps.reach() if then.lamps else np.zeros(len(old.world.scene.lights))
+        spread = reaches(then.lamps) if then.lamps else np.zeros(len(old.world.scene.lights))
         now.store.inherit(store, source, lambda nodes, known: _forget_near(
             old.world, then.lattice.position(nodes), spread, boxes, known))
         now.store.largest = store.largest

@@ -39,11 +39,6 @@ class Shapes(NamedTuple):
         """Return what else than its place the points of lamp i depend on."""
         return tuple(a[i].tobytes() for a in self)
 
-    def reach(self) -> NDArray[np.float64]:
-        """Return how far from its centre a point of each lamp may be (L,); of a sun at distance 1."""
-        sides = np.sqrt((self.u**2).sum(1)) + np.sqrt((self.v**2).sum(1))
-        return np.where(self.shape == FREE, self.size, sides)
-
 
 def shapes(lights: tuple[Light, ...]) -> Shapes:
     """The shapes of `lights`."""
@@ -69,6 +64,12 @@ def narrowest(shapes: Shapes) -> NDArray[np.float64]:
     """Half of each lamp's least width (L,), by which its narrowest penumbra goes: scene units; of a sun at distance 1.
     """
     sides = np.minimum(np.sqrt((shapes.u**2).sum(1)), np.sqrt((shapes.v**2).sum(1)))
+    return np.where(shapes.shape == FREE, shapes.size, sides)
+
+
+def reaches(shapes: Shapes) -> NDArray[np.float64]:
+    """How far from each lamp's middle its points may be (L,): scene units; of a sun at distance 1."""
+    sides = np.sqrt((shapes.u**2).sum(1)) + np.sqrt((shapes.v**2).sum(1))
     return np.where(shapes.shape == FREE, shapes.size, sides)
 
 

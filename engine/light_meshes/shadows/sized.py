@@ -18,11 +18,11 @@ from ..support.bits import has
 from ..support.native import kernel
 from . import pairs
 from .casters import union
-from .lamp_points import narrowest, points, shapes, turns_of_points
+from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
 from .method import Check, Method, Receivers, Setup
 from .shares import Groups, Lamps, Shares
 from .sharp import dim, sharp
-from .terminator import split, starts
+from .terminator import starts, touched
 
 LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
@@ -72,6 +72,7 @@ class SizedLamps(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
+        self._reaches = reaches(self._lamps.shapes)
         self._rays = rays(setup.settings.kI, sum(has(self._soft, i) for i in range(self._count)))
         # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
         self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
@@ -92,7 +93,7 @@ class SizedLamps(Method):
             soft[~self._receives[at.triangle]] = 0
         asked, lifted = soft.copy(), np.zeros_like(soft)
         if at.lift is not None:
-            split(*at.lift, at.P, at.N, *self._lamps.targets, asked, lifted)
+            touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, asked, lifted)
         asked &= ~lifted
         if not self.levels:
             asked[:] = 0
@@ -241,9 +242,9 @@ class SizedLamps(Method):
                 check()
                 part = mine[i:i + RAYS_AT_ONCE // count]
                 to = points(shapes, targets, at.P, turn, row[part], light[part], first, count)
-                origin, normal, of = starts(at.lift, at.P, at.N, targets, row[part], light[part])
                 order = np.arange(len(to.position), dtype=np.int32)
-                visible = self._sharp.segments(origin, np.repeat(of, count), to, order, normal, group.casters)
+                origin, normal, of = starts(at.lift, at.P, at.N, to, np.repeat(row[part], count), order)
+                visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
                 some, all_of_it = np.zeros((len(part), self._channels)), np.zeros(len(part))
                 _sums(count, at.P, facing, row[part], light[part], targets.directional, shapes.shape,
                       self._lamps.facing, to.position, visible.astype(np.float32), some, all_of_it)
