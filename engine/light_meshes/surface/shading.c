@@ -424,16 +424,17 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
    share `jump`, all others by `step`. order: sorts lights so that those with equal numbers in `group` follow each
    other. Lights of a group are close together in the scene and count as one, which is partly visible if one of them
    is. Different groups are independent, so the root of the sum of their squares is used. Where S > 1 (focused
-   light), the value is multiplied by S. */
+   light), the value is multiplied by S. narrow: lights that may change by all of it, as the whole group then does. */
 KERNEL(shading_steps,
-       LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  jump f64  step f64  matt f64[n]!  gloss f64[n]!")
-i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const i64 *group, const i64 *order, f64 jump,
-                  f64 step, f64 *matt, f64 *gloss) {
+       LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  narrow u64[n,W]?  jump f64  step f64  "
+       "matt f64[n]!  gloss f64[n]!")
+i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, i64 W, TAKEN, const f32 *S, const i64 *group, const i64 *order,
+                  const u64 *narrow, f64 jump, f64 step, f64 *matt, f64 *gloss) {
     GATHERED;
     Block block;
     for (i64 first = 0; first < n; first += SIDE) {
         f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of the group, and the sum of squares: matt and gloss */
-        int some[SIDE] = {0};  /* whether a light of the group is partly visible */
+        int some[SIDE] = {0};  /* 1: a light of the group is partly visible; 2 or 3: one is narrow */
         fill(&block, first, &materials, &hits);
         for (i64 at = 0; at < L; at++) {
             i64 i = order[at];
@@ -445,12 +446,13 @@ i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const 
                 for (i64 c = 0; c < C; c++) {
                     f64 share = S[((first + k) * L + i) * C + c];
                     some[k] |= share != 0.0 && share != 1.0;
+                    some[k] |= narrow && has(narrow + W * (first + k), i) ? 2 : 0;
                     most = share > most ? share : most;
                 }
                 if (step > 0.0 || some[k] || !alone)
                     add_white(&s, &block, k, most, nShiny[material[first + k]], one[k]);
                 if (!ends) continue;
-                for (int j = 0; j < 2; j++) all[k][j] += square((some[k] ? jump : step) * one[k][j]), one[k][j] = 0.0;
+                for (int j = 0; j < 2; j++) all[k][j] += square((some[k] > 1 ? 1.0 : some[k] ? jump : step) * one[k][j]), one[k][j] = 0.0;
                 some[k] = 0;
             }
         }
