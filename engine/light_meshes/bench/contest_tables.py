@@ -98,11 +98,18 @@ def _summary(scenes: dict[str, Any]) -> str:
 
 
 def _flicker(flight: dict[str, Any]) -> list[str]:
+    """Return Balanced's flicker over that of the steadier of the two rivals, beyond the floor, and whether it is small
+    enough. The floor's variance is taken off: it is of what any method shows.
+    """
     own = flight.get("balanced", {}).get("flicker")
-    others = [row["flicker"] for name, row in flight.items() if name != "balanced" and row.get("flicker")]
+    others = [row["flicker"] for name, row in flight.items() if name not in ("balanced", "floor") and "flicker" in row]
     if own is None or not others:
         return ["–", "–"]
-    ratio = own / min(others)
+    floor = flight.get("floor", {}).get("flicker", 0.0)
+    noise = max(min(others)**2 - floor**2, 0.0)**0.5
+    if not noise:
+        return ["–", "–"]
+    ratio = max(own**2 - floor**2, 0.0)**0.5 / noise
     return [f"{ratio:.2f}", "reached" if ratio <= FLICKER else "**not reached**"]
 
 
