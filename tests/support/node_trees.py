@@ -46,6 +46,45 @@ class Tree:
         return self.material
 
 
+class LampTree(Tree):
+    """The node tree of a lamp (its data)."""
+
+    def __init__(self, lamp):
+        lamp.use_nodes = True
+        self.tree = lamp.node_tree
+        self.tree.nodes.clear()
+
+    def emit(self, color=(1, 1, 1, 1), strength=1.0):
+        """The lamp shines by an Emission of these values or sockets, which is returned."""
+        emission = self.node('ShaderNodeEmission', {"Color": color, "Strength": strength})
+        self.shine(emission.outputs[0])
+        return emission
+
+    def shine(self, socket):
+        """The lamp shines by the shader at `socket`."""
+        self.tree.links.new(socket, self.tree.nodes.new('ShaderNodeOutputLight').inputs[0])
+
+
+class World(Tree):
+    """A world's node tree; the scene has it."""
+
+    def __init__(self, scene):
+        scene.world = bpy.data.worlds.new("World")
+        if bpy.app.version < (5, 0):
+            scene.world.use_nodes = True
+        self.tree = scene.world.node_tree
+        self.tree.nodes.clear()
+        self.output = self.tree.nodes.new('ShaderNodeOutputWorld')
+
+    def background(self, color, strength=1.0):
+        """The output of a Background of this colour."""
+        return self.node('ShaderNodeBackground', {"Color": color, "Strength": strength}).outputs[0]
+
+    def shine(self, shader):
+        """The world is what `shader`, the output of one, gives."""
+        self.tree.links.new(shader, self.output.inputs["Surface"])
+
+
 def space(tree):
     """Places in space that move over the plane, with all three numbers."""
     return tree.node('ShaderNodeMapping', {"Vector": tree.uv(), "Location": (-0.4, -0.3, 0.2),
