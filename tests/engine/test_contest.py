@@ -180,6 +180,13 @@ def test_a_rival_that_is_never_as_near_gives_a_bound():
     assert contest_tables.faster({}) is None and contest_tables.equal_time({"balanced": ROWS["balanced"]}) is None
 
 
+def test_the_references_own_noise_follows_from_that_of_fewer_samples():
+    """RMSE of 16 samples against 64: √(1/16 + 1/64)·σ."""
+    rows = dict([row("CYCLES", 8.0, 0.5 * np.sqrt(1 / 16 + 1 / 64), 16), row("CYCLES", 1.0, 7.0, 1)])
+    assert contest_tables.reference_noise(rows, 64) == pytest.approx(1 / np.sqrt(64))
+    assert contest_tables.reference_noise({}, 64) is None
+
+
 def test_the_page_says_which_targets_are_reached():
     flight = {"balanced": {"flicker": 0.005}, "cycles_4_denoised": {"flicker": 0.05}, "floor": {"flicker": 0.004}}
     flight = {name: {"label": name, "seconds": 1.0, "first": 2.0, "compared": 0.5} | f for name, f in flight.items()}
