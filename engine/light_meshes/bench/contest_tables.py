@@ -130,7 +130,7 @@ def _scene(name: str, scene: dict[str, Any], samples: int) -> list[str]:
         share = next(iter(scene["rows"].values()))["edges"]
         said.append(f"Blender {scene.get('version', '')}; the reference took {scene.get('reference_seconds', 0):.0f} s;"
                     f" {share:.0%} of the pixels are at edges; of its own noise it has an RMSE of about "
-                    f"{_number(reference_noise(scene['rows'], samples))}: errors that are not much larger are not known.")
+                    f"{_number(reference_noise(scene['rows'], samples))}: errors not much larger are not known.")
         said.append(table(["", "s", "CPU s", "FLIP away", "whole", "RMSE away", "whole", "MiB"], [
             [row["label"], f"{row['seconds']:.2f}", f"{row['processor']:.2f}", _number(row.get("flip")),
              _number(row.get("flip_whole")), _number(row["rmse"]), _number(row["rmse_whole"]),
