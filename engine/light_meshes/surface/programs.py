@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.programs import OPERATIONS, PARAMETERS, Program
+from .atmosphere import sky
 from .points import Points
 from .procedural import TEXTURES
 from .textures import Texture
@@ -52,6 +53,8 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
                 registers.extend(_OF_POINTS[name](points, *map(value, arguments)))
             elif name == "image":
                 registers.extend(_image(textures[int(arguments[0])], value(arguments[1]), value(arguments[2]), points))
+            elif name == "sky":
+                registers.extend(sky(len(points.P), *map(value, arguments)))
             elif name in TEXTURES:
                 registers.extend(TEXTURES[name](len(points.P), *map(value, arguments)))
             elif name == "table":

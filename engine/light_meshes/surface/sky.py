@@ -17,9 +17,10 @@ from .suns import suns
 from .textures import Texture
 
 BY_DIRECTION = {"position", "normal", "true_normal", "incoming", "window"}  # operations that differ by direction
-FEW, MANY = 512, 1024  # texels along a side of the table, as images have fewer or more than LARGE along theirs
+# Texels along a side of the table: without images, or where only the mean is asked for; with images that have fewer or
+# more than LARGE along theirs.
+COARSE, FEW, MANY = 256, 512, 1024
 LARGE = 2048
-COARSE = 256  # where only the mean is asked for
 
 
 class Sky:
@@ -84,13 +85,15 @@ class Sky:
             self._color = np.zeros(3)
             return
         widest = max([t.width for i in self._program.images() if (t := self._textures[i])], default=0)
-        size = (MANY if widest > LARGE else FEW) if lights else COARSE
+        size = MANY if widest > LARGE else FEW if widest else COARSE
+        size = size if lights else COARSE
         samples = 4 if widest > 2 * LARGE else 3 if widest > LARGE // 2 and size == FEW else 2
         finest = tabulated(self.seen, size, samples, check)
-        self._color = finest.mean(0)
         if lights:
             self.found = suns(finest, self.seen)
             self._table = Table(finest)
+        # A lamp's intensity is what a white matt surface returns of it: the irradiance divided by π.
+        self._color = finest.mean(0) + sum((np.array(light.intensity) / 4 for light in self.suns), np.zeros(3))
 
 
 def _turned(camera: Camera) -> Any:
