@@ -57,6 +57,10 @@ class Materials:
     def images(self) -> list[dict]:
         return self._images.descriptions
 
+    def image(self, node, report: Report, tile: int = 0) -> int:
+        """The number of the image of a node of a lamp or the world; negative where it cannot be had."""
+        return self._images.index(node, report, tile)
+
     @property
     def textured(self) -> bool:
         """Whether any material is placed by a UV map."""
@@ -99,23 +103,13 @@ class Materials:
         """What these materials ask of instances, and the channels for it."""
         return _numbered(self._channels.instances, [self._asked_for[i].instances for i in indices])
 
-    def image(self, node, tile: int) -> int:
-        """The number of an image that is no material's, of a node of the world; negative where it cannot be had."""
-        return self._images.index(node, self._report, tile)
-
     def _translate(self, index: int, material, report: Report) -> None:
         asked = Asked(self._channels)
         nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)
         surface = translated(material, nodes)
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
-        found = surface.whitted()
         overrides = material.light_meshes if material else None
-        chosen = _overrides(overrides) if overrides else {}
-        found |= chosen
-        if not chosen.keys() & _PHONG and (highlight := surface.facets.parameters()):
-            # Phong's stand for these where one number must do, as in the engine's plan.
-            found |= highlight | {name: typical(name, found[name]) for name in _PHONG}
-        description |= _written(found)
+        description |= _written(_parameters(surface, _overrides(overrides) if overrides else {}))
         if overrides:
             description |= {
                  name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
@@ -161,6 +155,20 @@ _TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "
             "coat": 0.5, "coat_roughness": 0.1, "coat_ior": 1.5, "coat_tint": [1.0] * 3}
 
 
+def _parameters(surface: Surface, chosen: dict[str, Any]) -> dict[str, Any]:
+    """What the engine's Material says of a surface, and of what the artist has chosen instead."""
+    found = surface.whitted() | chosen
+    if not chosen.keys() & _PHONG and (highlight := surface.facets.parameters()):
+        # Phong's stand for these where one number must do, as in the engine's plan.
+        found |= highlight | {name: typical(name, found[name]) for name in _PHONG}
+        if "mirror" not in chosen and not surface.fresnel:
+            # Reflected rays follow the same lobes, and find the world's light, too.
+            found |= {"blurred": True, "mirror": typical("mirror", found["mirror"])}
+            if "ka" not in chosen:
+                found["ka"] = found["kd"]
+    return found
+
+
 def typical(name: str, value: Any) -> Any:
     """Whitted's parameter `name` with the value that was translated, or one that is typical where it differs."""
     channels = value if isinstance(value, list) else [value]
@@ -192,7 +200,7 @@ def _uses_uv(description: dict[str, Any]) -> bool:
 
 def translated_value(material, name: str):
     """Whitted's parameter `name` as translated from the nodes, without overrides: what the panel shows."""
-    return typical(name, translate(material, Report()).whitted()[name])
+    return typical(name, _parameters(translate(material, Report()), {})[name])
 
 
 def _overrides(settings) -> dict:

@@ -45,7 +45,7 @@ def environment(nodes, node, socket) -> Any:
         return 0.0, 0.0, 0.0
     number = nodes.image(node)
     if number < 0:
-        return UNREAD
+        return UNREAD  # type: ignore[return-value]
     x, y, z = v.normalized(_place(nodes, node, position))
     if node.projection == 'MIRROR_BALL':
         toward = y - 1.0  # the ball is seen along y; what it mirrors lies between that and the direction

@@ -8,5 +8,5 @@ NODES = node_math.NODES | node_colors.NODES | node_inputs.NODES | node_bumps.NOD
 
 def evaluate(nodes, node, socket):
     """The number, or the three numbers, at output `socket` of `node`; None where it is not translated."""
-    translate = NODES.get(node.bl_idname)
+    translate = nodes.own.get(node.bl_idname) or NODES.get(node.bl_idname)
     return translate(nodes, node, socket) if translate else None

@@ -46,6 +46,25 @@ class Tree:
         return self.material
 
 
+class LampTree(Tree):
+    """The node tree of a lamp (its data)."""
+
+    def __init__(self, lamp):
+        lamp.use_nodes = True
+        self.tree = lamp.node_tree
+        self.tree.nodes.clear()
+
+    def emit(self, color=(1, 1, 1, 1), strength=1.0):
+        """The lamp shines by an Emission of these values or sockets, which is returned."""
+        emission = self.node('ShaderNodeEmission', {"Color": color, "Strength": strength})
+        self.shine(emission.outputs[0])
+        return emission
+
+    def shine(self, socket):
+        """The lamp shines by the shader at `socket`."""
+        self.tree.links.new(socket, self.tree.nodes.new('ShaderNodeOutputLight').inputs[0])
+
+
 class World(Tree):
     """A world's node tree; the scene has it."""
 

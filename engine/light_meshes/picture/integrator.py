@@ -7,14 +7,16 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..film.passes import REFLECTED, TRANSMITTED, Tile
+from ..film.passes import TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
-from ..surface import points, shading
+from ..surface import points
 from .prepared import Prepared
+from .reflections import background, leaving, reflected, softened
 from .wave import Rays, joined
 
 BENDS = 64  # a ray through glass bends at up to this many surfaces and then goes straight on
+PIECE = 1 << 16  # rays that are shaded at once where they spread out
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
 
 # The passes of the first surface that a camera ray sees: (n, channels).
@@ -43,6 +45,8 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
                              mirrored=np.zeros(n, np.int16))
     if ready.glass.stacks is not None:
         rays = rays._replace(start=origin, last=np.full(n, -1, np.int32))
+    if ready.plan.blurred:
+        rays = rays._replace(fan=(-1 - np.arange(n) % len(ready.offsets)).astype(np.int32), blur=np.zeros(n))
     if tile.parts:
         rays = rays._replace(part=np.zeros(n, np.int8))  # DIRECT
     if tile.layers:
@@ -52,10 +56,11 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
     while waves:
         next_waves: dict[str, list[Rays]] = {}
         for kind, rays in waves.items():
-            check()
-            for child_kind, child in _wave(ready, kind, rays, reach, first, tile, check):
-                next_waves.setdefault(child_kind, []).append(child)
-                ready.stats.add(secondary_rays=len(child.pixel))
+            for piece in rays.pieces(PIECE) if ready.plan.blurred and first is None else (rays,):
+                check()
+                for child_kind, child in _wave(ready, kind, piece, reach, first, tile, check):
+                    next_waves.setdefault(child_kind, []).append(child)
+                    ready.stats.add(secondary_rays=len(child.pixel))
             reach = first = None
         waves = {kind: joined(children) for kind, children in next_waves.items()}
     return {name: tile.developed(name, box, len(ready.offsets)) for name in ready.passes}
@@ -70,6 +75,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
+    _add_lamps(ready, kind, rays, hit, hits, tile)
     if not hit.all():
         miss = rays.at(~hit)
         if settings.film_transparent and kind == "camera":
@@ -91,9 +97,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         if kind == "camera":
             _first(ready, tile, rays.pixel, hits, seen)
             _layer(ready, tile, rays, hits, np.ones(len(hits.P)))
-        if plan.reflections:
-            bounced = rays.weight * hits.table.mirror[hits.row]
-            children += _mirrored(ready, rays.seen_as(REFLECTED), hits, bounced, rays.depth)
+        if plan.reflections or plan.blurred:
+            children += reflected(ready, rays, hits, rays.weight, hits.table.mirror[hits.row], rays.depth, tile)
         return children
     return children + _pass_through(ready, kind, rays, hits, first, tile, check)
 
@@ -126,12 +131,26 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
     passed = share * face.kt
     children += _going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays.direction, 0)
     children += _going(ready, "reflection", through, hits, np.where(straight[:, None], 0, passed), face.refracted, 1)
-    if ready.plan.reflections:
+    if ready.plan.reflections or ready.plan.blurred:
         # If no light passes, light does not divide further, and only mirrors count for the depth.
         events = np.where(passed.any(1), rays.depth, mirrored)
-        bounced = rays.seen_as(REFLECTED)._replace(clear=np.zeros_like(rays.clear))
-        children += _mirrored(ready, bounced, hits, share * face.mirror, events)
+        bounced = rays._replace(clear=np.zeros_like(rays.clear))
+        children += reflected(ready, bounced, hits, share, face.mirror, events, tile)
     return children
+
+
+def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], hits: Hits, tile: Tile) -> None:
+    """Add the light of lamps that rays see before the surface that they hit, if any."""
+    lamps, kinds = ready.lamps, _kinds(kind, rays) if ready.lamps.by else None
+    if kinds is None or not (np.left_shift(1, kinds) & lamps.by).any():
+        return
+    far = np.full(len(hit), np.inf)
+    far[hit] = np.einsum("ni,ni->n", hits.P - rays.origin[hit], rays.direction[hit])
+    light = lamps.light(rays.origin, rays.direction, far, kinds)
+    rows = np.flatnonzero(light.any(1))
+    if len(rows):
+        seen = rays.at(rows)
+        tile.add_light(seen.pixel, seen.part, seen.weight, light[rows], {"Emission": light[rows]})
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:
@@ -147,6 +166,7 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
            check: Callable[[], None]) -> dict[str, NDArray]:
     """Add the light of the surfaces that rays hit. Returns the shadow passes there. `first` is as in `_wave`."""
     work = tile.work(len(weight))
+    hits = softened(ready, rays, hits)
     if first and ready.sparse:
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work)
     else:
@@ -180,39 +200,14 @@ def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
     return rays.at(~gone), hits.at(~gone), children
 
 
-def _mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, events: NDArray) -> list[tuple[str, Rays]]:
-    """The rays that surfaces reflect with `weight`. events (n,): how often they were, or bent, where that counts.
-
-    max_depth bounds them, so that light does not divide for ever.
-    """
-    on = (weight.max(axis=1, initial=0) > ready.scene.settings.cutoff) & (events < ready.scene.settings.max_depth)
-    if not on.any():
-        return []
-    rays, normal = rays.at(on), hits.Ng[on]
-    turned = np.empty((len(normal), 3))
-    shading.mirrored(rays.direction, normal, hits.Ns[on], turned)
-    if rays.mirrored is not None:
-        rays = rays._replace(mirrored=rays.mirrored + np.int16(1))
-    return [("reflection", _from_surface(rays, hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
-
-
 def _going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
            step: int) -> list[tuple[str, Rays]]:
     """The rays that go on through the surface with `weight`; step: 1 where they bend."""
     on = weight.max(axis=1, initial=0) > ready.scene.settings.cutoff
     if not on.any():
         return []
-    return [(kind, _from_surface(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on],
-                                 step))]
-
-
-def _from_surface(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,
-                  step: int) -> Rays:
-    """The rays that leave surfaces at P on the side of `normal`."""
-    if rays.start is not None:
-        straight = (direction == rays.direction).all(1, keepdims=True)
-        rays = rays._replace(start=np.where(straight, rays.start, P), last=triangle)
-    return rays._replace(weight=weight, origin=P, normal=normal, direction=direction, depth=rays.depth + np.int16(step))
+    return [(kind, leaving(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on],
+                     step))]
 
 
 def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dict[str, NDArray]) -> None:

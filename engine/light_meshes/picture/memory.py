@@ -35,6 +35,7 @@ TRIANGLE, VERTEX = 60, 12  # for an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
 BATCH = 1 << 16  # camera rays of a tile, about: each thread has one under way
 LARGER = 4  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
+SPREAD = 4  # how many times fewer there are if surfaces spread them out
 RAY, LIT, CANDIDATE = 700, 8, 24  # for a ray; for a receiver and a light; for a receiver and a node
 NODE = 16  # for a node, in addition to its values
 # as shares of the available memory: above DOUBT a scene is refused, above CLOSE there is a warning

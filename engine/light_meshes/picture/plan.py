@@ -31,6 +31,8 @@ class Plan:
 
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
+    blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
+    spreads: bool = False  # of which some are bright, and spread rays out
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
     uniform_skip: bool = False
@@ -41,6 +43,7 @@ class Plan:
     textures: bool = False
     holdouts: bool = False  # the camera sees some objects as holes
     catchers: bool = False  # the camera sees some surfaces only by the shadows on them
+    gathers: bool = False  # light comes from everywhere: from the sky with occlusion, or from surface to surface
     reasons: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -86,8 +89,7 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
     p.textures = any(m.image >= 0 for m in materials)
     p.decide("textures", "yes" if p.textures else "no",
              f"{sum(m.image >= 0 for m in materials)} materials have an image")
-    ambient = any(scene.world_color) and s.ambient > 0
-    p.decide("ambient light", "yes" if ambient else "no", "world colour × ambient × ka")
+    _everywhere(p, scene, materials, lights)
     hidden = sum(not (o.visible_camera and o.visible_reflection and o.visible_shadow) for o in scene.objects)
     p.decide("accelerators", "one" if not hidden else "one a kind of ray",
              f"{hidden} objects are hidden from some rays")
@@ -217,7 +219,8 @@ def _short_rays(p: Plan, scene: Scene) -> None:
 def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Material]) -> None:
     """Decide whether rays are reflected, by `materials` (those in use) or inside glass."""
     s = scene.settings
-    mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
+    lobes = [m.name for m in materials if m.blurred and m.highlight == "GGX" and not m.fresnel]
+    mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt)) or m.name in lobes]
     totally = bool(glass.bending.any())  # total internal reflection
     p.reflections = s.mode == "WHITTED" and (bool(mirrors) or totally) and s.max_depth > 0
     if s.mode != "WHITTED":
@@ -228,6 +231,11 @@ def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Mater
         p.decide("reflected rays", f"up to {s.max_depth}", "total reflection inside glass")
     else:
         p.decide("reflected rays", "no", "no material mirrors")
+    p.blurred = bool(lobes)
+    p.spreads = p.blurred and p.reflections and any(m.name in lobes and max(m.metal, m.coat) > 0.1 for m in materials)
+    if lobes:
+        p.decide("rough reflections", "rays" if p.reflections else "the world only",
+                 f"{len(lobes)} materials with lobes of microfacets, '{lobes[0]}' first")
 
 
 def _holes(p: Plan, scene: Scene) -> None:
@@ -241,8 +249,28 @@ def _holes(p: Plan, scene: Scene) -> None:
         p.decide("shadow catchers", catchers, "camera rays pass them, dimmed by the shadows there")
 
 
-def darkness(scene: Scene) -> list[str]:
+def _everywhere(p: Plan, scene: Scene, materials: list[Material], lights: list[Light]) -> None:
+    """Decide whether the world's light is the same everywhere, and whether light is gathered from everywhere."""
+    s, by_sky = scene.settings, scene.settings.gathers and scene.settings.world_light == "SKY"
+    ambient = any(scene.world_color) and s.ambient > 0 and not by_sky
+    p.decide("ambient light", "yes" if ambient else "no",
+             "the world's light is gathered" if by_sky else "world colour × ambient × ka")
+    if not s.gathers:
+        return
+    matt = any(m.kd > 0 or "kd" in m.program.values or "Od" in m.program.values for m in materials)
+    emits = any(any(m.emission) or "emission" in m.program.values for m in materials)
+    sources = [name for name, there in (("the world", by_sky and any(scene.world_color)),
+                                        ("emitting surfaces", emits),
+                                        ("lit surfaces", bool(lights) and s.bounces > 0)) if there]
+    p.gathers = bool(sources) and matt
+    p.decide("light from everywhere", f"{s.bounces} bounces" if p.gathers else "no",
+             "no surface is matt" if not matt else ", ".join(sources) or "nothing sends any")
+
+
+def darkness(scene: Scene, p: Plan) -> list[str]:
     """Return a sentence if there is something to be lit but no light lights it."""
+    if p.gathers:
+        return []
     used = [scene.materials[i] for i in np.unique(scene.geometry.triangle_materials)]
     if any(any(light.intensity) for light in scene.lights) or not any(
             m.kd > 0 or m.ks > 0 or m.metal > 0 or m.dielectric > 0 for m in used):

@@ -6,12 +6,15 @@ import dataclasses
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from ..film.numbers import numbers
 from ..rays.camera import filter_offsets
 from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
 from ..support.statistics import Statistics
-from . import automatic_step, memory, reuse
+from ..surface.seen import SeenLamps
+from . import automatic_step, emitters, everywhere, memory, reuse
 from .lighting import Lighting
 from .measured import Measured
 from .plan import darkness, plan
@@ -36,26 +39,34 @@ class Prepared:
         parts = memory.before(dataclasses.replace(scene, camera=view), passes)
         memory.check(parts)
 
-        self.world: World = world(scene, view, stats, check, previous.world if previous else None)
-        scene = self.world.scene  # with the lamps that stand for the world's suns
+        bare = world(scene, view, stats, check, previous.world if previous else None)
+        self.world: World = emitters.lit(bare, scene, stats, check)
+        scene = self.world.scene  # with the lamps that stand for the world's suns, and for surfaces that give light
         measured = Measured(self.world, previous.measured if previous else None)
         step = automatic_step.automatic(self.world, measured)
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)
         casters = automatic_step.without(self.world.casters, step.sharp, len(scene.lights))
         self.scene = dataclasses.replace(self.world.scene, settings=settings, camera=view)  # as it is drawn
         self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason)
+        if self.world.as_lamps is not None:
+            self.plan.decide("emitting surfaces", f"{len(scene.lights) - len(bare.scene.lights)} lamps",
+                             f"for {np.count_nonzero(self.world.as_lamps):,} triangles that give light")
         before = previous.shadowing if previous else None
         self.shadowing: Shadowing = shadowing(self.world, settings, casters, self.plan, measured, stats, before)
         nodes = self.shadowing.method.nodes
         if nodes is not None:
             parts.append(memory.nodes(self.scene, self.world, nodes.lattice.reach, self.plan.channels))
-        self.warnings = [*darkness(scene), *self.world.lost, *self.world.unread,
+        self.warnings = [*darkness(scene, self.plan), *self.world.lost, *self.world.unread,
                          *automatic_step.drawn_sharp(scene.lights, step), *self.shadowing.warnings,
                          *memory.check(parts)]
         self.memory = memory.expected(parts)  # in bytes
         self.nodes_kept = reuse.nodes(self.shadowing, before)
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
+        if self.plan.gathers:
+            h = measured.h if settings.auto_h else settings.h
+            self.lighting.everywhere = everywhere.records(self.world, self.plan, self.lighting, settings, h, stats)
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
+        self.lamps = SeenLamps(scene.lights)
         self.numbers = numbers(scene)
         self.sparse = None
         if self.plan.shadow_rate > 1 and nodes is not None:

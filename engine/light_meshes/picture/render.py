@@ -18,7 +18,7 @@ from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
 from .integrator import radiance
-from .memory import BATCH, LARGER
+from .memory import BATCH, LARGER, SPREAD
 from .prepared import Prepared
 
 
@@ -98,7 +98,7 @@ def draw(
     crop = crop_of(ready.scene)
     threads = threads or processors.count()
     if tile_size is None:
-        batch = BATCH * (LARGER if ready.sparse else 1)
+        batch = BATCH * (LARGER if ready.sparse else 1) // (SPREAD if ready.plan.spreads else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     tiles = _tiles(crop, tile_size)
     lock, done = threading.Lock(), 0
@@ -169,6 +169,9 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         report[name] = counts[name]
     if counts["lamp_pairs"]:  # of a receiver and a lamp with a size
         report |= {name: counts[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")}
+    if ready.plan.gathers:
+        for name in ("records", "gathered_rays", "gathered_short_rays"):
+            report[name] = counts[name]
     lit = ready.soft
     if lit is not None:
         vertices = ready.surfaces.vertices

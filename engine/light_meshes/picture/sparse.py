@@ -13,7 +13,8 @@ between them and multiplied by its own colours, if
 
 Otherwise blocks of half the size are tried, and so on down to a pixel. The remaining samples are computed directly. All
 this depends only on where a sample is in the picture and in the scene, not on tiles, threads or order. Light seen in
-mirrors and through glass is computed at each sample, and so are shadows that are not soft.
+mirrors and through glass is computed at each sample, and so are shadows that are not soft, and lamps whose nodes say
+more than how their light falls off.
 
 The picture's light is the light that a white matt surface would reflect if nothing cast a shadow; a tenth of what the
 camera sees is brighter. So lights of a thousand times the power give the same picture, a thousand times as bright.
@@ -86,7 +87,7 @@ def typical(world: World, lighting: Lighting) -> float:
     light = np.zeros((len(hits.P), 3))
     surfaces = shading.Lit(world.lights, matt, hits, direction, np.ones_like(light))
     for part, lit, _, S in lighting.lit(surfaces, False, lambda: None, visibility=Unshadowed(lights)):
-        shading.gather(lit, S, light[part])
+        shading.gather(lit, lighting.emitted(lit, S), light[part])
     brightest = light.max(1)
     return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
 
@@ -123,7 +124,7 @@ class Sparse:
         nodes = above_a_plane(lattice.reach[0])  # nodes around a point on a plane; each changes S by a step of 1/nodes
         self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
         self._step = 1 / nodes if uniform else 0.0
-        self._lights = smooth_lights(casters, lights)
+        self._lights = smooth_lights(casters, lights) & ~world.lamps.varied
         self._sharp = mask_of(range(lights), lights) & ~self._lights
         self._receives = casters.receives
         # A node above a block's middle may be in the ball of no corner. With smooth weights and a small block its
@@ -222,6 +223,7 @@ class Sparse:
         surfaces = shading.Lit(self._world.lights, self._white, hits, direction, white)
         for part, lit, _, S in self._lighting.lit(surfaces, False, check, None, self._lights):
             with self._stats.stage("shading"):
+                S = self._lighting.emitted(lit, S)
                 shading.gather(lit, S, both[part], matt[part], gloss[part])
                 shading.steps(lit, S, self._together, self._jump, self._step, *rough[:, part])
         light[:, :3] = matt

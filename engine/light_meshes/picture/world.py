@@ -13,12 +13,13 @@ from ..glass.interfaces import Interfaces
 from ..rays.camera import camera_rays
 from ..rays.geometry import Hits, Surfaces, flatten, same_frame, surface
 from ..rays.tracer import Tracer
-from ..scene.description import Camera, Scene, same
+from ..scene.description import Camera, Light, Scene, same
 from ..shadows.casters import Casters, casters
 from ..shadows.registry import KINDS
 from ..support import processors
 from ..support.statistics import Statistics
 from ..surface import shading, textures
+from ..surface.lamps import Lamps
 from ..surface.looks import Looks
 from ..surface.sky import Sky
 
@@ -43,7 +44,9 @@ class World:
     lights: shading.Lights
     materials: shading.Materials
     looks: Looks
+    lamps: Lamps
     sky: Sky
+    as_lamps: NDArray[np.bool_] | None = None  # (T,) triangles whose light comes from lamps in their place; None: none
 
     def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
         """The hits of rays along `direction`, with what the programs of their materials say of them; see `Looks`."""
@@ -77,10 +80,12 @@ class World:
         return direction[hit], hits
 
 
-def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], None], old: World | None) -> World:
+def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], None], old: World | None,
+          lamps: tuple[Light, ...] = ()) -> World:
     """The world of `scene` for a picture by `camera`.
 
     old: that of the picture before, of which all is taken over that is still right. check() raises to give up.
+    lamps: more lights than the scene has.
     """
     with stats.stage("geometry"):
         if old and same(scene.geometry, old.scene.geometry):  # one copy in memory, and known to be equal
@@ -95,6 +100,7 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
         sky = Sky(scene, images, camera, old.sky if old else None, check)
         if sky.varies:
             scene = dataclasses.replace(scene, lights=(*scene.lights, *sky.suns), world_color=tuple(sky.mean.tolist()))
+        scene = dataclasses.replace(scene, lights=(*scene.lights, *lamps)) if lamps else scene
     looks = Looks(scene, surfaces, images, camera)
     alike = old if old and surfaces is old.surfaces else None
     if alike and _interfaces_key(scene, images, camera) == _interfaces_key(alike.scene, alike.textures, alike.camera):
@@ -110,7 +116,7 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
                         alike.tracer if alike else None, glass.stacks)
     check()
     return World(scene, camera, surfaces, lost, images, unread, glass, who, tracer, shading.light_arrays(scene.lights),
-                 shading.material_arrays(scene.materials), looks, sky)
+                 shading.material_arrays(scene.materials), looks, Lamps(scene, images, camera), sky)
 
 
 def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:

@@ -21,6 +21,7 @@ from .material import HIGHLIGHTS as HIGHLIGHTS
 from .material import RGB as RGB
 from .material import Material as Material
 from .mesh import Mesh, at_least, numbers
+from .profile import Profile
 from .programs import NO_PROGRAM, Program
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
@@ -37,6 +38,7 @@ COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
 Scalar = bool | int | float | str
+Row = tuple[float, float, float, float]
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -75,6 +77,11 @@ class Settings:
     lattice_rotation: bool = True  # False: nodes are at multiples of h (for tests; artists' walls are often there)
     lattice_origin: RGB = (0.0, 0.0, 0.0)
     uniform_skip: bool = True  # exact shortcut of method §5; switch it off only to measure or test it
+
+    @property
+    def gathers(self) -> bool:
+        """Whether light comes from everywhere: from the world with occlusion, or from surface to surface."""
+        return (self.world_light == "SKY" or self.bounces > 0) and self.mode != "LOCAL"
 
 
 @dataclass(frozen=True)
@@ -157,6 +164,10 @@ class Light:
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
     facing_disc: bool = False  # POINT and SPOT with SIZE: lights as a disc that turns to each receiver, not a sphere
+    # With SIZE, which rays see the lamp itself:
+    seen_by_camera: bool = False
+    seen_in_mirrors: bool = False
+    seen_in_glass: bool = False
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
     # Whose soft shadow it casts. One of the same width everywhere, r: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE
@@ -169,6 +180,9 @@ class Light:
     receivers: tuple[int, ...] | None = None  # objects that it lights; None: all
     blockers: tuple[int, ...] | None = None  # objects that cast shadows in its light; None: all
     shadow_pass: int = -1  # the pass "Shadow N" shows the visibility of the lights that have this N; -1: no pass
+    program: Program = NO_PROGRAM  # its nodes: by what `intensity` is multiplied for a point that it lights
+    # From the lamp's own space, in which programs see it, to the world; None: x, y and z are those of the world.
+    matrix: tuple[Row, Row, Row] | None = None
 
 
 @dataclass(frozen=True)
@@ -198,6 +212,7 @@ class Object:
     # False: the shadows that it casts are sharp; the object and the material must both allow soft ones
     cast_soft_shadows: bool = True
     receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp
+    visible_diffuse: bool = True  # met by rays that gather light from everywhere (Settings.world_light, bounces)
     holdout: bool = False  # a hole in the picture: black, alpha 0
     shadow_catcher: bool = False  # the camera sees only the shadows on it
     # For smooth surfaces, with the names of Cycles and Blender (see `terminator`): the cosine to a light below which
@@ -302,6 +317,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     materials: tuple[Material, ...] = (Material("default"),)
     images: tuple[Image, ...] = ()
+    profiles: tuple[Profile, ...] = ()  # of IES files
     objects: tuple[Object, ...] = ()
     world_color: RGB = (0.0, 0.0, 0.0)  # radiance, for background and ambient light Ia
     # What the world is by direction, where it is not `world_color` in all: it sets "emission", the radiance that comes

@@ -42,6 +42,7 @@ class Material:
     cryptomatte: int = 0  # the number of its name for Cryptomatte
     program: Program = NO_PROGRAM  # computes some of all these values point by point, from the material's nodes
     highlight: str = "PHONG"  # or GGX, for which all that follows is
+    blurred: bool = False  # its lobes show what is around, as sharp or blurred as they are; `mirror` does not count then
     roughness: float = 0.5  # α is its square
     metal: float = 0.0  # weight of the metal's lobe, and what it reflects
     F0: RGB = (1.0, 1.0, 1.0)  # at normal incidence,

@@ -49,6 +49,12 @@ def narrowest(shapes: Shapes) -> NDArray[np.float64]:
     return np.where(shapes.shape == FREE, shapes.size, sides)
 
 
+def reaches(shapes: Shapes) -> NDArray[np.float64]:
+    """How far from each lamp's middle its points may be (L,): scene units; of a sun at distance 1."""
+    sides = np.sqrt((shapes.u**2).sum(1)) + np.sqrt((shapes.v**2).sum(1))
+    return np.where(shapes.shape == FREE, shapes.size, sides)
+
+
 def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: NDArray[np.float64],
            row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int) -> Targets:
     """Points first..first+count (k·count,3) of light[k] as origin[row[k]] has them, pair after pair.

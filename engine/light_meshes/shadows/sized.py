@@ -17,12 +17,12 @@ from ..rays.tracer import Targets
 from ..rays.tracer import points as places
 from . import pairs
 from .casters import union
-from .lamp_points import FREE, narrowest, points, shapes, turns_of_points
+from .lamp_points import FREE, narrowest, points, reaches, shapes, turns_of_points
 from .meshes.certificate import certificate
 from .method import Check, Method, Receivers, Setup
 from .shares import Groups, Lamps, Shares
 from .sharp import dim, sharp
-from .terminator import Lift, split, starts
+from .terminator import starts, touched
 
 LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
@@ -64,6 +64,7 @@ class SizedLamps(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
+        self._reaches = reaches(self._lamps.shapes)
         # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
         self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
 
@@ -83,7 +84,7 @@ class SizedLamps(Method):
             soft[~self._receives[at.triangle]] = 0
         asked, lifted = soft.copy(), np.zeros_like(soft)
         if at.lift is not None:
-            split(*at.lift, at.P, at.N, *self._lamps.targets, asked, lifted)
+            touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, asked, lifted)
         asked &= ~lifted
         if not self.levels:
             asked[:] = 0
@@ -210,8 +211,6 @@ class SizedLamps(Method):
         facing = at.normals() if at.lift is None else at.lift.side
         turn = turns_of_points(at.P)
         targets = self._lamps.targets
-        lift: Lift | None = at.lift
-        origin, normal, of = starts(lift, at.P, at.N, targets, row, light)
         for group in self._groups:
             mine = np.flatnonzero(_in(group.lights, light))
             order = np.arange(len(mine), dtype=np.int32)
@@ -219,7 +218,8 @@ class SizedLamps(Method):
                 check()
                 to = points(self._lamps.shapes, targets, at.P, turn, row[mine], light[mine], j, 1)
                 weight = self._weight(at.P[row[mine]], facing[row[mine]], to, light[mine])
-                clear[mine] += weight * self._sharp.segments(origin, of[mine], to, order, normal, group.casters)
+                origin, normal, of = starts(at.lift, at.P, at.N, to, row[mine], order)
+                clear[mine] += weight * self._sharp.segments(origin, of, to, order, normal, group.casters)
                 whole[mine] += weight
         self._stats.add(shadow_rays=len(row) * count)
         return clear, whole

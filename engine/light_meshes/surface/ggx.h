@@ -140,9 +140,9 @@ static inline int facets_shine(const f64 *m, int j) {
     return m[G_COAT] > 0.0 || (m[G_METAL] > 0.0 && (m[G_F0 + j] > 0.0 || m[G_F90 + j] > 0.0)) || (m[G_DIELECTRIC] > 0.0 && m[G_IOR] != 1.0);
 }
 
-/* What a material of the row m reflects to an eye at the cosine `facing`. */
-static inline Gloss gloss_row(const f64 *m, const f64 *tables, f64 facing) {
-    f64 roughness = held(m[G_ROUGHNESS], SMOOTHEST, 1.0), alpha = square(roughness), E_mean;
+/* What a material of the row m would reflect to an eye at the cosine `facing` if it had this roughness. */
+static inline Gloss gloss_at(const f64 *m, const f64 *tables, f64 facing, f64 roughness) {
+    f64 alpha = square(roughness), E_mean;
     Gloss g = {.alpha2 = square(alpha), .sight = held(facing, LEAST_SIGHT, 1.0), .ior2 = square(m[G_IOR])};
     g.masked = sqrt(g.alpha2 + (1.0 - g.alpha2) * square(g.sight));
     g.normal = normal_reflectance(m[G_IOR]);
@@ -161,4 +161,9 @@ static inline Gloss gloss_row(const f64 *m, const f64 *tables, f64 facing) {
         g.fresnel[j] = dielectric * (1.0 - f0);
     }
     return g;
+}
+
+/* What it reflects of lamps. */
+static inline Gloss gloss_row(const f64 *m, const f64 *tables, f64 facing) {
+    return gloss_at(m, tables, facing, held(m[G_ROUGHNESS], SMOOTHEST, 1.0));
 }

@@ -84,7 +84,7 @@ static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
     static const Gloss none = {.alpha2 = 1.0, .sight = 1.0, .masked = 1.0, .ior2 = 1.0};
     f64 coat[G_COLUMNS], through[3] = {1.0, 1.0, 1.0};
     Gloss base = none, above = none;
-    if (m && m[G_COAT] > 0.0) {
+    if (m && m[G_COAT] > 0.0 && m[G_COAT_ROUGHNESS] >= 0.0) {  /* below 0: `shading.rough_only` took its highlight */
         coat_row(m, coat);
         above = gloss_row(coat, tables, b->facing[k]);
         b->returns[k] |= COAT;

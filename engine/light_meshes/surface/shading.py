@@ -19,6 +19,7 @@ _DIRECTIONAL = [registry.NAMES.index(name) for name, kind in registry.KINDS.item
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
+SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
 TABLES = 32 * 32 + 32 + 16**3  # numbers of the tables in ggx.h
 
 
@@ -82,6 +83,7 @@ class Materials(NamedTuple):
     fresnel: NDArray[np.bool_]
     alpha: NDArray[np.float64]
     alpha_image: NDArray[np.int32]
+    blurred: NDArray[np.bool_]  # lobes of microfacets show what is around
     ggx: NDArray[np.bool_]  # highlights of microfacets, by all that follows
     roughness: NDArray[np.float64]
     metal: NDArray[np.float64]
@@ -100,7 +102,7 @@ class Materials(NamedTuple):
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
         """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
-        return (np.column_stack(self[14:]), _facet_tables()) if self.ggx.any() else (None, None)
+        return (np.column_stack(self[15:]), _facet_tables()) if self.ggx.any() else (None, None)
 
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
@@ -133,6 +135,7 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
         colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
         np.array([m.fresnel for m in materials], np.bool_), column("alpha"),
         np.array([m.alpha_image for m in materials], np.int32),
+        np.array([m.blurred and m.highlight == "GGX" and not m.fresnel for m in materials], np.bool_),
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
         colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
         colour("dielectric_tint"), column("layered"), column("compensation"),
@@ -148,6 +151,7 @@ class Lit(NamedTuple):
     hits: Hits
     direction: NDArray[np.float64]  # (n,3) unit
     Od: NDArray[np.float64]  # (n,3)
+    shown: NDArray[np.bool_] | None = None  # (L,) lamps that mirrors show as they are, and so not as highlights
 
     def at(self, rows: slice) -> Lit:
         """These receivers."""
@@ -175,7 +179,28 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
 
     S is (n,L,C): one number for each light, or RGB. S must be 0 where ξ_i·Ω_i is 0; this is not checked again.
     """
-    _gather(*lit.taken, S, colour, matt, gloss)
+    rough = None if lit.shown is None else rough_only(lit.materials, lit.hits.row)
+    if rough is None or lit.shown is None:
+        _gather(*lit.taken, S, colour, matt, gloss)
+        return
+    lights = lit.lights
+    others = lights._replace(glossy=lights.glossy & ~lit.shown)
+    shown = lights._replace(glossy=lights.glossy & lit.shown, diffuse=np.zeros_like(lights.diffuse))
+    _gather(*lit._replace(lights=others).taken, S, colour, matt, gloss)
+    _gather(*lit._replace(lights=shown, materials=rough).taken, S, colour, matt, gloss)
+
+
+def rough_only(materials: Materials, row: NDArray[np.int32]) -> Materials | None:
+    """The materials without the highlights of lobes that are as smooth as mirrors, whose rays see the lamps themselves;
+    None where none of those at `row` (n,) has such a lobe.
+    """
+    base = materials.ggx & (materials.roughness < SMOOTHEST)
+    coat = materials.ggx & (materials.coat > 0) & (materials.coat_roughness < SMOOTHEST)
+    if not (base | coat)[row].any():
+        return None
+    return materials._replace(metal=np.where(base, 0.0, materials.metal),
+                              dielectric=np.where(base, 0.0, materials.dielectric),
+                              coat_roughness=np.where(coat, -1.0, materials.coat_roughness))
 
 
 def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], jump: float, step: float,

@@ -137,7 +137,8 @@ class Texture:
 def alphas(scene: Scene) -> set[int]:
     """Return the images whose alpha is needed."""
     return {material.alpha_image for material in scene.materials}.union(
-        scene.world.images(), *(material.program.images() for material in scene.materials))
+        scene.world.images(), *(material.program.images() for material in scene.materials),
+        *(light.program.images() for light in scene.lights))
 
 
 def load(images: Sequence[Image], asked: Collection[int], threads: int,
