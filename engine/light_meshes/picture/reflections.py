@@ -108,12 +108,14 @@ def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
         np.concatenate([a, b]) for a, b in zip(m, own, strict=True)))
 
 
-def background(ready: Prepared, rays: Rays) -> NDArray[np.float64]:
-    """The radiance (n,3), or one row (3,), that rays see which miss all surfaces. Those of rough surfaces see what lights
-    surfaces: lamps that stand for the world's suns have highlights of their own.
+def background(ready: Prepared, rays: Rays, ray: NDArray[np.int8]) -> NDArray[np.float64]:
+    """The radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces. Those of rough
+    surfaces see what lights surfaces: lamps that stand for the world's suns have highlights of their own.
     """
-    seen = ready.world.sky.seen(rays.direction)
-    if rays.blur is None or not (rays.blur > 0).any():
+    sky = ready.world.sky
+    seen = sky.seen(rays.direction, ray)
+    if not sky.suns or rays.blur is None or not (rays.blur > 0).any():
         return seen
-    light = ready.world.sky.light(rays.direction)
-    return seen if seen is light else np.where((rays.blur > 0)[:, None], light, seen)
+    rows = np.flatnonzero(rays.blur > 0)
+    seen[rows] = sky.light(rays.direction[rows])
+    return seen

@@ -75,12 +75,27 @@ class Sky:
         """The lamps that stand for what is small and bright in the world, and is not in `light`."""
         return tuple(light for light, _ in self.found)
 
+    def decisions(self) -> list[tuple[str, str, str]]:
+        """For the plan: what was decided about the world, and why."""
+        if not self.varies:
+            return []
+        table = self._table
+        rows = [("world", "by direction" if self._program.sees(*BY_DIRECTION) else "by kind of ray",
+                 f"its light is looked up in {table.size} × {table.size} directions" if table else
+                 "it lights by its mean")]
+        if self.found:
+            said = ", ".join(f"'{light.name}' {np.degrees(light.angle):.3g} degrees wide with {share:.1%}"
+                             for light, share in self.found[:3])
+            more = f" and {len(self.found) - 3} more" if len(self.found) > 3 else ""
+            rows.append(("suns of the world", str(len(self.found)), f"{said} of its light{more}"))
+        return rows
+
     def _prepare(self, scene: Scene, check: Callable[[], None]) -> None:
         """Make the table, and find the suns."""
         if not self._program.sees(*BY_DIRECTION):
             self._color = self.seen(np.array([[0.0, 0.0, 1.0]]))[0]
             return
-        lights = scene.settings.world_light == "SKY"
+        lights = scene.settings.gathers and scene.settings.world_light == "SKY"
         if not lights and scene.settings.ambient == 0:
             self._color = np.zeros(3)
             return
@@ -108,4 +123,4 @@ def _key(scene: Scene, textures: Sequence[Texture | None], camera: Camera) -> tu
     s = scene.settings
     seen = (camera.matrix.tobytes(), camera.window, camera.perspective) if scene.world.sees_camera() else None
     images = [(t := textures[i]) and t.key for i in sorted(scene.world.images())]
-    return scene.world, images, seen, s.world_light == "SKY", s.ambient == 0
+    return scene.world, images, seen, s.gathers and s.world_light == "SKY", s.ambient == 0
