@@ -89,7 +89,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             tile.take_alpha(miss.pixel[lost], miss.weight[lost])
             miss = miss.at(~lost)
         with ready.stats.stage("sky"):
-            world = background(ready, miss, _kinds(kind, miss) if ready.world.sky.varies else None)
+            world = background(ready, miss, _kinds(kind, miss))
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):

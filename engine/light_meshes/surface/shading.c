@@ -256,6 +256,17 @@ INLINE void add_rough(int kind, const Source *s, const f64 (*S)[SIDE], const int
     }
 }
 
+/* The lamp as if all its light came from its middle: for what rough matt surfaces return more than smooth ones. */
+static Source middle_of(const Source *s) {
+    Source middle = *s;
+    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
+    if (s->kind == SKY) middle.kind = SUN;
+    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
+    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
+    else middle.kind = POINT;
+    return middle;
+}
+
 /* The same for a lamp with a size: as much more as of light from its middle. */
 static void add_rough_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b, int count,
                             f64 (*total)[SIDE]) {
