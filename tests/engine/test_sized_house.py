@@ -66,6 +66,9 @@ def test_lamps_may_come_go_and_change_places(still_life):
         assert kept["long_rays"] == 0
     kept, fresh, *_ = after(with_lights(still_life, c, a), still_life)
     assert 0 < kept["long_rays"] < fresh["long_rays"]
+    many = with_lights(still_life, *still_life.lights, replace(a, name="e"), replace(b, name="f"))
+    after(still_life, many)  # of so many other points count
+    after(many, still_life)
 
 
 @pytest.mark.parametrize("instance", range(3))
