@@ -33,6 +33,8 @@ class Plan:
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
     blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
+    translucent: bool = False  # light comes through some surfaces scattered
+    frosted: bool = False  # some glass is rough
     spreads: bool = False  # of which some are bright, and spread rays out
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
@@ -239,8 +241,14 @@ def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Mater
         p.decide("reflected rays", f"up to {s.max_depth}", "total reflection inside glass")
     else:
         p.decide("reflected rays", "no", "no material mirrors")
+    p.frosted = s.refraction != "NONE" and any(
+        any(m.kt) and (m.frosted > 0 or "frosted" in m.program.values) for m in materials)
+    p.translucent = any(any(m.translucent) or "translucent" in m.program.values for m in materials)
     p.blurred = bool(lobes)
-    p.spreads = p.blurred and p.reflections and any(m.name in lobes and max(m.metal, m.coat) > 0.1 for m in materials)
+    p.spreads = p.frosted or (p.blurred and p.reflections and any(
+        m.name in lobes and max(m.metal, m.coat) > 0.1 for m in materials))
+    if p.frosted:
+        p.decide("rough glass", "yes", "what is seen through it is blurred")
     if lobes:
         p.decide("rough reflections", "rays" if p.reflections else "the world only",
                  f"{len(lobes)} materials with lobes of microfacets, '{lobes[0]}' first")

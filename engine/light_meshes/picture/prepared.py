@@ -47,8 +47,9 @@ class Prepared:
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)
         casters = automatic_step.without(self.world.casters, step.sharp | measured.pinpoints, len(scene.lights))
         self.scene = dataclasses.replace(self.world.scene, settings=settings, camera=view)  # as it is drawn
-        self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason,
-                         measured.pinpoints)
+        self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason, measured.pinpoints)
+        for what, value, why in self.world.sky.decisions():
+            self.plan.decide(what, value, why)
         if self.world.as_lamps is not None:
             self.plan.decide("emitting surfaces", f"{len(scene.lights) - len(bare.scene.lights)} lamps",
                              f"for {np.count_nonzero(self.world.as_lamps):,} triangles that give light")

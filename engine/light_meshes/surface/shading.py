@@ -81,6 +81,8 @@ class Materials(NamedTuple):
     kt: NDArray[np.float64]  # (M,3)
     ior: NDArray[np.float64]
     fresnel: NDArray[np.bool_]
+    translucent: NDArray[np.float64]  # (M,3)
+    frosted: NDArray[np.float64]
     alpha: NDArray[np.float64]
     alpha_image: NDArray[np.int32]
     blurred: NDArray[np.bool_]  # lobes of microfacets show what is around
@@ -99,10 +101,19 @@ class Materials(NamedTuple):
     coat_roughness: NDArray[np.float64]
     coat_ior: NDArray[np.float64]
     coat_tint: NDArray[np.float64]  # (M,3)
+    diffuse_roughness: NDArray[np.float64]
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-        """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
-        return (np.column_stack(self[15:]), _facet_tables()) if self.ggx.any() else (None, None)
+        """What the kernels want to know of GGX, a row (26,) a material, and its tables; (None, None): none has it."""
+        return (np.column_stack(self[17:]), _facet_tables()) if (
+            self.ggx.any() or self.diffuse_roughness.any()) else (None, None)
+
+    def behind(self) -> Materials:
+        """What surfaces are for the light that comes through them, scattered: matt on their other side."""
+        none, black = np.zeros_like(self.kd), np.zeros_like(self.Od)
+        return self._replace(Od=self.translucent, ka=np.ones_like(none), kd=np.ones_like(none), ks=none, emission=black,
+                             image=np.full_like(self.image, -1), ggx=np.zeros_like(self.ggx),
+                             diffuse_roughness=none)
 
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
@@ -133,13 +144,15 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
     return Materials(
         colour("Od"), column("ka"), column("kd"), column("ks"), colour("Os"), column("nShiny"), colour("mirror"),
         colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
-        np.array([m.fresnel for m in materials], np.bool_), column("alpha"),
+        np.array([m.fresnel for m in materials], np.bool_), colour("translucent"), column("frosted"),
+        column("alpha"),
         np.array([m.alpha_image for m in materials], np.int32),
         np.array([m.blurred and m.highlight == "GGX" and not m.fresnel for m in materials], np.bool_),
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
         colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
         colour("dielectric_tint"), column("layered"), column("compensation"),
         column("coat"), column("coat_roughness"), column("coat_ior"), colour("coat_tint"),
+        column("diffuse_roughness"),
     )
 
 
