@@ -203,9 +203,10 @@ def summary(statistics: dict) -> str:
     parts = ["{width}×{height} pixels, {triangles:,} triangles, " + (
         "{lights} light" if statistics["lights"] == 1 else "{lights} lights")]
     if statistics.get("nodes"):
-        low, high = min(statistics["radii"]), max(statistics["radii"])  # of the lights with soft shadows
-        parts.append(f"h {{h:.4g}}, r {low:.4g}{f' to {high:.4g}' if high > low else ''}, "
-                     "{nodes:,} nodes ({node_share:.1%}), {empty_sets} empty sets")
+        low, high = min(statistics["radii"]), max(statistics["radii"])  # of the lights with edges of one width
+        r = f", r {low:.4g}{f' to {high:.4g}' if high > low else ''}"
+        parts.append("h {h:.4g}" + (r if statistics.get("sized_lamps", 0) < statistics["lights"] else "") +
+                     ", {nodes:,} nodes ({node_share:.1%}), {empty_sets} empty sets")
     parts.append("{seconds:.2f} s")
     if statistics.get("peak_memory"):  # not every system has this figure
         parts.append(f"{statistics['peak_memory'] / 1e6:.0f} MB")

@@ -335,7 +335,7 @@ def summary(statistics: dict) -> str:
     if "h" not in statistics:
         return line
     radii = list(statistics.get("light_radii", {}).values())
-    if len(radii) < statistics["lights"]:
+    if len(radii) + statistics.get("sized_lamps", 0) < statistics["lights"]:  # others have the scene's r
         radii.append(statistics["r"])
     parts = dict.fromkeys(f"{r:.3g}" for r in (min(radii), max(radii))) if radii else {}
     return f"{line}, h {statistics['h']:.3g}" + (f", r {'–'.join(parts)}" if parts else "")

@@ -68,6 +68,9 @@ def rows(s: dict, scene) -> list[tuple[str, str]]:
                        f"the others {s['short_rays']:,}"),
             ("Without Node", f"{count(s['empty_sets'], 'point')}, with sharp shadows"),
         ]
+    if s.get("lamp_pairs"):
+        result.append(("Lamps with a Size", f"{share(s['ray_pairs'], s['lamp_pairs'])} of the points needed rays, "
+                                            f"{share(s['mixed_pairs'], s['lamp_pairs'])} are near penumbrae"))
     result += [(name, f"r {penumbra.length(scene, r)}") for name, r in [*s.get("light_radii", {}).items()][:10]]
     if "refracted_paths" in s:
         result.append(("Refracted Paths", f"{s['refracted_paths']:,}, {s['path_rays']:,} rays"))

@@ -172,3 +172,28 @@ def test_the_statistics_are_readable(lit, render):
     lit.light_meshes.shadows = 'SHARP'
     render(lit)
     assert "Nodes" not in dict(last_render.rows(session.statistics, lit))
+
+
+def test_the_statistics_of_lamps_with_a_size(lit, render):
+    """They have h too, in the panel, on the console and on the view's line; r is of lights of one width."""
+    from light_meshes_addon import job, session, viewport
+    from light_meshes_addon.ui import last_render
+
+    lamp, = (ob.data for ob in lit.objects if ob.type == 'LIGHT')
+    lamp.light_meshes.softness = 'SIZE'
+    if lamp.type == 'SUN':
+        lamp.angle = 0.2
+    else:
+        lamp.shadow_soft_size = 0.2
+    render(lit)
+    s = session.statistics
+    rows = dict(last_render.rows(s, lit))
+    assert rows["Lattice"].startswith("h ") and rows["Lamps with a Size"].endswith("% are near penumbrae")
+    line = viewport.summary(s)
+    assert f", h {s['h']:.3g}" in line and ", r " not in line
+    assert f"h {s['h']:.4g}, {s['nodes']:,} nodes" in job.summary(s)
+    lamp.light_meshes.softness = 'SCENE'
+    render(lit)
+    s = session.statistics
+    assert f", r {s['r']:.3g}" in viewport.summary(s) and f", r {s['r']:.4g}, " in job.summary(s)
+    assert "Lamps with a Size" not in dict(last_render.rows(s, lit))

@@ -13,7 +13,9 @@ from light_meshes.picture import memory
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import draw, render_image
 from light_meshes.shadows.method import Receivers
+from light_meshes.shadows.sized import rays
 from scenes import four_lights, with_lights
+from sized_lamps import Seen, rmse, scene_of
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +68,9 @@ def test_lamps_may_come_go_and_change_places(still_life):
         assert kept["long_rays"] == 0
     kept, fresh, *_ = after(with_lights(still_life, c, a), still_life)
     assert 0 < kept["long_rays"] < fresh["long_rays"]
+    many = with_lights(still_life, *still_life.lights, replace(a, name="e"), replace(b, name="f"))
+    after(still_life, many)  # of so many other points count
+    after(many, still_life)
 
 
 @pytest.mark.parametrize("instance", range(3))
@@ -177,3 +182,16 @@ def test_debug_passes(still_life):
     lit = candidates > 0
     assert lit.mean() > 0.3 and (skipped + empty)[lit].max() <= 1 and skipped.mean() > 0.1 < empty.mean()
     assert m.max() > 0 and m[skipped == 1].max() == 0
+
+
+def test_two_points_of_quality_with_many_lamps():
+    """Balanced is at least as near as 4 rays to each lamp, Fine as 16; both are the same method."""
+    first = scene_of("boxes", "sphere", 56)
+    places = ((1.0, 0.7, 2.5), (-0.9, 0.8, 2.2), (0.3, -1.1, 2.6), (-1.2, -0.6, 2.4), (0.1, 0.2, 2.8))
+    scene = with_lights(first, *(replace(first.lights[0], name=str(n), position=at) for n, at in enumerate(places)))
+    seen = Seen(scene)
+    truth = seen.by("AREA_SAMPLING", 400)
+    four, sixteen = (rmse(seen.by("AREA_SAMPLING", n), truth) for n in (4, 16))
+    balanced, fine = (rmse(seen.by("LIGHT_MESHES", h=0.0375 / kI, kI=kI), truth) for kI in (3.0, 4.0))
+    assert fine <= sixteen and fine < balanced <= 0.6 * four
+    assert [rays(kI, lamps) for kI, lamps in ((3.0, 5), (4.0, 5), (3.0, 4))] == [(8, 16), (16, 32), (16, 32)]

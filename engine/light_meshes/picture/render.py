@@ -213,6 +213,7 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
             report |= {"shadow_rate": ready.plan.shadow_rate} | {name: counts[name] for name in (
                 "points", "interpolated", "refined", "computed")}
         own = ready.shadowing.radii.items()
+        report["sized_lamps"] = sum(light.softness == "SIZE" for light in ready.scene.lights)
         report["light_radii"] = {ready.scene.lights[i].name: r for i, r in own}  # of those that have one of their own
     if ready.plan.paths:
         for name in ("refracted_paths", "path_seeds", "path_seeds_not_converged", "paths_rejected", "path_rays"):

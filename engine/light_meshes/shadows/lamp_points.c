@@ -19,7 +19,13 @@ static i64 stratum(i64 j) {
     return further[j >> 2] ^ 5 * (j & 3);
 }
 
-static f64 reversed(i64 i) { return (f64)((i & 1) << 3 | (i & 2) << 1 | (i & 4) >> 1 | i >> 3) / 16.0; }
+static i64 reversed(i64 i) { return (i & 1) << 3 | (i & 2) << 1 | (i & 4) >> 1 | i >> 3; }
+
+/* The cosine of k sixteenths of a turn; the sine is that of k + 12. */
+#define R8 0.92387953251128674
+#define R4 0.70710678118654752
+#define R16 0.38268343236508977
+static const f64 sixteenth[16] = {1.0,  R8,  R4,  R16,  0.0, -R16, -R4, -R8, -1.0, -R8, -R4, -R16, 0.0, R16, R4, R8};
 
 static f64 part(f64 x) { return x - floor(x); }
 
@@ -54,14 +60,23 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
         u64 key;
         memcpy(&key, mine + 1, sizeof key);
         key = mixed(key + own[i]);
-        f64 shift = mine[0] + random_of(own[i]);
+        f64 shift = mine[0] + random_of(own[i]), turned = 0.0, cosine = 1.0, sine = 0.0;
+        i64 set = -1;
         for (i64 n = first; n < first + count; n++) {
             f64 *point = out + 3 * (at * count + n - first);
             i64 j = stratum(n & 15) ^ (i64)(mixed(key + (u64)(n >> 4)) & 15);
-            f64 turned = shift + 0.5698402909980532 * (f64)(n >> 4);
-            f64 a = ((f64)j + random_of(key ^ (u64)(256 + n - (n & 15) + j))) / 16.0, b = part(reversed(j) + turned);
-            f64 x = 2.0 * a - 1.0, y = 2.0 * b - 1.0;
-            if (shape[i] != RECTANGLE) x = sqrt(a) * cos(2 * PI * b), y = sqrt(a) * sin(2 * PI * b);
+            if (n >> 4 != set) {  /* the next 16 */
+                set = n >> 4, turned = shift + 0.5698402909980532 * (f64)set;
+                if (shape[i] != RECTANGLE) cosine = cos(2 * PI * turned), sine = sin(2 * PI * turned);
+            }
+            f64 a = ((f64)j + random_of(key ^ (u64)(256 + n - (n & 15) + j))) / 16.0, x, y;
+            i64 k = reversed(j);
+            if (shape[i] == RECTANGLE) {
+                x = 2.0 * a - 1.0, y = 2.0 * part((f64)k / 16.0 + turned) - 1.0;
+            } else {
+                f64 c = sixteenth[k], s = sixteenth[(k + 12) & 15], far = sqrt(a);
+                x = far * (c * cosine - s * sine), y = far * (s * cosine + c * sine);
+            }
             for (int j = 0; j < 3; j++) point[j] = c[j] + x * e[j] + y * f[j];
         }
     }

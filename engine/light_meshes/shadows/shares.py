@@ -29,7 +29,7 @@ from .meshes.node_store import NodeStore
 from .method import Check, Nodes, Receivers, Setup
 
 FIRST = 2  # points of a lamp that every node traces
-HALF, POINTS = 8, 16  # that nodes near penumbrae trace, all where the first half disagrees
+HALF, POINTS = 8, 16  # that nodes near penumbrae trace: all, or with many lamps half, and all where these disagree
 ACROSS = 0.8661  # steps: from the middle of a cell to what is farthest in it
 PAIRS = 1 << 15  # of node and lamp traced at once
 
@@ -75,17 +75,17 @@ class LampNodes(Nodes):
 class Shares:
     """One lattice of such nodes."""
 
-    def __init__(self, lamps: Lamps, setup: Setup, h: float) -> None:
-        """h: step, world; r = h·kI."""
+    def __init__(self, lamps: Lamps, setup: Setup, h: float, enough: int = POINTS) -> None:
+        """h: step, world; r = h·kI. enough: HALF or all of the POINTS, which are not traced where so many agree."""
         assert setup.lattice is not None
         settings, self.count = setup.settings, len(lamps.narrow)
-        self.h, self.r = h, h * settings.kI
+        self.h, self.r, self._enough = h, h * settings.kI, enough
         self.lattice = lattice(h, np.array([settings.kI + ACROSS]), settings.lattice_rotation, settings.lattice_origin)
         self._lamps, self._tracer, self._stats = lamps, setup.tracer, setup.stats
         self._surfaces = setup.lattice.surfaces
         self._casters = setup.casters.soft
         self._first, self._all = (LampNodes(self.lattice, lamps.shapes, *kind)
-                                  for kind in ((FIRST, 1), (POINTS, 2)))
+                                  for kind in ((FIRST, 1), (enough, 2)))
         self.nodes = (self._first, self._all)
         self._every = np.stack([mask_of(range(self.count), self.count)])
         self.certificate: Certificate | None = None
@@ -161,21 +161,21 @@ class Shares:
         return found
 
     def _trace_all(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
-        """How many of all POINTS they see, and how far away something in the way is, as 8 bits or 0: (n,2L).
-
-        What half of the points agree on is said of all.
-        """
+        """How many of all POINTS they see, and how far away something in the way is, as 8 bits or 0: (n,2L)."""
         found = np.zeros((len(nodes), self.count, 2), np.uint8)
         first = self._first.store.values(nodes, todo, lambda some, wanted: self._trace_first(some, wanted, check))
         x, turn = self.lattice.position(nodes), turns_of_nodes(nodes)
         for row, light, casters in self._pairs(todo, check):
             blocked = np.empty((len(row), POINTS), np.bool_)
             blocked[:, :FIRST] = np.unpackbits(first[row, light][:, None], axis=1, count=FIRST, bitorder="little") == 0
-            blocked[:, FIRST:HALF] = self._blocked(x, turn, row, light, FIRST, HALF - FIRST, casters)
-            blocked[:, HALF:] = blocked[:, :1]
-            seen = HALF - blocked[:, :HALF].sum(1)
-            more = np.flatnonzero((seen > 0) & (seen < HALF))
-            blocked[more, HALF:] = self._blocked(x, turn, row[more], light[more], HALF, POINTS - HALF, casters)
+            enough = self._enough
+            blocked[:, FIRST:enough] = self._blocked(x, turn, row, light, FIRST, enough - FIRST, casters)
+            if enough < POINTS:
+                blocked[:, enough:] = blocked[:, :1]
+                seen = enough - blocked[:, :enough].sum(1)
+                more = np.flatnonzero((seen > 0) & (seen < enough))
+                rest = self._blocked(x, turn, row[more], light[more], enough, POINTS - enough, casters)
+                blocked[more, enough:] = rest
             found[row, light, 0] = POINTS - blocked.sum(1, dtype=np.uint8)
             found[row, light, 1] = self._nearest(x, turn, row, light, blocked, casters)
         return found.reshape(len(nodes), -1)

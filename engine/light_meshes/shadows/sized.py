@@ -20,7 +20,7 @@ from . import pairs
 from .casters import union
 from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
 from .method import Check, Method, Receivers, Setup
-from .shares import Groups, Lamps, Shares
+from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
 from .terminator import starts, touched
 
@@ -80,7 +80,8 @@ class SizedLamps(Method):
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
         assert setup.lattice is not None
-        level = Shares(self._lamps, setup, setup.settings.h * coarser)
+        enough = HALF if self._rays[0] < RAYS else POINTS
+        level = Shares(self._lamps, setup, setup.settings.h * coarser, enough)
         if setup.lattice.certify is not None:
             level.certificate = setup.lattice.certify(level.reach)
         return level
