@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from ..film.passes import REFLECTED, TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
+from ..support.rows import taken, where
 from ..surface import points, shading
 from .prepared import Prepared
-from .wave import Rays, joined
+from .wave import Rays, brightest, joined
 
 BENDS = 64  # a ray through glass bends at up to this many surfaces and then goes straight on
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
@@ -66,19 +67,15 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     """Trace and shade rays of one kind. Returns the rays that go on, by kind. `first` is the tile if these are its
     camera rays.
     """
-    settings, plan = ready.scene.settings, ready.plan
+    plan = ready.plan
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
-    if not hit.all():
-        miss = rays.at(~hit)
-        if settings.film_transparent and kind == "camera":
-            lost = np.ones(len(miss.pixel), np.bool_) if miss.clear is None else miss.clear
-            tile.take_alpha(miss.pixel[lost], miss.weight[lost])
-            miss = miss.at(~lost)
-        world = np.array(ready.scene.world_color)
-        tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
-        rays = rays.at(hit)
+    if len(hits.P) < len(hit):
+        _missed(ready, kind, rays, where(hit, False), tile)
+        rays = rays.met(where(hit), hits.P)
+    else:
+        rays = rays.met(None, hits.P)
     with ready.stats.stage("programs"):
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
     children: list[tuple[str, Rays]] = []
@@ -90,10 +87,23 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             _first(ready, tile, rays.pixel, hits, seen)
             _layer(ready, tile, rays, hits, np.ones(len(hits.P)))
         if plan.reflections:
-            bounced = rays.weight * hits.table.mirror[hits.row]
+            bounced = rays.weight * taken(hits.table.mirror, hits.row.astype(np.int64))
             children += _mirrored(ready, rays.seen_as(REFLECTED), hits, bounced, rays.depth)
         return children
     return children + _pass_through(ready, kind, rays, hits, first, tile, check)
+
+
+def _missed(ready: Prepared, kind: str, rays: Rays, rows: NDArray[np.int64], tile: Tile) -> None:
+    """Add what rays that hit nothing see: the background, or nothing, where the picture stays transparent."""
+    if ready.scene.settings.film_transparent and kind == "camera":
+        lost = rows if rays.clear is None else rows[rays.clear[rows]]
+        tile.take_alpha(rays.pixel.take(lost), taken(rays.weight, lost))
+        if rays.clear is None:
+            return
+        rows = rows[~rays.clear[rows]]
+    world = np.array(ready.scene.world_color)
+    part = None if rays.part is None else rays.part.take(rows)
+    tile.add_light(rays.pixel.take(rows), part, taken(rays.weight, rows), world, {"Environment": world})
 
 
 def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box | None, tile: Tile,
@@ -183,25 +193,27 @@ def _mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, events: 
 
     max_depth bounds them, so that light does not divide for ever.
     """
-    on = (weight.max(axis=1, initial=0) > ready.scene.settings.cutoff) & (events < ready.scene.settings.max_depth)
-    if not on.any():
+    bright = brightest(weight) > ready.scene.settings.cutoff
+    on = where(bright & (events < ready.scene.settings.max_depth))
+    if not len(on):
         return []
-    rays, normal = rays.at(on), hits.Ng[on]
+    rays, (P, triangle, weight, normal, Ns) = rays.at(on), (
+        taken(a, on) for a in (hits.P, hits.triangle, weight, hits.Ng, hits.Ns))
     turned = np.empty((len(normal), 3))
-    shading.mirrored(rays.direction, normal, hits.Ns[on], turned)
+    shading.mirrored(rays.direction, normal, Ns, turned)
     if rays.mirrored is not None:
         rays = rays._replace(mirrored=rays.mirrored + np.int16(1))
-    return [("reflection", _from_surface(rays, hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
+    return [("reflection", _from_surface(rays, P, triangle, weight, normal, turned, 1))]
 
 
 def _going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
            step: int) -> list[tuple[str, Rays]]:
     """The rays that go on through the surface with `weight`; step: 1 where they bend."""
-    on = weight.max(axis=1, initial=0) > ready.scene.settings.cutoff
-    if not on.any():
+    on = where(brightest(weight) > ready.scene.settings.cutoff)
+    if not len(on):
         return []
-    return [(kind, _from_surface(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on],
-                                 step))]
+    P, triangle, weight, Ng, direction = (taken(a, on) for a in (hits.P, hits.triangle, weight, hits.Ng, direction))
+    return [(kind, _from_surface(rays.at(on), P, triangle, weight, -Ng, direction, step))]
 
 
 def _from_surface(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,
@@ -215,7 +227,8 @@ def _from_surface(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, no
 
 def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dict[str, NDArray]) -> None:
     """Fill the passes of the first surface that a camera ray sees."""
-    tile.seen[pixel] = True
+    if ready.plan.transparent:
+        tile.seen[pixel] = True
     for name, samples in tile.samples.items():
         if name in _AT_FIRST:
             samples[pixel] = _AT_FIRST[name](ready, hits)

@@ -37,6 +37,7 @@ class Lighting:
         """method: that of the plan. passes: of the picture, of which some show shadows."""
         self._world, self._plan, self._method, self._stats = world, plan, method, stats
         self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
+        self._kernels = shading.kernels(world.lights, world.materials)
         self.terminator = Terminator(world.scene, world.surfaces)
         groups = np.array([light.shadow_pass for light in world.scene.lights], np.int64)
         self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
@@ -76,7 +77,7 @@ class Lighting:
         m, settings = hits.table, self._world.scene.settings
         Od = m.Od.take(hits.row, axis=0)
         if self._world.textures:
-            image = m.image[hits.row]
+            image = m.image.take(hits.row)
             for i, texture in enumerate(self._world.textures):
                 if texture is not None:
                     texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
@@ -111,7 +112,7 @@ class Lighting:
         lit = np.empty((len(hits.P), 3))
         lit[:] = self._world.scene.settings.ambient * np.array(self._world.scene.world_color)
         full = lit.copy()
-        surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white)
+        surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white, kernels=None)
         for part, some, active, S in self.lit(surfaces, False, check, work):
             with self._stats.stage("shading"):
                 shading.gather(some, S, lit[part])
@@ -121,7 +122,8 @@ class Lighting:
 
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
         """These hits, in the light of all lights."""
-        return shading.Lit(self._world.lights, hits.table, hits, direction, Od)
+        kernels = self._kernels if hits.table is self._world.materials else None
+        return shading.Lit(self._world.lights, hits.table, hits, direction, Od, kernels)
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
             lights: NDArray[np.uint64] | None = None, visibility: Method | None = None) -> Iterator[

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,11 @@ class Materials(NamedTuple):
         """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
         return (np.column_stack(self[14:]), _facet_tables()) if self.ggx.any() else (None, None)
 
+    @property
+    def taken(self) -> tuple[NDArray | None, ...]:
+        """Return the arguments for the kernels in `shading.c` that say what materials are, in their order."""
+        return self.kd, self.ks, self.Os, self.nShiny, *self.facets()
+
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
 
@@ -140,6 +145,19 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
     )
 
 
+class Kernels(NamedTuple):
+    """Kernels for certain lights and materials, which are checked only once."""
+
+    reaching: Any
+    gather: Any
+
+
+def kernels(lights: Lights, materials: Materials) -> Kernels:
+    """Return the kernels for many batches of receivers with the same lights and materials."""
+    first = *lights, *materials.taken
+    return Kernels(_reaching.of(*first), _gather.of(*first))
+
+
 class Lit(NamedTuple):
     """A batch of receivers for the sums over lights: the hits of rays with `direction`."""
 
@@ -148,16 +166,22 @@ class Lit(NamedTuple):
     hits: Hits
     direction: NDArray[np.float64]  # (n,3) unit
     Od: NDArray[np.float64]  # (n,3)
+    kernels: Kernels | None = None  # those of these lights and materials, if they are at hand
 
     def at(self, rows: slice) -> Lit:
         """These receivers."""
         return self._replace(hits=self.hits.at(rows), direction=self.direction[rows], Od=self.Od[rows])
 
     @property
-    def taken(self) -> tuple[NDArray, ...]:
+    def receivers(self) -> tuple[NDArray, ...]:
+        """Return the arguments for the kernels in `shading.c` that say where the receivers are, in their order."""
+        h = self.hits
+        return h.P, h.Ng, h.Ns, self.direction, self.Od, h.row
+
+    @property
+    def taken(self) -> tuple[NDArray | None, ...]:
         """Return the arguments for the kernels in `shading.c`, in their order."""
-        m, h = self.materials, self.hits
-        return (*self.lights, m.kd, m.ks, m.Os, m.nShiny, *m.facets(), h.P, h.Ng, h.Ns, self.direction, self.Od, h.row)
+        return (*self.lights, *self.materials.taken, *self.receivers)
 
 
 def reaching(lit: Lit, unlit: bool, active: NDArray[np.uint64]) -> None:
@@ -166,7 +190,10 @@ def reaching(lit: Lit, unlit: bool, active: NDArray[np.uint64]) -> None:
     `unlit`: also set the bits of lights that reach P (ξ_i·I_i·f_att ≠ 0) but from which the material reflects nothing;
     the shadow passes need these.
     """
-    _reaching(*lit.taken, unlit, active)
+    if lit.kernels is None:
+        _reaching(*lit.taken, unlit, active)
+    else:
+        lit.kernels.reaching(*lit.receivers, unlit, active)
 
 
 def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: NDArray[np.float64] | None = None,
@@ -175,7 +202,10 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
 
     S is (n,L,C): one number for each light, or RGB. S must be 0 where ξ_i·Ω_i is 0; this is not checked again.
     """
-    _gather(*lit.taken, S, colour, matt, gloss)
+    if lit.kernels is None:
+        _gather(*lit.taken, S, colour, matt, gloss)
+    else:
+        lit.kernels.gather(*lit.receivers, S, colour, matt, gloss)
 
 
 def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], jump: float, step: float,
