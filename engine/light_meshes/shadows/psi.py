@@ -22,7 +22,7 @@ from .pairs import PAIRS
 from .sharp import dim, sharp
 from .terminator import merge, split
 
-CANDIDATES = 1 << 21  # about the largest number of candidates that are held at once
+CANDIDATES = 1 << 22  # about the largest number of candidates that are held at once, of 6 bytes each
 
 
 class Answer(NamedTuple):
@@ -39,6 +39,7 @@ class LightMeshes(Method):
     """Ψ if all surfaces are opaque: the value of a node for a light is one bit."""
 
     nodes: Nodes
+    most = CANDIDATES, 1 << 16  # candidates and receivers at once
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         casters = setup.casters
@@ -53,7 +54,8 @@ class LightMeshes(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self.store, self.paths = self._store()
-        self._batch = int(np.clip(CANDIDATES // (2.1 * self.lattice.reach[-1]**3 + 4), 64, 32768))
+        candidates, receivers = self.most
+        self._batch = int(np.clip(candidates // (2.1 * self.lattice.reach[-1]**3 + 4), 64, receivers))
 
     def _store(self) -> tuple[NodeStore, PathTable | None]:
         """Return an empty store for the nodes' values, and one for refracted paths if these are stored separately."""

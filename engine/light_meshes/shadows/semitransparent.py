@@ -12,7 +12,7 @@ from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
 from .method import Check, LatticeSetup, Receivers, Setup
 from .pairs import PAIRS
-from .psi import Answer, LightMeshes
+from .psi import CANDIDATES, Answer, LightMeshes
 from .through import Straight
 
 _uniform = kernel("semitransparent_uniform")
@@ -23,6 +23,8 @@ class SemitransparentMeshes(LightMeshes):
     """Eq. (7). BOUNDED: the neighbourhood ends at glass as at any surface, v(x_l,P) = 1. PAPER: as printed in the
     paper.
     """
+
+    most = CANDIDATES // 4, 1 << 14  # a candidate takes four times the memory, because rays to it are listed
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         through = setup.through
