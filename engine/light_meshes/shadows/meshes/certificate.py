@@ -30,7 +30,7 @@ _holds = kernel("certificate_holds")
 MARGIN = 2 * ULPS
 CELLS = 1 << 19  # about the largest number of cells; if there would be more, the cells are made larger
 GROUP = 8
-UNKNOWN = -3  # certificate.c has the same
+UNKNOWN = -3  # certificate.h has the same
 
 
 class Convex(NamedTuple):
