@@ -11,6 +11,7 @@ from ..rays.tracer import points
 from ..support.rows import taken
 from . import pairs
 from .casters import union
+from .lamp_points import Shapes
 from .meshes import averaging
 from .meshes.averaging import Neighbourhood
 from .meshes.certificate import MARGIN
@@ -23,6 +24,7 @@ from .sharp import dim, sharp
 from .terminator import merge, split
 
 CANDIDATES = 1 << 22  # about the largest number of candidates that are held at once, of 6 bytes each
+
 
 
 class Answer(NamedTuple):
@@ -38,12 +40,15 @@ class Answer(NamedTuple):
 class LightMeshes(Method):
     """Ψ if all surfaces are opaque: the value of a node for a light is one bit."""
 
-    nodes: Nodes
+    nodes: tuple[Nodes, ...]
+    points = 0  # nodes know what they see of lamps' centres
+    lamps: Shapes | None = None
     most = CANDIDATES, 1 << 16  # candidates and receivers at once
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         casters = setup.casters
-        self.nodes, self.lattice, self.classes, self.certificate = self, nodes.lattice, nodes.classes, nodes.certificate
+        self.lattice, self.classes, self.certificate = nodes.lattice, nodes.classes, nodes.certificate
+        self.nodes = (self,)
         self._holds = None if nodes.certificate is None else nodes.certificate.asked()
         self._tracer, self._stats, self._targets = setup.tracer, setup.stats, setup.targets
         self._uniform_skip, self._smooth = nodes.uniform_skip, setup.settings.weights == "SMOOTH"
