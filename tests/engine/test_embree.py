@@ -76,6 +76,54 @@ def test_rays_made_on_the_way_meet_the_same(both, normals):
         assert 0.1 < one.mean() < 0.9 and (one == other).all()
 
 
+def test_points_in_space_see_the_same_lights(both):
+    direct = both[0]
+    random, n, lights = np.random.default_rng(3), 700, 70
+    frame = np.array([0.1, 0.2, 0.3]), 1.7, 1.0
+    origin, position = random.uniform(-1.5, 1.5, (n, 3)), random.uniform(-2, 2, (lights, 3))
+    directional = random.random(lights) < 0.3
+    asked = random.integers(0, 2**63, (n, 2), np.uint64) * np.uint64(2)
+    among = np.array([~np.uint64(0), np.uint64(0b1011)])
+    row, light = (a.astype(np.int32) for a in np.nonzero(np.unpackbits(
+        (asked & among).view(np.uint8), axis=1, bitorder="little")[:, 3:lights]))
+    seen = np.zeros((n, 128), np.uint8)
+    light += 3
+    seen[row, light] = ~direct.occluded_of(*frame, origin, None, row, position, directional, light, False)
+    expected = np.packbits(seen, axis=1, bitorder="little").view(np.uint64)
+    for one in both[:2]:
+        found = np.zeros((n, 2), np.uint64)
+        rays = one.lit(*frame, origin, position, directional, asked, among, 3, lights + 5, found)
+        assert rays == len(row) > 1000 and (found == expected).all()
+    assert 0.1 < seen.sum() / len(row) < 0.9
+
+
+@pytest.mark.parametrize("most", [1 << 20, 500])
+def test_points_on_surfaces_see_the_same_near_them(both, most):
+    random, n = np.random.default_rng(4), 300
+    frame = np.array([0.1, 0.2, 0.3]), 1.7, 1.0
+    origin, position = random.uniform(-1, 1, (n, 3)), random.uniform(-1, 1, (50, 3))
+    normal = random.normal(size=(n, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    ends = np.cumsum(random.integers(0, 9, (n, 2)).ravel()).reshape(n, 2)
+    start = np.concatenate([np.append(0, ends[:-1, 1])[:, None], ends], axis=1)
+    end = np.where(random.random(n) < 0.7, start[:, 1], start[:, 0])
+    target = random.integers(50, size=start[-1, -1]).astype(np.int32)
+    known = random.random(len(target)) < 0.3
+    expected, rays = known.copy(), 0
+    for p in range(n):
+        k = np.flatnonzero(~known[start[p, 0]:end[p]]) + start[p, 0]
+        segments = np.full(len(k), p, np.int32), position, np.zeros(50, np.bool_), target[k], True
+        expected[k] = ~both[0].occluded_of(*frame, origin, normal, *segments)
+        rays += len(k)
+    for one in both[:2]:
+        seen, state, calls = known.copy(), np.zeros(2, np.int64), 0
+        while state[0] < n:
+            one.near(*frame, origin, normal, position, start, end, target, most, seen, state)
+            calls += 1
+        assert (seen == expected).all() and state.tolist() == [n, rays] and rays > 500 and (calls > 1) == (most == 500)
+    assert known.sum() < expected.sum() < len(known)
+
+
 def test_nothing_meets_nothing():
     shape = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32)
     o, d, t = rays(*soup(10), 33)

@@ -12,7 +12,7 @@ from ..gathered.nearness import Nearness
 from ..gathered.patches import Patches
 from ..gathered.rays import Field, Gatherer
 from ..gathered.records import Records
-from ..rays.geometry import Hits, surface
+from ..rays.geometry import Hits, surfacing
 from ..scene.description import Settings
 from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
@@ -79,7 +79,7 @@ class Look:
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32), material,
                     np.empty(n, np.int32), np.empty(n, np.bool_), material, world.materials)
         zero = np.zeros(n, np.float32)
-        surface(world.surfaces, triangle, zero, zero, P + N * world.surfaces.scale, -N, hits)
+        surfacing(world.surfaces)(None, triangle, zero, zero, P + N * world.surfaces.scale, -N, hits)
         hits = world.look(hits, -N, np.full(n, REFLECTED, np.int8))
         m, row = hits.table, hits.row
         Od = colours.matt(hits, world.textures)

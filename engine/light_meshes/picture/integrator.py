@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..film.passes import TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
+from ..support.rows import taken, where
 from ..surface import points
 from .frosted import BENDS, frosted
 from .prepared import Prepared
@@ -77,21 +78,16 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     """Trace and shade rays of one kind. Returns the rays that go on, by kind. `first` is the tile if these are its
     camera rays.
     """
-    settings, plan = ready.scene.settings, ready.plan
+    plan = ready.plan
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
     _add_lamps(ready, kind, rays, hit, hits, tile)
-    if not hit.all():
-        miss = rays.at(~hit)
-        if settings.film_transparent and kind == "camera":
-            lost = np.ones(len(miss.pixel), np.bool_) if miss.clear is None else miss.clear
-            tile.take_alpha(miss.pixel[lost], miss.weight[lost])
-            miss = miss.at(~lost)
-        with ready.stats.stage("sky"):
-            world = background(ready, miss, _kinds(kind, miss))
-        tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
-        rays = rays.at(hit)
+    if len(hits.P) < len(hit):
+        _missed(ready, kind, rays.at(where(hit, False)), tile)
+        rays = rays.met(where(hit), hits.P)
+    else:
+        rays = rays.met(None, hits.P)
     with ready.stats.stage("programs"):
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
     children: list[tuple[str, Rays]] = []
@@ -103,9 +99,21 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             _first(ready, tile, rays.pixel, hits, seen)
             _layer(ready, tile, rays, hits, np.ones(len(hits.P)))
         if plan.reflections or plan.blurred:
-            children += reflected(ready, rays, hits, rays.weight, hits.table.mirror[hits.row], rays.depth, tile)
+            mirror = taken(hits.table.mirror, hits.row.astype(np.int64))
+            children += reflected(ready, rays, hits, rays.weight, mirror, rays.depth, tile)
         return children
     return children + _pass_through(ready, kind, rays, hits, first, tile, check)
+
+
+def _missed(ready: Prepared, kind: str, miss: Rays, tile: Tile) -> None:
+    """Add what rays that hit nothing see: the background, or nothing, where the picture stays transparent."""
+    if ready.scene.settings.film_transparent and kind == "camera":
+        lost = np.ones(len(miss.pixel), np.bool_) if miss.clear is None else miss.clear
+        tile.take_alpha(miss.pixel[lost], miss.weight[lost])
+        miss = miss.at(~lost)
+    with ready.stats.stage("sky"):
+        world = background(ready, miss, _kinds(kind, miss))
+    tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
 
 
 def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box | None, tile: Tile,
@@ -230,7 +238,8 @@ def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
 
 def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dict[str, NDArray]) -> None:
     """Fill the passes of the first surface that a camera ray sees."""
-    tile.seen[pixel] = True
+    if ready.plan.transparent:
+        tile.seen[pixel] = True
     for name, samples in tile.samples.items():
         if name in _AT_FIRST:
             samples[pixel] = _AT_FIRST[name](ready, hits)

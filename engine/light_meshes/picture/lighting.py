@@ -39,6 +39,7 @@ class Lighting:
         """method: that of the plan. passes: of the picture, of which some show shadows."""
         self._world, self._plan, self._method, self._stats = world, plan, method, stats
         self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
+        self._kernels = shading.kernels(world.lights, world.materials)
         shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
         self._shown = shown if plan.reflections and shown.any() else None
         self.everywhere: Records | None = None  # light from everywhere, where the scene has it
@@ -125,7 +126,7 @@ class Lighting:
         lit = np.empty((len(hits.P), 3))
         lit[:] = self._Ia
         full = lit.copy()
-        surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white)
+        surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white, kernels=None)
         for part, some, active, S in self.lit(surfaces, False, check, work):
             with self._stats.stage("shading"):
                 shading.gather(some, self.emitted(some, S), lit[part])
@@ -139,14 +140,15 @@ class Lighting:
         m = hits.table
         white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
         light = np.zeros((len(hits.P), 3))
-        surfaces = self._surfaces(hits, direction, np.ones_like(light))._replace(materials=white)
+        surfaces = self._surfaces(hits, direction, np.ones_like(light))._replace(materials=white, kernels=None)
         for part, some, _, S in self.lit(surfaces, False, check, visibility=visibility):
             shading.gather(some, S, light[part])
         return light
 
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
         """These hits, in the light of all lights."""
-        return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown)
+        kernels = self._kernels if hits.table is self._world.materials else None
+        return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown, kernels)
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
             lights: NDArray[np.uint64] | None = None, visibility: Method | None = None,

@@ -38,7 +38,7 @@ ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
 BATCH = 1 << 16  # camera rays of a tile, about: each thread has one under way
 LARGER = 4  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
 SPREAD = 4  # how many times fewer there are if surfaces spread them out
-RAY, LIT, CANDIDATE = 700, 8, 24  # for a ray; for a receiver and a light; for a receiver and a node
+RAY, LIT, CANDIDATE = 700, 8, 6  # for a ray; for a receiver and a light; for a receiver and a node
 NODE = 16  # for a node, in addition to its values
 MIXED = 0.3  # share of the nodes that may be near a penumbra
 # as shares of the available memory: above DOUBT a scene is refused, above CLOSE there is a warning
@@ -66,7 +66,8 @@ def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
     work = rays * RAY + shaded * (LIT + 8 * glass)
     if KINDS[scene.settings.shadows].lattice:
         near = above_a_plane(scene.settings.kI)  # nodes of a receiver; the receivers of a batch share most of them
-        work += min(rays * near, CANDIDATES) * CANDIDATE + 3 * shaded * (24 if glass else 0.5)
+        part = 4 if glass else 1  # where surfaces let light through a candidate takes more, and there are fewer at once
+        work += min(rays * near, CANDIDATES / part) * CANDIDATE * part + 3 * shaded * (24 if glass else 0.5)
     return [
         Part(BASE, "the engine itself", "close other programs"),
         _triangles(scene, glass),

@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from ..film.passes import REFLECTED, Tile
 from ..rays.geometry import Hits
+from ..support.rows import taken, where
 from ..surface import shading
 from ..surface.blurred import spread
 from .prepared import Prepared
-from .wave import Rays
+from .wave import Rays, brightest
 
 LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
 
@@ -33,14 +34,15 @@ def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: 
 
 def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
     """The rays that mirrors reflect with weight (n,3), of those that may (n,) go on."""
-    on = (weight.max(axis=1, initial=0) > ready.scene.settings.cutoff) & may
-    if not on.any():
+    on = where((brightest(weight) > ready.scene.settings.cutoff) & may)
+    if not len(on):
         return []
-    rays, normal = rays.at(on), hits.Ng[on]
+    rays, (P, triangle, weight, normal, Ns) = rays.at(on), (
+        taken(a, on) for a in (hits.P, hits.triangle, weight, hits.Ng, hits.Ns))
     turned = np.empty((len(normal), 3))
-    shading.mirrored(rays.direction, normal, hits.Ns[on], turned)
+    shading.mirrored(rays.direction, normal, Ns, turned)
     rays = _once_more(rays.seen_as(REFLECTED))
-    return [("reflection", leaving(rays, hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
+    return [("reflection", leaving(rays, P, triangle, weight, normal, turned, 1))]
 
 
 def upwards(ready: Prepared) -> NDArray[np.float64]:
@@ -93,10 +95,11 @@ def _once_more(rays: Rays) -> Rays:
 def going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
           step: int) -> list[tuple[str, Rays]]:
     """The rays that go on through the surface with `weight`; step: 1 where they bend."""
-    on = weight.max(axis=1, initial=0) > ready.scene.settings.cutoff
-    if not on.any():
+    on = where(brightest(weight) > ready.scene.settings.cutoff)
+    if not len(on):
         return []
-    return [(kind, leaving(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on], step))]
+    P, triangle, weight, Ng, direction = (taken(a, on) for a in (hits.P, hits.triangle, weight, hits.Ng, direction))
+    return [(kind, leaving(rays.at(on), P, triangle, weight, -Ng, direction, step))]
 
 
 def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..support.rows import taken, where
+
 
 class Rays(NamedTuple):
     """A row a ray. What a scene does not need is None, in all waves of a tile."""
@@ -34,8 +36,15 @@ class Rays(NamedTuple):
 
     def at(self, rows: NDArray) -> Rays:
         """The rays of these rows, or where a mask (n,) is set."""
-        index = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
-        return Rays._make(a if a is None else a.take(index, axis=0) for a in self)
+        index = where(rows) if rows.dtype == np.bool_ else rows
+        return Rays._make(a if a is None else taken(a, index) for a in self)
+
+    def met(self, rows: NDArray[np.int64] | None, P: NDArray[np.float64]) -> Rays:
+        """The rays of these rows, or all, where they have met something: they are at P, and leave no surface."""
+        rays = self._replace(origin=P, normal=None)
+        if rows is None:
+            return rays
+        return Rays._make(a if a is None or a is P else taken(a, rows) for a in rays)
 
     def pieces(self, most: int) -> Iterator[Rays]:
         """These rays, about `most` of them at a time, but all of a sample at once: what they find is added up in one
@@ -60,3 +69,9 @@ def joined(children: list[Rays]) -> Rays:
     if len(children) == 1:
         return children[0]
     return Rays._make(None if a[0] is None else np.concatenate(a) for a in zip(*children, strict=True))
+
+
+def brightest(weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The largest of the three channels of weights (n,3)."""
+    red, green, blue = weight.T
+    return np.maximum(np.maximum(red, green), blue)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..glass.interfaces import Interfaces
 from ..rays.camera import camera_rays
-from ..rays.geometry import Hits, Surfaces, flatten, same_frame, surface
+from ..rays.geometry import Hits, Surfaces, flatten, same_frame, surfacing
 from ..rays.tracer import Tracer
 from ..scene.description import Camera, Light, Scene, same
 from ..shadows.casters import Casters, casters
 from ..shadows.registry import KINDS
 from ..support import processors
+from ..support.rows import where
 from ..support.statistics import Statistics
 from ..surface import shading, textures
 from ..surface.lamps import Lamps
@@ -56,18 +58,23 @@ class World:
         """Return the objects (n,) to which triangles (n,) belong."""
         return self.scene.geometry.instance_object[self.surfaces.instance[triangle]]
 
+    @cached_property
+    def _surface(self) -> Callable[..., None]:
+        return surfacing(self.surfaces)
+
     def closest(self, kind: str, origin: NDArray, direction: NDArray, normal: NDArray | None = None,
                 reach: NDArray | None = None, casters: int = 0,
                 passed: tuple[NDArray, NDArray] | None = None) -> tuple[NDArray[np.bool_], Hits]:
         """Which rays hit (n,), and the surface at those that do; the arguments are those of `Tracer.closest`."""
         triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters, passed)
         hit = triangle >= 0
-        n = int(np.count_nonzero(hit))
+        n, rows = int(np.count_nonzero(hit)), None
         material = np.empty(n, np.int32)
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32),
                     material, np.empty(n, np.int32), np.empty(n, np.bool_), material, self.materials)
-        rows = slice(None) if n == len(hit) else np.flatnonzero(hit)
-        surface(self.surfaces, triangle[rows], u[rows], v[rows], origin[rows], direction[rows], hits)
+        if n < len(hit):
+            rows = where(hit)
+        self._surface(rows, triangle, u, v, origin, direction, hits)
         return hit, hits
 
     def coarse_view(self) -> tuple[NDArray[np.float64], Hits]:

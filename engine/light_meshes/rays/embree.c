@@ -92,3 +92,88 @@ i64 embree_occluded_of(i64 m, i64 n, i64 q, u64 function, i64 wide, u64 scene, c
     }
     return 0;
 }
+
+/* Rays that are to be made and traced: `count` of them, from origin[from[k]] to position[to[k]]. */
+typedef struct {
+    i64 count;
+    i32 from[BLOCK], to[BLOCK];
+    u8 blocked[BLOCK];
+} Segments;
+
+/* Where rays come from and where they go: what tracer_segments and embree_occluded take. */
+typedef struct {
+    u64 function, scene;
+    i64 wide, m, q, closed;
+    const f64 *centre, *origin, *normal, *position;
+    f64 scale, reach;
+    const u8 *directional;
+} Field;
+
+static void trace_segments(const Field *f, Segments *s) {
+    f32 o[3 * BLOCK], d[3 * BLOCK], t[BLOCK];
+    tracer_segments(f->m, s->count, f->q, f->centre, f->scale, f->reach, f->origin, f->normal, s->from, f->position,
+                    f->directional, s->to, f->closed, o, d, t);
+    embree_occluded(s->count, f->function, f->wide, f->scene, o, d, t, s->blocked);
+}
+
+static void find_lit(const Field *f, Segments *s, i64 W, u64 *found) {
+    trace_segments(f, s);
+    for (i64 k = 0; k < s->count; k++)
+        if (!s->blocked[k]) set_bit(found + s->from[k] * W, s->to[k]);
+    s->count = 0;
+}
+
+/* Sets the bits of found for the lights of first..last that points in free space see, of those in `asked` and `among`;
+   light by light, so that neighbouring rays have similar directions. Returns how many rays there were. */
+KERNEL(embree_lit,
+       "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  origin f64[n,3]  position f64[q,3]  "
+       "directional bool[q]  asked u64[n,W]  among u64[W]  first i64  last i64  found u64[n,W]!")
+i64 embree_lit(i64 n, i64 q, i64 W, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach,
+               const f64 *origin, const f64 *position, const u8 *directional, const u64 *asked, const u64 *among,
+               i64 first, i64 last, u64 *found) {
+    Field field = {function, scene, wide, n, q, 0, centre, origin, 0, position, scale, reach, directional};
+    Segments rays = {0};
+    i64 total = 0;
+    for (i64 i = first; i < last && i < q; i++) {
+        if (!has(among, i)) continue;
+        for (i64 p = 0; p < n; p++) {
+            if (!has(asked + p * W, i)) continue;
+            rays.from[rays.count] = (i32)p, rays.to[rays.count++] = (i32)i, total++;
+            if (rays.count == BLOCK) find_lit(&field, &rays, W, found);
+        }
+    }
+    find_lit(&field, &rays, W, found);
+    return total;
+}
+
+/* Fills seen[k] of the rows k of `target` from start[p,0] to end[p] that are not set yet: whether nothing is between
+   point p and position[target[k]]. Begins with state[0], the next point, and stops after about `most` rays; state[1]
+   counts them. */
+KERNEL(embree_near,
+       "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  origin f64[n,3]  normal f64[n,3]  "
+       "position f64[q,3]  start i64[n,s]  end i64[n]  target i32[c]  most i64  seen bool[c]!  state i64[2]!")
+i64 embree_near(i64 n, i64 q, i64 s, i64 c, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach,
+                const f64 *origin, const f64 *normal, const f64 *position, const i64 *start, const i64 *end,
+                const i32 *target, i64 most, u8 *seen, i64 *state) {
+    static const u8 POINT[BLOCK] = {0};
+    i64 row[BLOCK], total = 0, p = state[0];
+    Segments rays = {0};
+    Field field = {function, scene, wide, n, BLOCK, 1, centre, origin, normal, 0, scale, reach, POINT};
+    f64 place[3 * BLOCK];
+    (void)q, (void)c;
+    field.position = place;
+    for (; p < n && total < most; p++)
+        for (i64 k = start[p * s]; k < end[p]; k++) {
+            if (seen[k]) continue;
+            memcpy(place + 3 * rays.count, position + 3 * (i64)target[k], 3 * sizeof *place);
+            rays.from[rays.count] = (i32)p, rays.to[rays.count] = (i32)rays.count, row[rays.count++] = k, total++;
+            if (rays.count < BLOCK) continue;
+            trace_segments(&field, &rays);
+            for (i64 r = 0; r < rays.count; r++) seen[row[r]] = !rays.blocked[r];
+            rays.count = 0;
+        }
+    trace_segments(&field, &rays);
+    for (i64 r = 0; r < rays.count; r++) seen[row[r]] = !rays.blocked[r];
+    state[0] = p, state[1] += total;
+    return 0;
+}

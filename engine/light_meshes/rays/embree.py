@@ -34,6 +34,7 @@ CHUNK = 16384  # rays that `run` is given at once
 make_rays, make_segments = kernel("tracer_rays"), kernel("tracer_segments")
 _closest, _occluded = kernel("embree_closest"), kernel("embree_occluded")
 _closest_of, _occluded_of = kernel("embree_closest_of"), kernel("embree_occluded_of")
+_lit, _near = kernel("embree_lit"), kernel("embree_near")
 
 VERSION = 4  # of Embree, whose structs embree.c knows
 _ROBUST = 4  # RTC_SCENE_FLAG_ROBUST: without it rays slip through edges
@@ -56,6 +57,12 @@ class Accelerator(Protocol):
 
     def occluded_of(self, *segments: Any) -> NDArray[np.bool_]:
         """The same as `occluded` of the rays that the kernel tracer_segments makes of its first arguments."""
+
+    def lit(self, *points: Any) -> int:
+        """Do what the kernel embree_lit does with the arguments behind `scene`."""
+
+    def near(self, *points: Any) -> None:
+        """Do what the kernel embree_near does with the arguments behind `scene`."""
 
 
 class Met(NamedTuple):
@@ -119,6 +126,31 @@ class ByRun:
             blocked[part] = self.occluded(*made)
         return blocked
 
+    def lit(self, *points: Any) -> int:
+        """See Accelerator."""
+        *frame, origin, position, directional, asked, among, first, last, found = points
+        total = 0
+        for i in range(first, min(last, len(position))):
+            word, bit = i >> 6, np.uint64(1) << np.uint64(i & 63)
+            row = np.flatnonzero(asked[:, word] & among[word] & bit).astype(np.int32)
+            blocked = self.occluded_of(*frame, origin, None, row, position, directional, np.full_like(row, i), False)
+            found[row[~blocked], word] |= bit
+            total += len(row)
+        return total
+
+    def near(self, *points: Any) -> None:
+        """See Accelerator."""
+        *frame, origin, normal, position, start, end, target, most, seen, state = points
+        first, count = state[0], np.maximum(end - start[:, 0], 0)
+        last = first + int(np.searchsorted(np.cumsum(count[first:]), most)) + 1
+        some = slice(first, min(last, len(count)))
+        row = np.repeat(np.arange(len(count), dtype=np.int32)[some], count[some])
+        index = np.arange(len(row)) + np.repeat(start[some, 0] - (np.cumsum(count[some]) - count[some]), count[some])
+        row, index = row[~seen[index]], index[~seen[index]]
+        free = np.zeros(len(position), np.bool_)
+        seen[index] = ~self.occluded_of(*frame, origin, normal, row, position, free, target[index], True)
+        state[:] = some.stop, state[1] + len(row)
+
 
 class Direct:
     """By Embree's C interface."""
@@ -178,6 +210,14 @@ class Direct:
         blocked = np.empty(len(segments[5]), np.bool_)
         _occluded_of(*self._for_occluded, *segments, blocked)
         return blocked
+
+    def lit(self, *points: Any) -> int:
+        """See Accelerator."""
+        return _lit(*self._for_occluded, *points)
+
+    def near(self, *points: Any) -> None:
+        """See Accelerator."""
+        _near(*self._for_occluded, *points)
 
 
 class Device(NamedTuple):

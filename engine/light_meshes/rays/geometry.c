@@ -26,32 +26,34 @@ i64 geometry_usable(i64 v, i64 t, const f32 *vertices, const i32 *triangles, u8 
     return 0;
 }
 
-/* Fills P … front for the triangles that rays hit; u, v are Embree's, in float32. The intersection is computed again
+/* Fills P … front for the triangles that rays hit, those of some rows or, if there are no rows, of all; u, v are Embree's,
+   in float32. The intersection is computed again
    in float64 (Möller and Trumbore, 1997) and clamped to the triangle, so that P lies in its plane and on the ray. */
 KERNEL(geometry_surface,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  instance i32[T]  source i32[T]  "
        "normal_matrix f64[I,3,3]  mirrored bool[I]  corner_normals f32[s,3,3]  uvs f32[x,3,2]  materials i32[s]  "
-       "piece i32[y]  cut f64[z,3,2]  triangle i32[n]  u f32[n]  v f32[n]  origin f64[n,3]  direction f64[n,3]  P f64[n,3]!  "
-       "Ng f64[n,3]!  Ns f64[n,3]!  uv f32[n,2]!  material i32[n]!  hit i32[n]!  front bool[n]!")
-i64 geometry_surface(i64 V, i64 T, i64 I, i64 s, i64 x, i64 y, i64 z, i64 n, const f64 *centre, f64 scale,
-                     const f32 *vertices, const i32 *triangles, const i32 *instance, const i32 *source,
+       "piece i32[y]  cut f64[z,3,2]  rows i64[n]?  triangle i32[m]  u f32[m]  v f32[m]  origin f64[m,3]  direction f64[m,3]  "
+       "P f64[n,3]!  Ng f64[n,3]!  Ns f64[n,3]!  uv f32[n,2]!  material i32[n]!  hit i32[n]!  front bool[n]!")
+i64 geometry_surface(i64 V, i64 T, i64 I, i64 s, i64 x, i64 y, i64 z, i64 n, i64 m, const f64 *centre,
+                     f64 scale, const f32 *vertices, const i32 *triangles, const i32 *instance, const i32 *source,
                      const f64 *normal_matrix, const u8 *mirrored, const f32 *corner_normals, const f32 *uvs,
-                     const i32 *materials, const i32 *piece, const f64 *cut, const i32 *triangle, const f32 *u,
-                     const f32 *v, const f64 *origin, const f64 *direction, f64 *P, f64 *Ng, f64 *Ns, f32 *uv,
+                     const i32 *materials, const i32 *piece, const f64 *cut, const i64 *rows, const i32 *triangle,
+                     const f32 *u, const f32 *v, const f64 *origin, const f64 *direction, f64 *P, f64 *Ng, f64 *Ns, f32 *uv,
                      i32 *material, i32 *hit, u8 *front) {
     (void)V, (void)T, (void)I, (void)s, (void)z;
+    if (!rows && m != n) return 1;
     for (i64 k = 0; k < n; k++) {
-        i64 t = triangle[k], i = instance[t], of = source[t];
-        const f64 *d = direction + 3 * k;
+        i64 ray = rows ? rows[k] : k, t = triangle[ray], i = instance[t], of = source[t];
+        const f64 *d = direction + 3 * ray;
         Edges edge = edges_of(vertices, triangles + 3 * t);
         f64 q[3], p[3], r[3], normal[3], shading[3], local[3];
 
         /* The intersection, again in float64 */
-        for (int j = 0; j < 3; j++) q[j] = (origin[3 * k + j] - centre[j]) / scale - edge.a[j];
+        for (int j = 0; j < 3; j++) q[j] = (origin[3 * ray + j] - centre[j]) / scale - edge.a[j];
         cross(d, edge.f, p), cross(q, edge.e, r);
         f64 determinant = dot(edge.e, p), ui = dot(q, p) / determinant, vi = dot(d, r) / determinant;
         /* the ray lies in the plane of the triangle */
-        if (!(fabs(ui) <= 2.0 && fabs(vi) <= 2.0)) ui = u[k], vi = v[k];
+        if (!(fabs(ui) <= 2.0 && fabs(vi) <= 2.0)) ui = u[ray], vi = v[ray];
         ui = ui < 0.0 ? 0.0 : ui > 1.0 ? 1.0 : ui;
         vi = vi < 0.0 ? 0.0 : vi > 1.0 ? 1.0 : vi;
         f64 sum = ui + vi;

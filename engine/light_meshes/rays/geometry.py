@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from ..scene.description import Camera, Scene
 from ..scene.errors import SceneError
 from ..support.native import kernel
+from ..support.rows import taken, where
 from .frame import FAR, Frame, cut, frame, too_large
 from .slivers import sliver_warnings
 
@@ -62,9 +64,18 @@ class Hits(NamedTuple):
     smooth: Any = None  # (n,3) the shading normal before a program bent it; None: it is Ns
 
     def at(self, rows: Any) -> Hits:
-        """Return only these hits."""
-        return Hits._make([*(a[rows] for a in self[:8]), self.table,
-                           None if self.smooth is None else self.smooth[rows]])
+        """Return only these hits: a slice of them, those of an index, or those where a mask is set."""
+        if isinstance(rows, slice):
+            if rows.start == 0 and rows.stop == len(self.P):
+                return self
+            return Hits._make([*(a[rows] for a in self[:8]), self.table,
+                               None if self.smooth is None else self.smooth[rows]])
+        index = where(rows) if rows.dtype == np.bool_ else rows
+        material = taken(self.material, index)
+        row = material if self.row is self.material else taken(self.row, index)
+        P, Ng, Ns, uv, _, triangle, front = (taken(a, index) for a in self[:7])
+        return Hits(P, Ng, Ns, uv, material, triangle, front, row, self.table,
+                    None if self.smooth is None else taken(self.smooth, index))
 
 
 class Placed(NamedTuple):
@@ -208,11 +219,17 @@ def _beyond(scene: Scene, local: NDArray[np.float64], triangles: NDArray[np.int3
             "are left out: look for a mistyped location or scale" for o in objects.tolist()]
 
 
-def surface(s: Surfaces, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],
-            origin: NDArray[np.float64], direction: NDArray[np.float64], hits: Hits) -> None:
-    """Fill `hits` for the triangles (n,) that rays hit; u, v (n,) are Embree's, in float32.
+def surfacing(s: Surfaces) -> Callable[..., None]:
+    """Return a function that fills `hits` for the triangles that rays hit; u, v (n,) are Embree's, in float32.
 
-    The intersection is computed again in float64 (Möller and Trumbore, 1997) and clamped to the triangle, so that P
-    lies in its plane and on the ray.
+    Of the rays (n,) only those of `rows` count; None: all. The intersection is computed again in float64 (Möller and
+    Trumbore, 1997) and clamped to the triangle, so that P lies in its plane and on the ray.
     """
-    _surface(s.centre, s.scale, *s[3:], triangle, u, v, origin, direction, *hits[:7])
+    kernel_of = _surface.of(s.centre, s.scale, *s[3:])
+
+    def surface(rows: NDArray[np.int64] | None, triangle: NDArray[np.int32], u: NDArray[np.float32],
+                v: NDArray[np.float32], origin: NDArray[np.float64], direction: NDArray[np.float64],
+                hits: Hits) -> None:
+        kernel_of(rows, triangle, u, v, origin, direction, *hits[:7])
+
+    return surface

@@ -18,6 +18,7 @@ from ..rays.geometry import Surfaces
 from ..rays.tracer import Targets, Tracer
 from ..scene.description import Light, Scalar, Settings
 from ..scene.values import checked_mapping
+from ..support.rows import taken
 from ..support.statistics import Statistics
 from .casters import Casters
 from .lamp_points import Shapes
@@ -48,6 +49,15 @@ class Receivers(NamedTuple):
         """Return N; only for receivers that are on surfaces."""
         assert self.N is not None, "this method has no answer for points in free space"
         return self.N
+
+    def at(self, rows: NDArray[np.int64]) -> Receivers:
+        """Return only these receivers (rows ascending); nothing is copied if they are all. Lift and narrow are
+        left out."""
+        if len(rows) == len(self.P):
+            return self._replace(lift=None, narrow=None)
+        P, N, active, triangle = (None if a is None else taken(a, rows) for a in self[:4])
+        assert P is not None and active is not None
+        return Receivers(P, N, active, triangle)
 
 
 class Nodes(Protocol):

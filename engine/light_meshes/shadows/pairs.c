@@ -39,11 +39,14 @@ i64 pairs_drop_dark(i64 n, i64 s, i64 W, const f32 *S, i64 lights, u64 *mask) {
     return 0;
 }
 
-/* Sets the bits (n,W) of the pairs that are not blocked. */
-KERNEL(pairs_collect, "row i32[r]  light i32[r]  blocked bool[r]  found u64[n,W]!")
-i64 pairs_collect(i64 r, i64 n, i64 W, const i32 *row, const i32 *light, const u8 *blocked, u64 *found) {
-    (void)n;
-    for (i64 k = 0; k < r; k++)
-        if (!blocked[k]) set_bit(found + row[k] * W, light[k]);
-    return 0;
+/* Lists the rows that have any bit; returns how many. */
+KERNEL(pairs_rows, "mask u64[n,W]  row i64[n]!")
+i64 pairs_rows(i64 n, i64 W, const u64 *mask, i64 *row) {
+    i64 count = 0;
+    for (i64 p = 0; p < n; p++) {
+        u64 any = 0;
+        for (i64 w = 0; w < W; w++) any |= mask[p * W + w];
+        row[count] = p, count += any != 0;
+    }
+    return count;
 }

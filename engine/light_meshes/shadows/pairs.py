@@ -12,7 +12,7 @@ from ..support.native import kernel
 PAIRS = 1 << 19  # about the largest number of rays that are held at once
 
 _set, _pairs, _drop_dark = kernel("pairs_set"), kernel("pairs_listed"), kernel("pairs_drop_dark")
-collect = kernel("pairs_collect")
+_rows = kernel("pairs_rows")
 
 
 def blocks(mask: NDArray[np.uint64], lights: int) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32]]]:
@@ -25,6 +25,12 @@ def blocks(mask: NDArray[np.uint64], lights: int) -> Iterator[tuple[NDArray[np.i
         n = _pairs(mask, first, last, row, light)
         if n:
             yield row[:n], light[:n]
+
+
+def rows(mask: NDArray[np.uint64]) -> NDArray[np.int64]:
+    """Return the rows of mask (n,W) in which any bit is set."""
+    row = np.empty(len(mask), np.int64)
+    return row[:_rows(mask, row)]
 
 
 def seen(mask: NDArray[np.uint64], lights: int, channels: int = 1) -> NDArray[np.float32]:

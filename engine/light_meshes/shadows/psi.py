@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.tracer import points
+from ..support.rows import taken
 from . import pairs
 from .casters import union
 from .lamp_points import Shapes
@@ -22,7 +23,7 @@ from .pairs import PAIRS
 from .sharp import dim, sharp
 from .terminator import merge, split
 
-CANDIDATES = 1 << 20  # about the largest number of candidates that are held at once
+CANDIDATES = 1 << 22  # about the largest number of candidates that are held at once, of 6 bytes each
 
 
 
@@ -42,11 +43,13 @@ class LightMeshes(Method):
     nodes: tuple[Nodes, ...]
     points = 0  # nodes know what they see of lamps' centres
     lamps: Shapes | None = None
+    most = CANDIDATES, 1 << 16  # candidates and receivers at once
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         casters = setup.casters
         self.lattice, self.classes, self.certificate = nodes.lattice, nodes.classes, nodes.certificate
         self.nodes = (self,)
+        self._holds = None if nodes.certificate is None else nodes.certificate.asked()
         self._tracer, self._stats, self._targets = setup.tracer, setup.stats, setup.targets
         self._uniform_skip, self._smooth = nodes.uniform_skip, setup.settings.weights == "SMOOTH"
         self._margin = MARGIN * setup.tracer.scale
@@ -56,7 +59,8 @@ class LightMeshes(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self.store, self.paths = self._store()
-        self._batch = int(np.clip(CANDIDATES // (2.1 * self.lattice.reach[-1]**3 + 4), 64, 16384))
+        candidates, receivers = self.most
+        self._batch = int(np.clip(candidates // (2.1 * self.lattice.reach[-1]**3 + 4), 64, receivers))
 
     def _store(self) -> tuple[NodeStore, PathTable | None]:
         """Return an empty store for the nodes' values, and one for refracted paths if these are stored separately."""
@@ -68,11 +72,12 @@ class LightMeshes(Method):
         soft = at.active & self._soft
         if at.triangle is not None and self._receives is not None:
             soft[~self._receives[at.triangle]] = 0
-        lifted = np.zeros_like(soft)
+        lifted = None
         if at.lift is not None:
+            lifted = np.zeros_like(soft)
             split(*at.lift, at.P, at.N, *self._targets, soft, lifted)
         self._ask(at._replace(active=soft), S, check, probe)
-        if lifted.any():
+        if lifted is not None and lifted.any():
             self._ask_above(at, lifted, soft, S, check, probe)
         self._stats.add(receivers=len(at.P))
         dim(S, self._edges, at._replace(active=soft), check)
@@ -83,13 +88,11 @@ class LightMeshes(Method):
 
     def _ask(self, at: Receivers, S: NDArray[np.float32], check: Check, probe: NDArray | None) -> None:
         """Fill S for the lights in at.active (n,W). The bits of lights for which Ψ has no answer are cleared."""
-        lit = np.flatnonzero(at.active.any(1))
+        lit = pairs.rows(at.active)
         for i in range(0, len(lit), self._batch):
             check()
             row = lit[i:i + self._batch]
-            on = None if at.triangle is None else at.triangle[row]
-            batch = Receivers(at.P[row], at.normals()[row], at.active[row], on)
-            at.active[row] = self._average(batch, Answer(row, S, probe), check)
+            at.active[row] = self._average(at.at(row), Answer(row, S, probe), check)
 
     def _ask_above(self, at: Receivers, lifted: NDArray[np.uint64], soft: NDArray[np.uint64], S: NDArray[np.float32],
                    check: Check, probe: NDArray | None) -> None:
@@ -100,43 +103,34 @@ class LightMeshes(Method):
         """
         lift = at.lift
         assert lift is not None
-        rows = np.flatnonzero(lifted.any(1))
-        lifted = lifted[rows]
+        rows = pairs.rows(lifted)
+        lifted = lifted.take(rows, axis=0)
         answered, above = lifted.copy(), np.zeros((len(rows), *S.shape[1:]), np.float32)
         work = None if probe is None else np.zeros((len(rows), probe.shape[1]))
-        only = ~soft[rows].any(1)
-        self._ask(Receivers(at.P[rows] + lift.above[rows], lift.side[rows], answered), above, check, work)
+        places = taken(at.P, rows) + taken(lift.above, rows)
+        only = None if probe is None else ~soft[rows].any(1)
+        self._ask(Receivers(places, taken(lift.side, rows), answered), above, check, work)
         merge(*lift, at.P, at.N, *self._targets, rows, lifted, answered, above, soft, S)
-        if probe is not None and work is not None:
+        if probe is not None and work is not None and only is not None:
             probe[rows[only]] = work[only]
 
     def _average(self, at: Receivers, answer: Answer, check: Check) -> NDArray[np.uint64]:
         """Do steps 1 to 5 for the receivers' soft lights and fill S. Returns the lights (n,W) whose set is not
         empty.
         """
-        stats, serve, soft = self._stats, self.classes.serve, at.active
+        stats, soft = self._stats, at.active
         near = self._look_up(at, check)
         self._spare_rays(at, near)
         near = near._replace(weight=self._weights(near.seen))
-        if self._uniform_skip:
-            self._witness(at, near)
-        with stats.stage("short rays"):
-            row, index = averaging.listed(near, soft, self.classes)
-            for i in range(0, len(row), PAIRS):
-                check()
-                k = slice(i, i + PAIRS)
-                near.weight[index[k]] = self._partial(at, near, row[k], index[k])
-            stats.add(short_rays=len(row))
+        self._short_rays(at, near, check)
         with stats.stage("average"):
             averaging.sizes(near)
             self._mean(at, near, answer)
-        # If the smallest ball that has a node belongs to class k, the lights of all classes from k on have a set.
-        m = near.m
-        answered = soft & np.where(m[:, -1:] > 0, serve[(m > 0).argmax(1)], np.uint64(0))
-        empty = (soft & ~answered).any(1)
-        stats.add(candidates=len(near.candidate), empty_sets=int(empty.sum()))
+            answered, empty, count = averaging.answered(near, soft, self.classes)
+        stats.add(candidates=len(near.candidate), empty_sets=count)
         if answer.probe is not None:  # for the largest ball
-            counts = near.start[:, -1] - near.start[:, 0], np.where(near.uniform, 0, m[:, -1]), empty, near.uniform
+            m = near.m[:, -1]
+            counts = near.start[:, -1] - near.start[:, 0], np.where(near.uniform, 0, m), empty, near.uniform
             answer.probe[answer.rows] = np.stack(counts, axis=1)
         return answered
 
@@ -158,23 +152,40 @@ class LightMeshes(Method):
         if self._uniform_skip:
             with self._stats.stage("uniform skip"):
                 self._agree(at, near)
-        if self.certificate is not None and at.triangle is not None:
+        if self._holds is not None and at.triangle is not None:
             with self._stats.stage("certificate"):
-                holds = self.certificate.holds(at.P, at.normals(), at.triangle)
+                holds = self._holds(at.P, at.normals(), at.triangle)
                 spared = averaging.certify(near.start, near.candidate, holds, near.uniform, at.P, at.N, near.position,
                                            self._margin, near.seen)
-                self._stats.add(certified=int(holds.sum()), spared_rays=spared)
+                self._stats.add(certified=np.count_nonzero(holds), spared_rays=spared)
 
-    def _witness(self, at: Receivers, near: Neighbourhood) -> None:
-        """Keep the mark `uniform` only where the first candidate is seen. Otherwise it is not certain that m > 0, and
+    def _short_rays(self, at: Receivers, near: Neighbourhood, check: Check) -> None:
+        """Fill weight (which is `seen`) by rays, where it matters.
+
+        The mark `uniform` is kept only where the first candidate is seen. Otherwise it is not certain that m > 0, and
         all candidates are tested.
         """
-        with self._stats.stage("uniform skip"):
-            witness = np.flatnonzero(near.uniform).astype(np.int32)
-            witness = witness[~near.seen[near.start[witness, 0]]]
-            clear = averaging.any_channel(self._partial(at, near, witness, near.start[witness, 0]))
-            near.uniform[witness[~clear]] = False
-            self._stats.add(short_rays=len(witness), uniform_skips=int(near.uniform.sum()))
+        end = np.empty(len(at.P), np.int64)
+        if self._uniform_skip:
+            with self._stats.stage("uniform skip"):
+                averaging.witnesses(near.start, near.uniform, end)
+                rays = self._near(at, near, end, check)
+        with self._stats.stage("short rays"):
+            uniform = averaging.ends(near.start, at.active, self.classes.serve, near.seen, near.uniform, end)
+            more = self._near(at, near, end, check)
+        if self._uniform_skip:
+            self._stats.add(short_rays=rays + more, uniform_skips=uniform)
+        else:
+            self._stats.add(short_rays=more)
+
+    def _near(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], check: Check) -> int:
+        """Fill `seen` of the candidates up to end (n,) of each receiver; return how many rays that took."""
+        state = np.zeros(2, np.int64)
+        while state[0] < len(end):
+            check()
+            self._tracer.near(at.P, at.normals(), near.position, near.start, end, near.candidate, PAIRS, near.seen,
+                              state)
+        return int(state[1])
 
     def _weights(self, seen: NDArray[np.bool_]) -> NDArray:
         """Return v(x_l,P) of candidates (c,) as far as it is known, for those that are certainly seen."""
@@ -195,17 +206,17 @@ class LightMeshes(Method):
 
     def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray:
         """Return V(i, x) of nodes (n,3) for the lights in todo (n,W), as bits."""
-        found = np.zeros_like(todo)
+        found, rays = np.zeros_like(todo), 0
         position = self.lattice.position(nodes)
         for i in range(0, len(nodes), 16384):
             part = slice(i, i + 16384)
+            origin, step = position[part], max(1, PAIRS // len(position[part]))
             for group in self._groups:
-                for row, light in pairs.blocks(todo[part] & group.lights, self.count):
+                for first in range(0, self.count, step):
                     check()
-                    blocked = self._tracer.occluded(position[part], row, self._targets, light, None, closed=False,
-                                                    kind="opaque", casters=group.casters)
-                    pairs.collect(row, light, blocked, found[part])
-                    self._stats.add(long_rays=len(row))
+                    rays += self._tracer.lit(origin, self._targets, todo[part], group.lights,
+                                             (first, min(first + step, self.count)), found[part], group.casters)
+        self._stats.add(long_rays=rays)
         return found
 
     def take(self, old: Nodes) -> None:

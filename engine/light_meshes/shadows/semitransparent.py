@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from ..rays.tracer import points
 from ..support.native import kernel
-from .meshes.averaging import Neighbourhood
+from .meshes.averaging import Neighbourhood, any_channel, listed
 from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
 from .method import Check, LatticeSetup, Receivers, Setup
-from .psi import Answer, LightMeshes
+from .pairs import PAIRS
+from .psi import CANDIDATES, Answer, LightMeshes
 from .through import Straight
 
 _uniform = kernel("semitransparent_uniform")
@@ -22,6 +23,8 @@ class SemitransparentMeshes(LightMeshes):
     """Eq. (7). BOUNDED: the neighbourhood ends at glass as at any surface, v(x_l,P) = 1. PAPER: as printed in the
     paper.
     """
+
+    most = CANDIDATES // 4, 1 << 14  # a candidate takes four times the memory, because rays to it are listed
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         through = setup.through
@@ -54,6 +57,23 @@ class SemitransparentMeshes(LightMeshes):
         average(near.start, near.candidate, near.weight, near.kept(), near.uniform, near.values, at.active,
                 self.classes.ring, self._smooth, self.classes.radius, at.P, at.N, *self._targets, near.position, alpha,
                 ends, self._focus, near.m, answer.rows, answer.S)
+
+    def _short_rays(self, at: Receivers, near: Neighbourhood, check: Check) -> None:
+        stats = self._stats
+        if self._uniform_skip:
+            with stats.stage("uniform skip"):
+                witness = np.flatnonzero(near.uniform).astype(np.int32)
+                witness = witness[~near.seen[near.start[witness, 0]]]
+                clear = any_channel(self._partial(at, near, witness, near.start[witness, 0]))
+                near.uniform[witness[~clear]] = False
+                stats.add(short_rays=len(witness), uniform_skips=int(near.uniform.sum()))
+        with stats.stage("short rays"):
+            row, index = listed(near, at.active, self.classes)
+            for i in range(0, len(row), PAIRS):
+                check()
+                k = slice(i, i + PAIRS)
+                near.weight[index[k]] = self._partial(at, near, row[k], index[k])
+            stats.add(short_rays=len(row))
 
     def _partial(self, at: Receivers, near: Neighbourhood, row: NDArray, index: NDArray) -> NDArray[np.float32]:
         """Return v(x_l,P) (k,C); 0 for nodes that step 3 drops."""

@@ -19,6 +19,7 @@ from ..rays.geometry import Hits, Surfaces
 from ..rays.tracer import Targets
 from ..scene.description import Scene
 from ..support.native import kernel
+from ..support.rows import taken, where
 from .lamp_points import reaches, shapes
 
 _lift, _grazing, _starts = kernel("terminator_lift"), kernel("terminator_grazing"), kernel("terminator_starts")
@@ -49,6 +50,10 @@ class Terminator:
         if self._geometry.any():
             self._smooth = (corners[:, 1:] != corners[:, :1]).any((1, 2))
         self._lifts = bool(self._smooth.any())
+        if self._lifts:
+            s = surfaces
+            self._lift = _lift.of(s.centre, s.scale, s.vertices, s.triangles, s.instance, s.source, s.normal_matrix,
+                                  corners, s.piece, s.cut, self._smooth, self._owner, self._geometry, self._normal)
         self._faster = 1 / (1 - 0.5 * np.minimum(shading, 1.999)) if shading.any() else None
 
     def lift(self, hits: Hits) -> Lift | None:
@@ -57,11 +62,8 @@ class Terminator:
             return None
         n = len(hits.P)
         lift = Lift(np.zeros((n, 3)), hits.Ng.copy(), np.zeros(n))
-        s = self._surfaces
-        shape = s.centre, s.scale, s.vertices, s.triangles, s.instance, s.source, s.normal_matrix, s.corner_normals
         Ns = hits.Ns if hits.smooth is None else hits.smooth  # bumps do not move the surface
-        some = _lift(*shape, s.piece, s.cut, self._smooth, self._owner, self._geometry, self._normal, hits.P, Ns,
-                     hits.triangle, hits.front, *lift)
+        some = self._lift(hits.P, Ns, hits.triangle, hits.front, *lift)
         return lift if some else None
 
     def clear(self, lift: Lift, hits: Hits, targets: Targets, active: NDArray[np.uint64],
@@ -72,12 +74,15 @@ class Terminator:
         """
         rows = np.empty(len(hits.P), np.int64)
         rows = rows[:_grazing(*lift, hits.P, hits.Ng, *targets, self._size, active, rows)]
-        length = np.sqrt((lift.above[rows] ** 2).sum(1))
-        rows, length = rows[length > 0], length[length > 0]
+        length = np.sqrt((taken(lift.above, rows) ** 2).sum(1))
+        some = where(length > 0)
+        rows, length = rows.take(some), length.take(some)
         if len(rows):
-            hit, wall = closest("shadow", hits.P[rows], lift.above[rows] / length[:, None], hits.Ng[rows], 2 * length)
-            free = np.sqrt(((wall.P - hits.P[rows[hit]]) ** 2).sum(1))
-            lift.above[rows[hit]] *= np.minimum(free / (2 * length[hit]), 1)[:, None]
+            P, above, N = (taken(a, rows) for a in (hits.P, lift.above, hits.Ng))
+            hit, wall = closest("shadow", P, above / length[:, None], N, 2 * length)
+            met = where(hit)
+            free = np.sqrt(((wall.P - taken(P, met)) ** 2).sum(1))
+            lift.above[rows.take(met)] *= np.minimum(free / (2 * length.take(met)), 1)[:, None]
 
     def fade(self, hits: Hits, targets: Targets, S: NDArray[np.float32]) -> None:
         """Dim S (n,L,C) where the artist has moved the terminator towards the light."""

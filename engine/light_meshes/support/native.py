@@ -11,6 +11,8 @@ import ctypes
 import os
 import re
 import sys
+from collections.abc import Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +59,12 @@ _DATA = object.__basicsize__  # where an array's address stands in it (PyArrayOb
 _NEEDED, _WRITTEN = 0x101, 0x501  # of flags.num: contiguous and aligned; writable, too
 
 
+@cache
+def _code(text: str) -> Any:
+    return compile(text, "<kernel>", "exec")
+
+
+@cache
 def _knows_arrays() -> bool:
     """Whether arrays have the memory layout that all releases of numpy so far have."""
     some = np.zeros(3)
@@ -77,6 +85,22 @@ class Kernel:
         self._call.argtypes = [ctypes.c_int64] * len(self._lengths) + scalars
         self._call.restype = ctypes.c_int64
         self.fast = self._compiled() if _knows_arrays() else self.checked
+
+    def of(self, *first: Any) -> Any:
+        """Return a function that calls the kernel with these first arguments, which are checked once, here.
+
+        It is for arrays that do not change their place as long as the function is in use, such as those of a scene.
+        """
+        if not _knows_arrays():
+            return partial(self, *first)
+        known = [-1] * len(self._lengths)
+        passed = self._passed(first, known)
+        fast, names = self._compiled(first, passed, known), len(self._arguments) - len(first)
+
+        def call(*rest: Any) -> int:
+            return fast(*rest) if len(rest) == names else self.checked(*first, *rest)
+
+        return call
 
     def _argument(self, name: str, kind: str, shape: str, marks: str) -> tuple:
         """Parse the declaration of one argument into (name, kind, lengths, dtype, written, optional). A length is a
@@ -103,21 +127,26 @@ class Kernel:
         except TypeError:  # the number of arguments
             return self.checked(*arguments)
 
-    def _compiled(self) -> Any:
+    def _compiled(self, first: tuple = (), given: Sequence[Any] = (), known: Sequence[int] = ()) -> Any:
         """Return a function that makes the same checks as `checked`, unrolled for this kernel's arguments, in a third
         of the time. It calls `checked` for all that is not as expected, which raises the error.
+
+        first: arguments that are not to be passed any more; given, known: what `_passed` said of them.
         """
         names = [f"a{n}" for n in range(len(self._arguments))]
         otherwise = f"return checked({', '.join(names)})"
-        lines, passed, bound = [f"x{n} = -1" for n in range(len(self._lengths))], [], set()
-        types = {}
-        for n, (_, kind, shape, dtype, written, optional) in enumerate(self._arguments):
+        known = known or [-1] * len(self._lengths)
+        lines = [f"x{n} = n{n}" for n in range(len(known))]
+        passed, bound = [f"g{n}" for n in range(len(first))], {n for n, length in enumerate(known) if length >= 0}
+        space: dict[str, Any] = {f"g{n}": value for n, value in enumerate(given)}
+        space |= {f"n{n}": length for n, length in enumerate(known)}
+        for n, (_, kind, shape, dtype, written, optional) in list(enumerate(self._arguments))[len(first):]:
             a = names[n]
             if shape is None:
                 passed.append(f"{_SCALARS[kind][1].__name__}({a})")
                 continue
             passed.append(f"p{n}")
-            types[f"t{n}"] = dtype
+            space[f"t{n}"] = dtype
             needed = _WRITTEN if written else _NEEDED
             lines += [f"if {a} is None: p{n} = None", "else:"] if optional else ["if True:"]
             lines += [f" if type({a}) is not ndarray or {a}.dtype is not t{n} or {a}.ndim != {len(shape)} or "
@@ -130,11 +159,11 @@ class Kernel:
             if not optional:
                 bound |= {wanted for free, wanted in shape if free}
         lengths = [f"x{n}" if n in bound else f"max(x{n}, 0)" for n in range(len(self._lengths))]
-        text = [f"def fast({', '.join(names)}):", *(f" {line}" for line in lines),
+        text = [f"def fast({', '.join(names[len(first):])}):", *(f" {line}" for line in lines),
                 f" return call({', '.join(lengths + passed)})"]
-        space = {"checked": self.checked, "call": self._call, "ndarray": np.ndarray,
-                 "at": ctypes.c_void_p.from_address, **types}
-        exec("\n".join(text), space)
+        space |= {"checked": self.checked, "call": self._call, "ndarray": np.ndarray,
+                  "at": ctypes.c_void_p.from_address, **dict(zip(names, first, strict=False))}
+        exec(_code("\n".join(text)), space)
         return space["fast"]
 
     def checked(self, *arguments: Any) -> int:
@@ -143,8 +172,13 @@ class Kernel:
             raise TypeError(f"kernel {self.name} takes {len(self._arguments)} arguments, not {len(arguments)}: "
                             f"{self.takes}")
         known: list[int] = [-1] * len(self._lengths)
+        passed = self._passed(arguments, known)
+        return self._call(*(max(length, 0) for length in known), *passed)  # type: ignore[no-any-return]
+
+    def _passed(self, arguments: Sequence[Any], known: list[int]) -> list[Any]:
+        """Check the first arguments; return what C gets for them, and fill in the lengths that they say."""
         passed: list[Any] = []
-        for value, (name, kind, shape, dtype, written, optional) in zip(arguments, self._arguments, strict=True):
+        for value, (name, kind, shape, dtype, written, optional) in zip(arguments, self._arguments, strict=False):
             if shape is None:
                 passed.append(_SCALARS[kind][1](value))
                 continue
@@ -162,7 +196,7 @@ class Kernel:
                 elif length != (known[wanted] if free else wanted):
                     raise ValueError(f"kernel {self.name}: the shape {value.shape} of {name} does not fit {self.takes}")
             passed.append(value.ctypes.data)
-        return self._call(*(max(length, 0) for length in known), *passed)  # type: ignore[no-any-return]
+        return passed
 
 
 def _what(value: Any) -> str:

@@ -6,8 +6,7 @@ import sys
 import threading
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -35,16 +34,26 @@ class Statistics:
             self.of_lights[name] = self.of_lights.get(name, 0) + count
             self.counts[name] += int(count.sum())
 
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
+    def stage(self, name: str) -> Stage:
         """Measure the time of the enclosed work as part of stage `name`."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            spent = time.perf_counter() - start
-            with self._lock:
-                self.seconds[name] += spent
+        return Stage(self, name)
+
+
+class Stage:
+    """A stage that is being measured. It has no generator, because there are dozens a tile."""
+
+    __slots__ = ("_began", "_name", "_of")
+
+    def __init__(self, of: Statistics, name: str) -> None:
+        self._of, self._name = of, name
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        spent = time.perf_counter() - self._began
+        with self._of._lock:
+            self._of.seconds[self._name] += spent
 
 
 def peak_memory() -> int | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +115,11 @@ class Materials(NamedTuple):
                              image=np.full_like(self.image, -1), ggx=np.zeros_like(self.ggx),
                              diffuse_roughness=none)
 
+    @property
+    def taken(self) -> tuple[NDArray | None, ...]:
+        """Return the arguments for the kernels in `shading.c` that say what materials are, in their order."""
+        return self.kd, self.ks, self.Os, self.nShiny, *self.facets()
+
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
 
@@ -156,6 +161,19 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
     )
 
 
+class Kernels(NamedTuple):
+    """Kernels for certain lights and materials, which are checked only once."""
+
+    reaching: Any
+    gather: Any
+
+
+def kernels(lights: Lights, materials: Materials) -> Kernels:
+    """Return the kernels for many batches of receivers with the same lights and materials."""
+    first = *lights, *materials.taken
+    return Kernels(_reaching.of(*first), _gather.of(*first))
+
+
 class Lit(NamedTuple):
     """A batch of receivers for the sums over lights: the hits of rays with `direction`."""
 
@@ -165,16 +183,22 @@ class Lit(NamedTuple):
     direction: NDArray[np.float64]  # (n,3) unit
     Od: NDArray[np.float64]  # (n,3)
     shown: NDArray[np.bool_] | None = None  # (L,) lamps that mirrors show as they are, and so not as highlights
+    kernels: Kernels | None = None  # those of these lights and materials, if they are at hand
 
     def at(self, rows: slice) -> Lit:
         """These receivers."""
         return self._replace(hits=self.hits.at(rows), direction=self.direction[rows], Od=self.Od[rows])
 
     @property
-    def taken(self) -> tuple[NDArray, ...]:
+    def receivers(self) -> tuple[NDArray, ...]:
+        """Return the arguments for the kernels in `shading.c` that say where the receivers are, in their order."""
+        h = self.hits
+        return h.P, h.Ng, h.Ns, self.direction, self.Od, h.row
+
+    @property
+    def taken(self) -> tuple[NDArray | None, ...]:
         """Return the arguments for the kernels in `shading.c`, in their order."""
-        m, h = self.materials, self.hits
-        return (*self.lights, m.kd, m.ks, m.Os, m.nShiny, *m.facets(), h.P, h.Ng, h.Ns, self.direction, self.Od, h.row)
+        return (*self.lights, *self.materials.taken, *self.receivers)
 
 
 def reaching(lit: Lit, unlit: bool, active: NDArray[np.uint64]) -> None:
@@ -183,7 +207,10 @@ def reaching(lit: Lit, unlit: bool, active: NDArray[np.uint64]) -> None:
     `unlit`: also set the bits of lights that reach P (ξ_i·I_i·f_att ≠ 0) but from which the material reflects nothing;
     the shadow passes need these.
     """
-    _reaching(*lit.taken, unlit, active)
+    if lit.kernels is None:
+        _reaching(*lit.taken, unlit, active)
+    else:
+        lit.kernels.reaching(*lit.receivers, unlit, active)
 
 
 def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: NDArray[np.float64] | None = None,
@@ -194,7 +221,10 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
     """
     rough = None if lit.shown is None else rough_only(lit.materials, lit.hits.row)
     if rough is None or lit.shown is None:
-        _gather(*lit.taken, S, colour, matt, gloss)
+        if lit.kernels is None:
+            _gather(*lit.taken, S, colour, matt, gloss)
+        else:
+            lit.kernels.gather(*lit.receivers, S, colour, matt, gloss)
         return
     lights = lit.lights
     others = lights._replace(glossy=lights.glossy & ~lit.shown)

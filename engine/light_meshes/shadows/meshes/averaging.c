@@ -94,6 +94,48 @@ i64 psi_listed(i64 n, i64 s, i64 W, i64 K, i64 c, i64 r, const i64 *start, const
     return count;
 }
 
+/* Fills end with that of the candidates that need a short ray first: of uniform receivers one, of others none. */
+KERNEL(psi_witnesses, "start i64[n,s]  uniform bool[n]  end i64[n]!")
+i64 psi_witnesses(i64 n, i64 s, const i64 *start, const u8 *uniform, i64 *end) {
+    for (i64 p = 0; p < n; p++) end[p] = start[p * s] + uniform[p];
+    return 0;
+}
+
+/* Keeps the mark `uniform` only where the first candidate is seen. Fills end with that of the candidates that need a short
+   ray then; returns how many receivers are uniform. */
+KERNEL(psi_ends, "start i64[n,s]  soft u64[n,W]  serve u64[K,W]  seen bool[c]  uniform bool[n]!  end i64[n]!")
+i64 psi_ends(i64 n, i64 s, i64 W, i64 K, i64 c, const i64 *start, const u64 *soft, const u64 *serve, const u8 *seen,
+             u8 *uniform, i64 *end) {
+    i64 count = 0;
+    (void)c;
+    for (i64 p = 0; p < n; p++) {
+        const i64 *begin = start + p * s;
+        uniform[p] = uniform[p] && seen[*begin];
+        end[p] = uniform[p] ? *begin : end_of(begin, soft + p * W, serve, K, W);
+        count += uniform[p];
+    }
+    return count;
+}
+
+/* Fills answered with the soft lights whose set is not empty: if the smallest ball that has a node belongs to class k, the
+   lights of all classes from k on have a set. empty: whether a soft light has none; returns how many receivers have one. */
+KERNEL(psi_answered, "m i32[n,K]  soft u64[n,W]  serve u64[K,W]  answered u64[n,W]!  empty bool[n]!")
+i64 psi_answered(i64 n, i64 K, i64 W, const i32 *m, const u64 *soft, const u64 *serve, u64 *answered, u8 *empty) {
+    i64 count = 0;
+    for (i64 p = 0; p < n; p++) {
+        i64 k = 0;
+        u64 left = 0;
+        while (k < K && m[p * K + k] <= 0) k++;
+        for (i64 w = 0; w < W; w++) {
+            answered[p * W + w] = k < K ? soft[p * W + w] & serve[k * W + w] : 0;
+            left |= soft[p * W + w] & ~answered[p * W + w];
+        }
+        empty[p] = left != 0;
+        count += empty[p];
+    }
+    return count;
+}
+
 /* Fills m: how many nodes step 3 keeps in the ball of each class. */
 KERNEL(psi_sizes, "start i64[n,s]  kept bool[c]  uniform bool[n]  m i32[n,K]!")
 i64 psi_sizes(i64 n, i64 s, i64 c, i64 K, const i64 *start, const u8 *kept, const u8 *uniform, i32 *m) {

@@ -18,7 +18,7 @@ from ...support.native import kernel, needs_memory
 VARIANCE = {"UNIFORM": 1 / 5, "SMOOTH": 1 / 7}
 
 ask, agreement, certify = kernel("psi_ask"), kernel("psi_agreement"), kernel("psi_certify")
-_sizes = kernel("psi_sizes")
+witnesses, ends, _answered, _sizes = (kernel(f"psi_{name}") for name in ("witnesses", "ends", "answered", "sizes"))
 _listed, _mean, _smooth_mean = kernel("psi_listed"), kernel("psi_mean"), kernel("psi_smooth_mean")
 
 
@@ -79,6 +79,15 @@ def listed(near: Neighbourhood, soft: NDArray[np.uint64],
     row, index = np.empty(total, np.int32), np.empty(total, np.int64)
     _listed(*of, row, index)
     return row, index
+
+
+def answered(near: Neighbourhood, soft: NDArray[np.uint64],
+             lights: Classes) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
+    """Return the soft lights (n,W) whose set is not empty, which receivers (n,) have soft lights with an empty set, and
+    how many these are.
+    """
+    found, empty = np.empty_like(soft), np.empty(len(soft), np.bool_)
+    return found, empty, _answered(near.m, soft, lights.serve, found, empty)
 
 
 def sizes(near: Neighbourhood) -> None:

@@ -11,6 +11,7 @@ less than MARGIN above P's plane are left to Embree. (An ulp is that of 1 in the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ _holds = kernel("certificate_holds")
 MARGIN = 2 * ULPS
 CELLS = 1 << 19  # about the largest number of cells; if there would be more, the cells are made larger
 GROUP = 8
-UNKNOWN = -3  # certificate.c has the same
+UNKNOWN = -3  # certificate.h has the same
 
 
 class Convex(NamedTuple):
@@ -62,11 +63,20 @@ class Certificate(NamedTuple):
         """Return which receivers (n,), on the side N of `triangle` (n,), see all nodes that are more than MARGIN above
         it within r.
         """
-        out = np.empty(len(P), np.bool_)
+        return self.asked()(P, N, triangle)
+
+    def asked(self) -> Callable[..., NDArray[np.bool_]]:
+        """Return `holds` for many batches: the arrays of the certificate are checked once, here."""
         s = self.surfaces
-        _holds(s.centre, s.scale, s.reach, s.vertices, s.triangles, s.instance, self.cell, self.body, self.clear,
-               *self.convex, self.keys, self.only, self.around, P, N, triangle, out)
-        return out
+        kernel_of = _holds.of(s.centre, s.scale, s.reach, s.vertices, s.triangles, s.instance, self.cell, self.body,
+                              self.clear, *self.convex, self.keys, self.only, self.around)
+
+        def holds(P: NDArray[np.float64], N: NDArray[np.float64], triangle: NDArray[np.int32]) -> NDArray[np.bool_]:
+            out = np.empty(len(P), np.bool_)
+            kernel_of(P, N, triangle, out)
+            return out
+
+        return holds
 
 
 def certificate(surfaces: Surfaces, casts: NDArray[np.bool_], r: float) -> Certificate | None:

@@ -81,7 +81,7 @@ def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64])
     most = lattice.offsets.shape[1]
     start = np.zeros((len(P), len(lattice.reach) + 1), np.int64)
     candidate = np.empty(most + len(P) * most // 3, np.int32)
-    nodes = np.empty((most + 4096, 3), np.int32)
+    nodes = np.empty((most + 4096 + len(P) // 4, 3), np.int32)
     table = np.full(1 << int(2 * len(nodes)).bit_length(), -1, np.int32)
     # Receivers in one cell have the same nodes near them, so each node is looked up once for all of them.
     cells, rows = np.empty((len(P), 3), np.int32), np.empty((len(P), most), np.int32)

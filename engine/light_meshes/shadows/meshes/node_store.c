@@ -14,17 +14,18 @@ static inline void put_word(u8 *row, i64 B, i64 w, u64 word) {
 }
 
 /* Looks up nodes from state[0] on, until all are done or some array is too short. Fills their rows, and todo: the
-   lights that no thread has begun yet. state: the next node, the number of rows, and whether everything that is
-   needed is known. */
+   lights that no thread has begun yet, of `wanted`: the nodes that have such. state: the next node, the number of rows,
+   whether everything that is needed is known, and the number of `wanted`. */
 KERNEL(store_claim,
        "base i64[3]  near u64[k]!  far u64[f]!  table u32[t]!  key_bits u64  words u64[r,W]  number u8[q,y]  "
-       "bits u8[v,B]!  room i64  nodes i32[n,3]  need u64[n,W]  state i64[3]!  rows u32[n]!  todo u64[n,W]!")
+       "bits u8[v,B]!  room i64  nodes i32[n,3]  need u64[n,W]  state i64[4]!  rows u32[n]!  wanted i64[n]!  "
+       "todo u64[n,W]!")
 i64 store_claim(i64 k, i64 f, i64 t, i64 r, i64 W, i64 q, i64 y, i64 v, i64 B, i64 n, const i64 *base, u64 *near,
                 u64 *far, u32 *table, u64 key_bits, u64 *words, u8 *number, u8 *bits, i64 room, const i32 *nodes,
-                const u64 *need, i64 *state, u32 *rows, u64 *todo) {
+                const u64 *need, i64 *state, u32 *rows, i64 *wanted, u64 *todo) {
     Keys keys = {base, near, far, f > 0, t, table, key_bits};
     LightSets known = {words, 0, 0, number, r, W, 0, y};
-    i64 at = state[0], count = state[1], settled = state[2];
+    i64 at = state[0], count = state[1], settled = state[2], begun = state[3];
     (void)k, (void)q, (void)v;
     for (; at < n; at++) {
         Key key = key_of(base, nodes + 3 * at);
@@ -40,18 +41,21 @@ i64 store_claim(i64 k, i64 f, i64 t, i64 r, i64 W, i64 q, i64 y, i64 v, i64 B, i
 
         /* Claim the lights that are missing and that no thread has begun */
         const u64 *has_value = words + number_of(&known, row) * W;
+        u64 any = 0;
         for (i64 w = 0; w < W; w++) {
             u64 missing = need[at * W + w] & ~has_value[w];
-            todo[at * W + w] = missing;
+            todo[begun * W + w] = 0;
             if (missing) {
                 u64 word = word_at(bits + row * B, B, w);
                 settled = 0;
-                todo[at * W + w] = missing & ~word;
+                todo[begun * W + w] = missing & ~word;
+                any |= missing & ~word;
                 put_word(bits + row * B, B, w, word | missing);
             }
         }
+        if (any) wanted[begun++] = at;
     }
-    state[0] = at, state[1] = count, state[2] = settled;
+    state[0] = at, state[1] = count, state[2] = settled, state[3] = begun;
     return 0;
 }
 

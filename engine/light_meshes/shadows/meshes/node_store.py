@@ -120,17 +120,17 @@ class NodeStore:
         evaluate(nodes, todo) traces the missing values, with 0 elsewhere; it is called outside of the lock. need, todo:
         (n, words).
         """
-        rows, todo = np.empty(len(nodes), np.uint32), np.empty_like(need)
+        rows, wanted, todo = np.empty(len(nodes), np.uint32), np.empty(len(nodes), np.int64), np.empty_like(need)
         try:
             with self._ready:
-                if self._claim(nodes, need, rows, todo):
+                settled, begun = self._claim(nodes, need, rows, wanted, todo)
+                if settled:
                     return self._value(rows)
-            wanted = np.flatnonzero(todo.any(1))
-            todo = todo[wanted]
-            found = evaluate(nodes[wanted], todo) if len(wanted) else None
+            wanted, todo = wanted[:begun], todo[:begun]
+            found = evaluate(nodes.take(wanted, axis=0), todo) if begun else None
             with self._ready:
                 if found is not None:
-                    self._settle(rows[wanted], todo, found)
+                    self._settle(rows.take(wanted), todo, found)
                     self._ready.notify_all()
                 while not _settled(self._known.words, self._known.number, rows, need):
                     if self._broken:
@@ -152,19 +152,20 @@ class NodeStore:
         return out
 
     def _claim(self, nodes: NDArray[np.int32], need: NDArray[np.uint64], rows: NDArray[np.uint32],
-               todo: NDArray[np.uint64]) -> bool:
-        """Fill the rows of `nodes` (new ones are appended), and todo: the lights that no thread has begun yet.
+               wanted: NDArray[np.int64], todo: NDArray[np.uint64]) -> tuple[bool, int]:
+        """Fill the rows of `nodes` (new ones are appended); and wanted and todo: which nodes have lights that no thread
+        has begun yet, and these.
 
-        Returns whether everything that is needed is known.
+        Returns whether everything that is needed is known, and how many are wanted.
         """
-        state = np.array([0, self.count, 1], np.int64)
+        state = np.array([0, self.count, 1, 0], np.int64)
         while True:
             room = min(self._keys.room, len(self._bits))
             k, known = self._keys, self._known
-            _claim(*k, known.words, known.number, self._bits, room, nodes, need, state, rows, todo)
-            done, self.count, settled = state.tolist()
+            _claim(*k, known.words, known.number, self._bits, room, nodes, need, state, rows, wanted, todo)
+            done, self.count, settled, begun = state.tolist()
             if done == len(nodes):
-                return bool(settled)
+                return bool(settled), begun
             if self.count < room:
                 self._keys = self._keys.widened()
                 continue
