@@ -1,6 +1,8 @@
 """Lamps' nodes beside Cycles: a matt plane under one lamp."""
 
 
+import math
+
 import bpy
 import numpy as np
 import pytest
@@ -297,3 +299,24 @@ def test_several_stage_spots(lamp, scene, render):
         theirs += render(scene)["Combined"][..., :3]
     assert theirs.max() > 0.02
     agree(ours, theirs)
+
+
+@pytest.mark.parametrize("kind", ['AREA', 'POINT'])
+def test_what_is_seen_of_a_lamp(scene, render, add_light, kind):
+    """The camera looks at a lamp, whose nodes paint it."""
+    changes = {"shape": 'RECTANGLE', "size": 3.0, "size_y": 2.0} if kind == 'AREA' else {"shadow_soft_size": 1.5}
+    ob = add_light(kind, location=(0.2, 0.1, 0.0), rotation=(math.pi - 0.2, 0.3, 0.2), energy=60.0, **changes)
+    ob.data.light_meshes.softness = 'SIZE'
+    tree = LampTree(ob.data)
+    place, way = (tree.node('ShaderNodeNewGeometry').outputs[name] for name in ("Parametric", "Incoming"))
+    both_ = tree.node('ShaderNodeVectorMath', {0: place, 1: way}, operation='ADD' if kind == 'AREA' else 'MINIMUM')
+    tree.emit(shown(tree, both_.outputs[0]))
+    scene.render.resolution_x = scene.render.resolution_y = 48
+    scene.render.filter_size, scene.light_meshes.samples = 0.0, 1
+    scene.camera.data.angle = 0.25
+    scene.cycles.samples, scene.cycles.filter_width, scene.cycles.use_denoising = 1, 0.01, False
+    ours, theirs = both(scene, render)
+    inside = (theirs.max(2) > 0) & (ours.max(2) > 0)
+    assert inside.mean() > 0.2
+    difference = np.abs(ours - theirs).max(2)[inside] / theirs.max(2)[inside]
+    assert np.median(difference) < 0.005 and np.quantile(difference, 0.95) < 0.03
