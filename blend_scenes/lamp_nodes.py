@@ -71,7 +71,7 @@ def window(lamp):
 
 def make():
     """Build the scene."""
-    clean_scene(900, 340)
+    clean_scene(720, 270)
     grey = principled("Grey", (0.6, 0.6, 0.6), Roughness=1.0)
     floor = mesh("Floor", [(-8, -8, 0), (8, -8, 0), (8, 2, 0), (-8, 2, 0)], [(0, 1, 2, 3)], grey)
     wall = mesh("Wall", [(-8, 2, 0), (8, 2, 0), (8, 2, 6), (-8, 2, 6)], [(0, 1, 2, 3)], grey)
@@ -96,4 +96,4 @@ def make():
 
 
 if __name__ == "__main__":
-    by_both_engines(make, sys.argv[1], 256)
+    by_both_engines(make, sys.argv[1], 64)

@@ -306,7 +306,7 @@ def test_what_is_seen_of_a_lamp(scene, render, add_light, kind):
     """The camera looks at a lamp, whose nodes paint it."""
     changes = {"shape": 'RECTANGLE', "size": 3.0, "size_y": 2.0} if kind == 'AREA' else {"shadow_soft_size": 1.5}
     ob = add_light(kind, location=(0.2, 0.1, 0.0), rotation=(math.pi - 0.2, 0.3, 0.2), energy=60.0, **changes)
-    ob.data.light_meshes.softness = 'SIZE'
+    ob.data.light_meshes.softness, ob.visible_camera = 'SIZE', True
     tree = LampTree(ob.data)
     place, way = (tree.node('ShaderNodeNewGeometry').outputs[name] for name in ("Parametric", "Incoming"))
     both_ = tree.node('ShaderNodeVectorMath', {0: place, 1: way}, operation='ADD' if kind == 'AREA' else 'MINIMUM')

@@ -20,7 +20,7 @@ from ..support.bits import mask_of
 from .faces import Faces
 from .profiles import Lookup
 from .programs import run
-from .sources import CELLS, FEW, Sources, Spaces, balls, suns, toward
+from .sources import CELLS, FEW, Sources, Spaces, balls, met, suns, toward
 from .textures import Texture
 
 PAIRS = 1 << 15  # that are evaluated at once
@@ -90,7 +90,7 @@ class Lamps:
             return np.tile(self._suns[i].astype(np.float64), (len(origin), 1))
         lamp = np.full(len(origin), i, np.int64)
         return self._run(group, self._faces.met(lamp, origin, direction) if group.type == "AREA"
-                         else toward(self._spaces, lamp, origin))
+                         else met(self._spaces, lamp, origin, direction))
 
     def _light(self, group: Group, lamp: NDArray[np.int64], P: NDArray[np.float64],
                N: NDArray[np.float64]) -> NDArray[np.float64]:

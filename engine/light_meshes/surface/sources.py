@@ -117,6 +117,19 @@ def toward(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) 
     return Sources(spaces, instance, spaces.centre[instance] + before[:, None] * way, way, way, length)
 
 
+def met(spaces: Spaces, instance: NDArray[np.int64], origin: NDArray[np.float64],
+        direction: NDArray[np.float64]) -> Sources:
+    """The points of spheres and of discs turned to the eye that rays see, from origin along unit direction, (n,3)."""
+    to, radius = spaces.centre[instance] - origin, spaces.radius[instance]
+    along, square = np.einsum("ni,ni->n", to, direction), np.einsum("ni,ni->n", to, to)
+    disc = spaces.disc[instance]
+    far = np.where(disc, square / np.maximum(along, 1e-300),
+                   along - np.sqrt(np.maximum(radius * radius - (square - along * along), 0)))
+    place = origin + far[:, None] * direction
+    outward = (place - spaces.centre[instance]) / np.maximum(radius, 1e-300)[:, None]
+    return Sources(spaces, instance, place, np.where(disc[:, None], -direction, outward), -direction, far)
+
+
 def balls(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -> Sources:
     """Points of lamps that are spheres, CELLS² of each of `instance` (n,), over what a receiver at P (n,3) sees of it.
     """
