@@ -12,24 +12,26 @@ from ..surface.blurred import spread
 from .prepared import Prepared
 from .wave import Rays
 
+LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
+
 
 def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: NDArray, events: NDArray,
               tile: Tile) -> list[tuple[str, Rays]]:
     """The rays that surfaces reflect, of rays (n,) that count there with weight (n,3).
 
-    mirror (n,3): the share that mirrors reflect. events (n,): how often rays were reflected, or bent, where that counts:
-    max_depth bounds it, so that light does not divide for ever.
+    mirror (n,3): the share that mirrors reflect. events (n,): how often rays were reflected, or bent, where that
+    counts: max_depth bounds it, so that light does not divide for ever.
     """
     may = (events < ready.scene.settings.max_depth) & ready.plan.reflections
     if not ready.plan.blurred:
-        return _mirrored(ready, rays.seen_as(REFLECTED), hits, weight * mirror, may)
+        return mirrored(ready, rays, hits, weight * mirror, may)
     lobes = hits.table.blurred[hits.row]
     rows = np.flatnonzero(lobes)
-    children = _mirrored(ready, rays.seen_as(REFLECTED), hits, np.where(lobes[:, None], 0.0, weight * mirror), may)
+    children = mirrored(ready, rays, hits, np.where(lobes[:, None], 0.0, weight * mirror), may)
     return children + _blurred(ready, rays.at(rows), hits.at(rows), weight[rows], may[rows], tile)
 
 
-def _mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
+def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
     """The rays that mirrors reflect with weight (n,3), of those that may (n,) go on."""
     on = (weight.max(axis=1, initial=0) > ready.scene.settings.cutoff) & may
     if not on.any():
@@ -37,7 +39,14 @@ def _mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDA
     rays, normal = rays.at(on), hits.Ng[on]
     turned = np.empty((len(normal), 3))
     shading.mirrored(rays.direction, normal, hits.Ns[on], turned)
-    return [("reflection", leaving(_once_more(rays), hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
+    rays = _once_more(rays.seen_as(REFLECTED))
+    return [("reflection", leaving(rays, hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
+
+
+def upwards(ready: Prepared) -> NDArray[np.float64]:
+    """The unit vector (3,) that goes up in the picture."""
+    up = ready.scene.camera.matrix[:3, 1]
+    return np.ascontiguousarray(up / np.linalg.norm(up))
 
 
 def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray,
@@ -47,10 +56,10 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     """
     if not len(rays.pixel):
         return []
-    settings, camera = ready.scene.settings, ready.scene.camera
+    settings = ready.scene.settings
     assert rays.fan is not None and rays.blur is not None
-    up = camera.matrix[:3, 1] / np.linalg.norm(camera.matrix[:3, 1])
-    found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, up, len(ready.offsets), settings.cutoff)
+    found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
+                   settings.cutoff)
     sky = ready.world.sky
     ambient = 1.0 if settings.world_light == "SKY" else settings.ambient
     if ambient and not sky.dark:
@@ -71,6 +80,15 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
 def _once_more(rays: Rays) -> Rays:
     """Rays that are mirrored once more."""
     return rays if rays.mirrored is None else rays._replace(mirrored=rays.mirrored + np.int16(1))
+
+
+def going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
+          step: int) -> list[tuple[str, Rays]]:
+    """The rays that go on through the surface with `weight`; step: 1 where they bend."""
+    on = weight.max(axis=1, initial=0) > ready.scene.settings.cutoff
+    if not on.any():
+        return []
+    return [(kind, leaving(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on], step))]
 
 
 def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,
@@ -108,13 +126,16 @@ def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
         np.concatenate([a, b]) for a, b in zip(m, own, strict=True)))
 
 
-def background(ready: Prepared, rays: Rays, kinds: NDArray[np.int8] | None) -> NDArray[np.float64]:
-    """The radiance (n,3), or one row (3,), that rays see which miss all surfaces. kinds (n,): as `points` has them.
+def background(ready: Prepared, rays: Rays, ray: NDArray[np.int8]) -> NDArray[np.float64]:
+    """The radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces.
 
-    Those of rough surfaces see what lights surfaces: lamps that stand for the world's suns have highlights of their own.
+    Those of rough surfaces see what lights surfaces, as blurred as their rays are apart: lamps that stand for the world's
+    suns have highlights of their own.
     """
-    seen = ready.world.sky.seen(rays.direction, kinds)
-    if rays.blur is None or not (rays.blur > 0).any():
+    sky = ready.world.sky
+    seen = sky.seen(rays.direction, ray)
+    if not sky.varies or rays.blur is None or not (rays.blur > 0).any():
         return seen
-    light = ready.world.sky.light(rays.direction)
-    return seen if seen is light else np.where((rays.blur > 0)[:, None], light, seen)
+    rows, seen = np.flatnonzero(rays.blur > 0), np.array(seen)
+    seen[rows] = sky.light(rays.direction[rows], LOBE * rays.blur[rows]**4)
+    return seen

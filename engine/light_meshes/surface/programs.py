@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.programs import OPERATIONS, PARAMETERS, Program
+from .atmosphere import sky
 from .points import Points
 from .procedural import TEXTURES
 from .textures import Texture
@@ -56,6 +57,8 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
             elif name == "image":
                 alpha = len(registers) + 3 in asked
                 registers.extend(_images(textures, points, alpha, *map(value, arguments)))
+            elif name == "sky":
+                registers.extend(sky(len(points.P), *map(value, arguments)))
             elif name in TEXTURES:
                 registers.extend(TEXTURES[name](len(points.P), *map(value, arguments)))
             elif name == "table":
