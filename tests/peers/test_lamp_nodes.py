@@ -2,10 +2,12 @@
 
 
 import math
+from dataclasses import replace
 
 import bpy
 import numpy as np
 import pytest
+from light_meshes.picture.render import Prepared, render_image
 from node_pictures import agree, both
 from node_pictures import painted as painted_in_srgb
 from node_trees import LampTree, Tree, lamp_sheet, outputs_of_lamps
@@ -320,3 +322,23 @@ def test_what_is_seen_of_a_lamp(scene, render, add_light, kind):
     assert inside.mean() > 0.2
     difference = np.abs(ours - theirs).max(2)[inside] / theirs.max(2)[inside]
     assert np.median(difference) < 0.005 and np.quantile(difference, 0.95) < 0.03
+
+
+def test_a_stage_of_300_spots(lamp, scene, snapshot):
+    """All are one program, and each gives what it gives alone."""
+    images, opening = [painted(8, 8), painted(5, 5)], iris()
+    rng = np.random.default_rng(4)
+    for i in range(300):
+        tree = lamp('SPOT', location=(*rng.uniform(-2, 2, 2), 2.0), rotation=tuple(rng.uniform(-0.5, 0.5, 3)),
+                    spot_size=rng.uniform(0.2, 0.6))
+        stage_spot(tree, (images[i % 2], images[(i + 1) % 2]), opening, tuple(rng.uniform(-3, 3, 2)),
+                   rng.uniform(1.0, 1.5), tuple(rng.uniform(0.1, 0.4, 2)), rng.uniform(0.1, 0.3))
+    found = snapshot(scene)
+    assert len(found.lights) == 300 and not found.warnings
+    ready = Prepared(found)
+    assert [len(group.lamps) for group in ready.world.lamps._groups] == [300]
+    together = render_image(found).passes["Combined"][..., :3]
+    apart = sum(render_image(replace(found, lights=found.lights[i::3])).passes["Combined"][..., :3].astype(float)
+                for i in range(3))
+    assert together.max() > 0.1
+    np.testing.assert_allclose(together, apart, rtol=1e-4, atol=1e-5)
