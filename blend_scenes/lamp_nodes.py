@@ -71,7 +71,7 @@ def window(lamp):
 
 def make():
     """Build the scene."""
-    clean_scene(900, 340)
+    clean_scene(720, 270)
     grey = principled("Grey", (0.6, 0.6, 0.6), Roughness=1.0)
     floor = mesh("Floor", [(-8, -8, 0), (8, -8, 0), (8, 2, 0), (-8, 2, 0)], [(0, 1, 2, 3)], grey)
     wall = mesh("Wall", [(-8, 2, 0), (8, 2, 0), (8, 2, 6), (-8, 2, 6)], [(0, 1, 2, 3)], grey)
@@ -85,15 +85,17 @@ def make():
     of_spot.rotation_euler = (radians(40), 0, 0)
     gobo(of_spot)
     profile(light("Luminaire", 'POINT', 8, (0.0, 0.8, 2.6), shadow_soft_size=0.02))
-    of_face = light("Window", 'AREA', 500, (4.2, -2.5, 3.5), size=1.6, spread=0.12)
+    of_face = light("Window", 'AREA', 25, (4.2, -2.5, 3.5), size=1.6, spread=0.12)
     of_face.rotation_euler = (radians(50), 0, 0)
     window(of_face)
+    for lamp in bpy.data.lights:
+        lamp.light_meshes.softness = 'SIZE'
     camera((0, -12, 4), (0, 0, 1.2), radians(50))
     world((0, 0, 0))
     scene = bpy.context.scene
-    scene.view_settings.view_transform = 'Standard'
+    scene.view_settings.view_transform, scene.light_meshes.bounces = 'Standard', 0
     return scene
 
 
 if __name__ == "__main__":
-    by_both_engines(make, sys.argv[1], 256)
+    by_both_engines(make, sys.argv[1], 64)

@@ -13,9 +13,9 @@ from light_meshes.scene import programs, snapshot
 from light_meshes.scene.description import Light
 from light_meshes.scene.profile import Profile, profile
 from light_meshes.scene.validation import checked
-from light_meshes.surface.emitters import Emitters, Spaces
 from light_meshes.surface.faces import Faces
 from light_meshes.surface.profiles import Lookup
+from light_meshes.surface.sources import Sources, Spaces
 from scenes import WHITE, look_down, point, settings
 
 MATRIX = ((1.0, 0.0, 0.0, 0.3), (0.0, 1.0, 0.0, -0.2), (0.0, 0.0, 1.0, 1.5))
@@ -218,7 +218,7 @@ def test_the_mean_over_a_face(height, x, y, ellipse, spread, fixed):
 
     spaces = Spaces([light], floor().camera, [])
 
-    def of_points(points: Emitters):
+    def of_points(points: Sources):
         return run(points.P, points.incoming, points.uv)
     found = Faces([light], spaces).mean(of_points, fixed, np.zeros(1, np.int64), P, N)
     np.testing.assert_allclose(found[0], dense(light, run, P[0], N[0]), rtol=0.02)

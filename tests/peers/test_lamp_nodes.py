@@ -1,9 +1,13 @@
 """Lamps' nodes beside Cycles: a matt plane under one lamp."""
 
 
+import math
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
+from light_meshes.picture.render import Prepared, render_image
 from node_pictures import agree, both
 from node_pictures import painted as painted_in_srgb
 from node_trees import LampTree, Tree, lamp_sheet, outputs_of_lamps
@@ -297,3 +301,44 @@ def test_several_stage_spots(lamp, scene, render):
         theirs += render(scene)["Combined"][..., :3]
     assert theirs.max() > 0.02
     agree(ours, theirs)
+
+
+@pytest.mark.parametrize("kind", ['AREA', 'POINT'])
+def test_what_is_seen_of_a_lamp(scene, render, add_light, kind):
+    """The camera looks at a lamp, whose nodes paint it."""
+    changes = {"shape": 'RECTANGLE', "size": 3.0, "size_y": 2.0} if kind == 'AREA' else {"shadow_soft_size": 1.5}
+    ob = add_light(kind, location=(0.2, 0.1, 0.0), rotation=(math.pi - 0.2, 0.3, 0.2), energy=60.0, **changes)
+    ob.data.light_meshes.softness, ob.visible_camera = 'SIZE', True
+    tree = LampTree(ob.data)
+    place, way = (tree.node('ShaderNodeNewGeometry').outputs[name] for name in ("Parametric", "Incoming"))
+    both_ = tree.node('ShaderNodeVectorMath', {0: place, 1: way}, operation='ADD' if kind == 'AREA' else 'MINIMUM')
+    tree.emit(shown(tree, both_.outputs[0]))
+    scene.render.resolution_x = scene.render.resolution_y = 48
+    scene.render.filter_size, scene.light_meshes.samples = 0.0, 1
+    scene.camera.data.angle = 0.25
+    scene.cycles.samples, scene.cycles.filter_width, scene.cycles.use_denoising = 1, 0.01, False
+    ours, theirs = both(scene, render)
+    inside = (theirs.max(2) > 0) & (ours.max(2) > 0)
+    assert inside.mean() > 0.2
+    difference = np.abs(ours - theirs).max(2)[inside] / theirs.max(2)[inside]
+    assert np.median(difference) < 0.005 and np.quantile(difference, 0.95) < 0.03
+
+
+def test_a_stage_of_300_spots(lamp, scene, snapshot):
+    """All are one program, and each gives what it gives alone."""
+    images, opening = [painted(8, 8), painted(5, 5)], iris()
+    rng = np.random.default_rng(4)
+    for i in range(300):
+        tree = lamp('SPOT', location=(*rng.uniform(-2, 2, 2), 2.0), rotation=tuple(rng.uniform(-0.5, 0.5, 3)),
+                    spot_size=rng.uniform(0.2, 0.6))
+        stage_spot(tree, (images[i % 2], images[(i + 1) % 2]), opening, tuple(rng.uniform(-3, 3, 2)),
+                   rng.uniform(1.0, 1.5), tuple(rng.uniform(0.1, 0.4, 2)), rng.uniform(0.1, 0.3))
+    found = snapshot(scene)
+    assert len(found.lights) == 300 and not found.warnings
+    ready = Prepared(found)
+    assert [len(group.lamps) for group in ready.world.lamps._groups] == [300]
+    together = render_image(found).passes["Combined"][..., :3]
+    apart = sum(render_image(replace(found, lights=found.lights[i::3])).passes["Combined"][..., :3].astype(float)
+                for i in range(3))
+    assert together.max() > 0.1
+    np.testing.assert_allclose(together, apart, rtol=1e-4, atol=1e-5)

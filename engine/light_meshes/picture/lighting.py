@@ -142,7 +142,7 @@ class Lighting:
         light = np.zeros((len(hits.P), 3))
         surfaces = self._surfaces(hits, direction, np.ones_like(light))._replace(materials=white, kernels=None)
         for part, some, _, S in self.lit(surfaces, False, check, visibility=visibility):
-            shading.gather(some, S, light[part])
+            shading.gather(some, self.emitted(some, S), light[part])
         return light
 
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:

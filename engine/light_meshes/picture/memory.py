@@ -63,7 +63,8 @@ def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
     most = BATCH * LARGER if scene.settings.shadow_rate > 1 else BATCH
     rays = min(most, pixels * scene.settings.samples / (4 * threads))
     shaded = min(rays * lights, SHADED)
-    work = rays * RAY + shaded * (LIT + 8 * glass)
+    painted = any(light.program for light in scene.lights)  # then each lamp's light has three channels
+    work = rays * RAY + shaded * (LIT + 8 * glass + 12 * painted)
     if KINDS[scene.settings.shadows].lattice:
         near = above_a_plane(scene.settings.kI)  # nodes of a receiver; the receivers of a batch share most of them
         part = 4 if glass else 1  # where surfaces let light through a candidate takes more, and there are fewer at once

@@ -70,7 +70,7 @@ class Prepared:
             h = measured.h if settings.auto_h else settings.h
             self.lighting.everywhere = everywhere.records(self.world, self.plan, self.lighting, settings, h, stats)
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
-        self.lamps = SeenLamps(scene.lights)
+        self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)
         self.sparse = None
         if self.plan.shadow_rate > 1 and nodes:

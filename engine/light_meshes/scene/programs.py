@@ -36,7 +36,7 @@ OPERATIONS: dict[str, tuple[int, int]] = {
                      "modulo", "arctan2"), (2, 1)),
 }
 OF_LAMPS = {"ray_length", "ies"}  # only a lamp's program may have these
-OF_SURFACES = {"attribute", "instance", "corner_normal", "bump"}  # only a material's
+NOT_OF_LAMPS = {"attribute", "instance", "corner_normal", "bump"}  # a lamp's may not have these
 # These may have two more arguments, for bumps: they are taken one step beside the point, along the first (1) or the
 # second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
 SHIFTED = {"uv", "position", "object", "generated", "attribute"}
@@ -127,7 +127,7 @@ def plain(program: Program) -> dict[str, Any]:
 
 def of_lamp(data: Any, where: str) -> Program:
     """The checked program of a lamp, of a JSON object. Raises SceneError; `where`: of which lamp."""
-    made = program(data, where, OF_LIGHT, OF_SURFACES)
+    made = program(data, where, OF_LIGHT, NOT_OF_LAMPS)
     if any(o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0] for o in made.operations):
         raise SceneError(f"{where}: its program takes a value beside a point, which lamps have not")
     return made

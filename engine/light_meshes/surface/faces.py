@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from ..lights import registry
 from ..scene.description import Light
-from .emitters import CELLS, DISC, FEW, Cells, Emitters, Spaces
+from .sources import CELLS, DISC, FEW, Cells, Sources, Spaces
 
 FINE, SOME, COARSE = 256, 16, 64  # points along a side of the grid; of up to SOME lamps it is FINE
 MANY = Cells(8)  # where the program was run before
-Run = Callable[[Emitters], NDArray[np.float64]]  # the light (n,3) of points of lamps
+Run = Callable[[Sources], NDArray[np.float64]]  # the light (n,3) of points of lamps
 
 
 class Faces:
@@ -64,11 +64,20 @@ class Faces:
         n = len(lamp)
         each = np.repeat(lamp, CELLS * CELLS)
         far = np.linalg.norm(way, axis=-1)
-        points = Emitters(self._spaces, each, place.reshape(-1, 3), self._axis[each],
+        points = Sources(self._spaces, each, place.reshape(-1, 3), self._axis[each],
                           (way / np.maximum(far, 1e-300)[..., None]).reshape(-1, 3), far.reshape(-1),
                           self._uv(each, at.reshape(-1, 2)))
         light = run(points).reshape(n, CELLS * CELLS, 3)
         return np.einsum("nk,nkj->nj", weight.reshape(n, -1), light) / weight.reshape(n, -1).sum(1)[:, None]
+
+    def met(self, lamp: NDArray[np.int64], origin: NDArray[np.float64], direction: NDArray[np.float64]) -> Sources:
+        """The points of faces that rays see, from origin along unit direction, both (n,3). lamp (n,): whose face."""
+        axis, centre = self._axis[lamp], self._spaces.centre[lamp]
+        facing = np.einsum("ni,ni->n", direction, axis)
+        far = np.einsum("ni,ni->n", centre - origin, axis) / np.where(facing != 0, facing, 1.0)
+        place = origin + far[:, None] * direction
+        at = np.stack([np.einsum("ni,ni->n", place - centre, side[lamp]) for side in (self._u, self._v)], axis=1)
+        return Sources(self._spaces, lamp, place, axis, -direction, far, self._uv(lamp, at))
 
     def _seen(self, lamp: NDArray[np.int64], P: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
         """The rectangle, low and high (n,2) along the half-axes, in which all is from where a receiver gets light."""
@@ -130,7 +139,7 @@ class Faces:
         place = self._spaces.centre[i] + (at * self._half[i]) @ np.stack([self._u[i], self._v[i]])
         lamp = np.full(len(at), i, np.int64)
         axis = np.broadcast_to(self._axis[i], place.shape)
-        light = run(Emitters(self._spaces, lamp, place, axis, axis, np.zeros(len(at)), (at + 1) / 2))
+        light = run(Sources(self._spaces, lamp, place, axis, axis, np.zeros(len(at)), (at + 1) / 2))
         inside = np.square(at).sum(1, keepdims=True) <= 1 if self._round[i] else np.ones((len(at), 1), np.bool_)
         sums = np.zeros((side + 1, side + 1, 4))
         sums[1:, 1:] = np.concatenate([light * inside, inside], axis=1).reshape(side, side, 4).cumsum(0).cumsum(1)

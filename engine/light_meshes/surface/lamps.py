@@ -17,10 +17,10 @@ from ..lights.registry import KINDS
 from ..scene.description import Camera, Light, Scene
 from ..scene.programs import CHOICES, OF_LIGHT, Operation, Program
 from ..support.bits import mask_of
-from .emitters import CELLS, FEW, Emitters, Spaces, balls, suns, toward
 from .faces import Faces
 from .profiles import Lookup
 from .programs import run
+from .sources import CELLS, FEW, Sources, Spaces, balls, met, suns, toward
 from .textures import Texture
 
 PAIRS = 1 << 15  # that are evaluated at once
@@ -83,6 +83,15 @@ class Lamps:
                 out[part, lamp] = S[part, lamp] * self._light(group, lamp, P[part], N[part]).astype(np.float32)
         return out
 
+    def seen(self, i: int, origin: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What the nodes of lamp i say for rays that see it, from origin along unit direction, all (n,3)."""
+        group = next((group for group in self._groups if i in group.lamps), None)
+        if group is None:
+            return np.tile(self._suns[i].astype(np.float64), (len(origin), 1))
+        lamp = np.full(len(origin), i, np.int64)
+        return self._run(group, self._faces.met(lamp, origin, direction) if group.type == "AREA"
+                         else met(self._spaces, lamp, origin, direction))
+
     def _light(self, group: Group, lamp: NDArray[np.int64], P: NDArray[np.float64],
                N: NDArray[np.float64]) -> NDArray[np.float64]:
         """What the nodes of lamps (n,) say for receivers: (n,3)."""
@@ -93,7 +102,7 @@ class Lamps:
             return np.einsum("k,nkj->nj", FEW.area.ravel(), light)
         return self._run(group, toward(self._spaces, lamp, P))
 
-    def _run(self, group: Group, points: Emitters) -> NDArray[np.float64]:
+    def _run(self, group: Group, points: Sources) -> NDArray[np.float64]:
         found: Any = points
         return run(group.program, found, self._textures, OF_LIGHT)["emission"]
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..lights import registry
 from ..scene.description import Light
 from ..support.native import kernel
+from .lamps import Lamps
 from .points import CAMERA, REFLECTED, TRANSMITTED
 
 _lamps = kernel("seen_lamps")
@@ -47,33 +48,54 @@ def seen_in_mirrors(light: Light) -> bool:
 class SeenLamps:
     """The lamps of a scene that some rays see."""
 
-    def __init__(self, lights: Sequence[Light]) -> None:
+    def __init__(self, lights: Sequence[Light], programs: Lamps) -> None:
+        """programs: of these lights."""
         kinds = ((1 << CAMERA, "seen_by_camera"), (1 << REFLECTED, "seen_in_mirrors"),
                  (1 << TRANSMITTED, "seen_in_glass"))
-        seen = [(light, sum(bit * getattr(light, name) for bit, name in kinds)) for light in lights if _has_size(light)]
-        found = [(light, rays) for light, rays in seen if rays]
-        self._rays = np.array([rays for _, rays in found], np.uint8)
-        self.by = int(np.bitwise_or.reduce(self._rays)) if found else 0  # the kinds of rays that see any, as bits
-        self._shapes = (
-            np.array([_shape(light) for light, _ in found], np.int8),
-            np.array([_BOUNDS.get(light.type, 0) for light, _ in found], np.int8))
-        self._places = (
-            _rows([light.position for light, _ in found]),
-            _rows([np.array(light.direction) / np.linalg.norm(light.direction) for light, _ in found]),
-            np.array([_across(light) for light, _ in found], np.float64).reshape(-1, 2, 3),
-            np.array([np.sin(light.angle / 2) ** 2 if light.type == "SUN" else light.radius for light, _ in found]),
-            np.array([_limits(light) for light, _ in found], np.float64).reshape(-1, 2),
-            _rows([radiance(light) for light, _ in found]))
+        seen = [(light, sum(bit * getattr(light, name) for bit, name in kinds), i)
+                for i, light in enumerate(lights) if _has_size(light)]
+        found = [one for one in seen if one[1]]
+        rays = [bits for _, bits, _ in found]
+        self.by = int(np.bitwise_or.reduce(np.array(rays, np.uint8))) if found else 0  # that see any, as bits
+        self._plain = _arrays([(light, bits) for light, bits, _ in found if not light.program])
+        painted = [one for one in found if one[0].program]
+        self._painted = _arrays([(light, bits) for light, bits, _ in painted])
+        self._alone = [(i, _arrays([(light, bits)])) for light, bits, i in painted]
+        self._programs = programs
 
     def light(self, origin: NDArray[np.float64], direction: NDArray[np.float64], reach: NDArray[np.float64],
               ray: NDArray[np.int8]) -> NDArray[np.float64]:
         """The radiance (n,3) of the lamps that rays meet, from origin (n,3) along unit direction (n,3), before `reach`
         (n,). ray (n,): their kinds, as in `points`.
         """
-        light = np.empty((len(origin), 3))
-        _lamps(origin, direction, reach, np.left_shift(1, ray).astype(np.uint8), *self._shapes, self._rays,
-               *self._places, light)
+        light, bits = np.empty((len(origin), 3)), np.left_shift(1, ray).astype(np.uint8)
+        _lamps(origin, direction, reach, bits, *self._plain, light)
+        if self._alone:
+            glow = np.empty_like(light)
+            _lamps(origin, direction, reach, bits, *self._painted, glow)
+            rows = np.flatnonzero(glow.any(1))
+            for i, lamp in self._alone if len(rows) else ():
+                one = np.empty((len(rows), 3))
+                _lamps(origin[rows], direction[rows], reach[rows], bits[rows], *lamp, one)
+                some = np.flatnonzero(one.any(1))
+                at = rows[some]
+                light[at] += one[some] * self._programs.seen(i, origin[at], direction[at])
         return light
+
+
+def _arrays(found: Sequence[tuple[Light, int]]) -> tuple[NDArray, ...]:
+    """What the kernel wants to know of lamps, and of the kinds of rays that see them."""
+    lights = [light for light, _ in found]
+    return (np.array([_shape(light) for light in lights], np.int8),
+            np.array([_BOUNDS.get(light.type, 0) for light in lights], np.int8),
+            np.array([rays for _, rays in found], np.uint8),
+            _rows([light.position for light in lights]),
+            _rows([np.array(light.direction) / np.linalg.norm(light.direction) for light in lights]),
+            np.array([_across(light) for light in lights], np.float64).reshape(-1, 2, 3),
+            np.array([np.sin(light.angle / 2) ** 2 if light.type == "SUN" else light.radius for light in lights],
+                     np.float64),
+            np.array([_limits(light) for light in lights], np.float64).reshape(-1, 2),
+            _rows([radiance(light) for light in lights]))
 
 
 def _rows(values: list) -> NDArray[np.float64]:

@@ -66,7 +66,7 @@ class Spaces:
         self.narrow = 0.5 / np.tan(half)
 
 
-class Emitters:
+class Sources:
     """Points (n,) of lamps with a place, and the receivers that they light."""
 
     def __init__(self, spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64], normal: NDArray[np.float64],
@@ -101,12 +101,12 @@ class Emitters:
         """The same, as Cycles has it."""
         return self.uv
 
-    def shifted(self, direction: int, width: float) -> Emitters:
+    def shifted(self, direction: int, width: float) -> Sources:
         """Nothing: programs of lamps ask for no points beside."""
         return self
 
 
-def toward(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -> Emitters:
+def toward(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -> Sources:
     """The points of lamps that are asked at their centre, for receivers at P (n,3). instance (n,): which lamps."""
     way = P - spaces.centre[instance]
     far = np.sqrt(np.einsum("ni,ni->n", way, way))
@@ -114,10 +114,23 @@ def toward(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) 
     radius, disc = spaces.radius[instance], spaces.disc[instance]
     before = np.where(disc, 0.0, np.minimum(MEAN * radius, far))
     length = np.where(disc, np.sqrt(far * far + 0.5 * radius * radius), far - before)
-    return Emitters(spaces, instance, spaces.centre[instance] + before[:, None] * way, way, way, length)
+    return Sources(spaces, instance, spaces.centre[instance] + before[:, None] * way, way, way, length)
 
 
-def balls(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -> Emitters:
+def met(spaces: Spaces, instance: NDArray[np.int64], origin: NDArray[np.float64],
+        direction: NDArray[np.float64]) -> Sources:
+    """The points of spheres and of discs turned to the eye that rays see, from origin along unit direction, (n,3)."""
+    to, radius = spaces.centre[instance] - origin, spaces.radius[instance]
+    along, square = np.einsum("ni,ni->n", to, direction), np.einsum("ni,ni->n", to, to)
+    disc = spaces.disc[instance]
+    far = np.where(disc, square / np.maximum(along, 1e-300),
+                   along - np.sqrt(np.maximum(radius * radius - (square - along * along), 0)))
+    place = origin + far[:, None] * direction
+    outward = (place - spaces.centre[instance]) / np.maximum(radius, 1e-300)[:, None]
+    return Sources(spaces, instance, place, np.where(disc[:, None], -direction, outward), -direction, far)
+
+
+def balls(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -> Sources:
     """Points of lamps that are spheres, CELLS² of each of `instance` (n,), over what a receiver at P (n,3) sees of it.
     """
     way = P - spaces.centre[instance]
@@ -131,10 +144,10 @@ def balls(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -
     place = spaces.centre[each] + spaces.radius[each, None] * normal
     back = np.repeat(P, len(x), axis=0) - place
     far = np.linalg.norm(back, axis=1)
-    return Emitters(spaces, each, place, normal, back / np.maximum(far, 1e-300)[:, None], far)
+    return Sources(spaces, each, place, normal, back / np.maximum(far, 1e-300)[:, None], far)
 
 
-def suns(spaces: Spaces, instance: NDArray[np.int64], travels: NDArray[np.float64]) -> Emitters:
+def suns(spaces: Spaces, instance: NDArray[np.int64], travels: NDArray[np.float64]) -> Sources:
     """The points of suns whose light travels along `travels` (n,3): the same for all receivers."""
     n = len(instance)
-    return Emitters(spaces, instance, travels, travels, travels, np.full(n, ENDLESS), np.full((n, 2), 0.5))
+    return Sources(spaces, instance, travels, travels, travels, np.full(n, ENDLESS), np.full((n, 2), 0.5))
