@@ -14,6 +14,7 @@ BLOCK = re.compile(r"(<!-- nodes -->\n).*?(\n<!-- end -->)", re.S)
 # What is read elsewhere than in the two tables.
 ELSEWHERE = {'ShaderNodeBackground': "as the world", 'ShaderNodeGroup': "followed, nested groups too",
              'ShaderNodeOutputMaterial': "", 'ShaderNodeOutputLight': "", 'ShaderNodeOutputWorld': "",
+             'ShaderNodeLightFalloff': "in lamps", 'ShaderNodeTexIES': "in lamps",
              'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': ""}
 # What a translated node does otherwise than in Cycles.
 NEARLY = {
@@ -24,7 +25,7 @@ NEARLY = {
     'ShaderNodeMixShader': "two specular parts have one mean roughness",
     'ShaderNodeAddShader': "two specular parts have one mean roughness",
     'ShaderNodeNewGeometry': "without Pointiness and Random Per Island",
-    'ShaderNodeLightPath': "without Ray Length and depths",
+    'ShaderNodeLightPath': "without Ray Length and depths; in lamps with both",
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from typing import Any
 
 import bpy
 
@@ -38,7 +39,7 @@ def image(nodes, node, socket) -> Triple | Value | None:
     return found[:3] if socket.name == "Color" else found[3]  # type: ignore[return-value]
 
 
-def environment(nodes, node, socket) -> Triple | None:
+def environment(nodes, node, socket) -> Any:
     """The Environment Texture node: an image of all directions."""
     if node.image is None:
         return 0.0, 0.0, 0.0

@@ -18,8 +18,8 @@ from ..surface.sky import Sky
 from .grids import Grids
 
 _rays, _met = kernel("records_rays"), kernel("records_met")
-SHARE = 0.15  # patches are up to this share of the way to them
-STEPS = 4  # sizes of patches, each four times the one before
+SHARE = 0.25  # patches are up to this share of the way to them
+STEPS = 9  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
 
 
@@ -62,7 +62,7 @@ class Gatherer:
         m = field.scene.materials
         clear = np.array([x.alpha < 1 or x.alpha_image >= 0 or any(x.kt) for x in m], np.bool_)
         self._clear = clear[material] if field.glass.transparent else None
-        self.for_small = np.stack([self._stand_ins(material, finest * 4.0**i) for i in range(STEPS)])
+        self.for_small = np.stack([self._stand_ins(material, finest * 2.0**i) for i in range(STEPS)])
 
     def _stand_ins(self, material: NDArray, size: float) -> NDArray[np.int32]:
         """For triangles (T,) that are not larger than `size`, one of those that are near, look the same way and have
@@ -101,12 +101,14 @@ class Gatherer:
         if not f.scene.geometry.triangles.size:
             return Seen(distance, light, layers)
         hit = triangle >= 0
+        # The solid angle that each ray speaks for, as they share the half-space by the cosine.
+        width = np.tile(np.pi / (len(local) * np.maximum(local[:, 2], 1e-3)), len(P))
         clear = hit & self._clear[triangle] if self._clear is not None else None
         if clear is None or not clear.any():
             layers.append(Layer(np.flatnonzero(hit), keys[hit], None))
-            self._add_sky(light, np.flatnonzero(~hit), direction, None)
+            self._add_sky(light, np.flatnonzero(~hit), direction, None, width)
         else:
-            self._pass(origin, direction, first, clear, light, layers, larger)
+            self._pass(origin, direction, first, clear, light, layers, larger, width)
         return Seen(distance, light, layers)
 
     def _trace(self, origin: NDArray, direction: NDArray, normal: NDArray, larger: float) -> tuple[NDArray, ...]:
@@ -118,14 +120,15 @@ class Gatherer:
              distance, keys)
         return triangle, u, v, distance, keys
 
-    def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None) -> None:
+    def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None,
+                 width: NDArray[np.float64]) -> None:
         sky = self._field.sky
         if sky is not None and len(rows):
-            found = sky.light(direction[rows] if weight is None else direction)
+            found = sky.light(direction[rows] if weight is None else direction, width[rows])
             light[rows] += found if weight is None else weight * found
 
     def _pass(self, origin: NDArray, direction: NDArray, first: tuple[NDArray, ...], clear: NDArray, light: NDArray,
-              layers: list[Layer], larger: float) -> None:
+              layers: list[Layer], larger: float, width: NDArray[np.float64]) -> None:
         """Follow rays through what lets them pass, straight on, as shadow rays go."""
         g, glass = self._field.grids, self._field.glass
         distance = first[3]
@@ -134,7 +137,7 @@ class Gatherer:
         for _ in range(THROUGH):
             hit = triangle >= 0
             if not hit.all():
-                self._add_sky(light, row[~hit], direction[~hit], weight[~hit])
+                self._add_sky(light, row[~hit], direction[~hit], weight[~hit], width)
             row, weight, origin, direction = row[hit], weight[hit], origin[hit], direction[hit]
             triangle, u, v, way, keys, clear = triangle[hit], u[hit], v[hit], way[hit], keys[hit], clear[hit]
             passed = np.zeros((len(row), 3))

@@ -16,6 +16,9 @@ from .prepared import Prepared
 from .reflections import background, going, reflected, softened
 from .wave import Rays, joined
 
+# Surfaces that a ray meets at most, also those that have no effect. Where two faces of a body meet, a ray along one of
+# them could else, by rounding, meet both again and again.
+LONGEST = 1024
 PIECE = 1 << 16  # rays that are shaded at once where they spread out
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
 
@@ -54,7 +57,9 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
         rays = rays._replace(left=np.ones(n))
     ready.stats.add(camera_rays=n)
     waves: dict[str, Rays] = {"camera": rays}
-    while waves:
+    for _ in range(LONGEST):  # until no ray is left, at most
+        if not waves:
+            break
         next_waves: dict[str, list[Rays]] = {}
         for kind, rays in waves.items():
             for piece in rays.pieces(PIECE) if spreads and first is None else (rays,):
@@ -84,7 +89,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
             tile.take_alpha(miss.pixel[lost], miss.weight[lost])
             miss = miss.at(~lost)
         with ready.stats.stage("sky"):
-            world = background(ready, miss, _kinds(kind, miss) if ready.world.sky.varies else None)
+            world = background(ready, miss, _kinds(kind, miss))
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):

@@ -12,6 +12,8 @@ from ..surface.blurred import spread
 from .prepared import Prepared
 from .wave import Rays
 
+LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
+
 
 def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: NDArray, events: NDArray,
               tile: Tile) -> list[tuple[str, Rays]]:
@@ -124,13 +126,16 @@ def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
         np.concatenate([a, b]) for a, b in zip(m, own, strict=True)))
 
 
-def background(ready: Prepared, rays: Rays, kinds: NDArray[np.int8] | None) -> NDArray[np.float64]:
-    """The radiance (n,3), or one row (3,), that rays see which miss all surfaces. kinds (n,): as `points` has them.
+def background(ready: Prepared, rays: Rays, ray: NDArray[np.int8]) -> NDArray[np.float64]:
+    """The radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces.
 
-    Those of rough surfaces see what lights surfaces: lamps that stand for the world's suns have their own highlights.
+    Those of rough surfaces see what lights surfaces, as blurred as their rays are apart: lamps that stand for the world's
+    suns have highlights of their own.
     """
-    seen = ready.world.sky.seen(rays.direction, kinds)
-    if rays.blur is None or not (rays.blur > 0).any():
+    sky = ready.world.sky
+    seen = sky.seen(rays.direction, ray)
+    if not sky.varies or rays.blur is None or not (rays.blur > 0).any():
         return seen
-    light = ready.world.sky.light(rays.direction)
-    return seen if seen is light else np.where((rays.blur > 0)[:, None], light, seen)
+    rows, seen = np.flatnonzero(rays.blur > 0), np.array(seen)
+    seen[rows] = sky.light(rays.direction[rows], LOBE * rays.blur[rows]**4)
+    return seen

@@ -26,7 +26,7 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     "backfacing": (0, 1), "uv": (0, 2), "image": (3, 4), "where": (3, 1), "table": (4, 1),
     "noise": (13, 4), "white_noise": (5, 4), "bend": (5, 1), "magic": (5, 3), "brick": (11, 2),
     "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
-    "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2),
+    "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2), "sky": (13, 3),
     "bump": (9, 3), "object_scale": (0, 1), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
@@ -41,7 +41,7 @@ OF_SURFACES = {"attribute", "instance", "corner_normal", "bump"}  # only a mater
 # second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
 SHIFTED = {"uv", "position", "object", "generated", "attribute"}
 # What only a point of a surface has: a world's program must not ask for it.
-OF_SURFACES = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump", "box",
+NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump", "box",
                "to_world_normal", "corner_normal", "object_scale", "parametric"}
 # Parameters of a Material that a program may set: (channels, smallest, largest value).
 PARAMETERS: dict[str, tuple[int, float, float]] = {
@@ -78,8 +78,8 @@ class Program:
     def __hash__(self) -> int:
         return hash((self.operations, tuple(self.values.items())))
 
-    def needed(self, names: Collection[str]) -> list[bool]:
-        """Which operations the parameters of these names need."""
+    def needed(self, names: Collection[str]) -> tuple[list[bool], set[int]]:
+        """Which operations the parameters of these names need, and which registers."""
         starts = [0]
         for operation in self.operations:
             starts.append(starts[-1] + OPERATIONS[operation.name][1])
@@ -90,7 +90,7 @@ class Program:
             needs[i] = any(register in asked for register in range(starts[i], starts[i + 1]))
             if needs[i]:
                 asked.update(a[0] for a in self.operations[i].arguments if isinstance(a, tuple) and len(a) == 1)
-        return needs
+        return needs, asked
 
     def images(self) -> set[int]:
         """The images that it looks at."""
@@ -186,6 +186,10 @@ CHOICES: dict[str, tuple[tuple[int, float, float], ...]] = {
     "voronoi": ((0, 1, 4), (1, 0, 4), (2, 0, 3), (3, 0, 1), (4, 0, 1)), "brick": ((1, 0, 99), (3, 0, 99))}
 
 
+# The bounds of what a sky depends on, in the order of `surface.atmosphere.Weather`.
+_SKY = ((0, 2), (-1.6, 1.6), (-1e6, 1e6), (0, 1e5), (0, 100), (0, 100), (0, 100), (0, 3.2), (0, 1e9), (0, 1e3))
+
+
 def _check_choices(name: str, arguments: list[Any], where: str) -> None:
     """Raise SceneError unless arguments that choose something are whole numbers in their bounds."""
     for place, low, high in CHOICES.get(name, ()):
@@ -197,6 +201,10 @@ def _check_choices(name: str, arguments: list[Any], where: str) -> None:
         raise SceneError(f"{where} ({name}): a shift must be 0, 1 or 2, and its width a positive number")
     if name == "bump" and not (isinstance(arguments[8], float) and 0 < arguments[8] <= 1e6):
         raise SceneError(f"{where} (bump): its width must be a positive number")
+    if name == "sky":
+        for value, low, high in zip(arguments, *zip(*_SKY, strict=True), strict=False):
+            if not (isinstance(value, float) and low <= value <= high):
+                raise SceneError(f"{where} (sky): {value!r} must be a number from {low:g} to {high:g}")
     if name == "brick" and not (isinstance(arguments[0], float) and isinstance(arguments[2], float)):
         raise SceneError(f"{where} (brick): offset and squash must be numbers")
 
@@ -215,7 +223,7 @@ def check_world(world: Program, where: str) -> None:
     if other := set(world.values) - {"emission"}:
         raise SceneError(f"{where}: its program sets {quoted(min(other))}; a world has an emission only")
     for operation in world.operations:
-        if operation.name in OF_SURFACES or len(operation.arguments) > OPERATIONS[operation.name][0]:
+        if operation.name in NOT_OF_WORLDS or len(operation.arguments) > OPERATIONS[operation.name][0]:
             raise SceneError(f"{where}: its program has {quoted(operation.name)} of surfaces; a world has none")
 
 

@@ -7,6 +7,7 @@
 #include "ggx.h"
 #include "rough_matt.h"
 #include "sized_block.h"
+#include "sized_facets.h"
 
 _Static_assert((int)NO_TYPE <= (int)BALL, "numbers of types of light and of lamps with a size must differ");
 
@@ -150,17 +151,6 @@ static inline void taken(const f64 (*from)[SIDE], int k, f64 *out) {
     for (int j = 0; j < 3; j++) out[j] = from[j][k];
 }
 
-/* The lamp as if all its light came from its middle: for highlights of microfacets, which know no lamps with a size. */
-static Source middle_of(const Source *s) {
-    Source middle = *s;
-    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
-    if (s->kind == SKY) middle.kind = SUN;
-    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
-    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
-    else middle.kind = POINT;
-    return middle;
-}
-
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
 static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
     const Sized s = size_of(source);
@@ -266,6 +256,17 @@ INLINE void add_rough(int kind, const Source *s, const f64 (*S)[SIDE], const int
     }
 }
 
+/* The lamp as if all its light came from its middle: for what rough matt surfaces return more than smooth ones. */
+static Source middle_of(const Source *s) {
+    Source middle = *s;
+    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
+    if (s->kind == SKY) middle.kind = SUN;
+    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
+    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
+    else middle.kind = POINT;
+    return middle;
+}
+
 /* The same for a lamp with a size: as much more as of light from its middle. */
 static void add_rough_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b, int count,
                             f64 (*total)[SIDE]) {
@@ -335,10 +336,32 @@ INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const in
     }
 }
 
+/* `facet_power` of a lamp with a size, over I: the sum over rays to it. */
+static void facets_sized(const Sized *s, const Block *b, const Facets *f, int k, f64 *power) {
+    Ray rays[RAYS];
+    Seen seen = {.alpha = sqrt(f->alpha2[k])};
+    f64 P[3], Ns[3], eye[3], one[3];
+    taken(b->P, k, P), taken(b->Ns, k, Ns), taken(b->eye, k, eye);
+    memcpy(seen.N, Ns, sizeof Ns), memcpy(seen.V, eye, sizeof eye);
+    int count = rays_to(s, &seen, P, rays);
+    power[0] = power[1] = power[2] = 0.0;
+    for (int i = 0; i < count; i++) {
+        f64 cosine = dot3(Ns, rays[i].way), lobe = 2.0 * cosine * b->facing[k] - dot3(rays[i].way, eye);
+        facet_power(b, f, (Arriving){1, rays[i].weight, 1.0, cosine, lobe}, k, one);
+        for (int j = 0; j < 3; j++) power[j] += one[j];
+    }
+}
+
 static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
                              const Facets *f, f64 (*total)[SIDE]) {
-    const Source middle = middle_of(source);
-    switch (middle.kind) { TYPES(OF_TYPE, add_facets, &middle, S, channel, b, f, total) }
+    const Sized s = size_of(source);
+    for (int k = 0; k < SIDE; k++) {
+        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
+        f64 power[3];
+        if (!(b->returns[k] & (GGX | COAT)) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
+        facets_sized(&s, b, f, k, power);
+        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power[j] * source->colour[j]);
+    }
 }
 
 /* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
@@ -384,24 +407,26 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
 /* Adds to one (matt and gloss) what a light would give a white surface if it were visible; GGX keeps its colours. most:
    S if that is above 1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
-    const Source middle = s->kind >= BALL ? middle_of(s) : *s;
-    Arriving a = arriving(middle.kind, &middle, b, k);
-    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), power = a.power * brightest;
+    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), gloss[3], coat[3] = {0.0};
+    int facets = s->glossy && b->returns[k] & GGX, coated = facets && b->returns[k] & COAT;
     if (s->kind >= BALL) {
         const Sized sized = size_of(s);
         f64 P[3], N[3];
+        if (facets) facets_sized(&sized, b, &b->facets, k, gloss);
+        if (coated) facets_sized(&sized, b, &b->coat, k, coat);
         taken(b->P, k, P), taken(b->Ns, k, N);
         if (s->diffuse) one[0] += brightest * matt_of(&sized, P, N);
         if (s->glossy && b->returns[k] & PHONG) one[1] += brightest * gloss_sized(&sized, b, k, nShiny);
     } else {
+        Arriving a = arriving(s->kind, s, b, k);
+        f64 power = a.power * brightest;
+        if (facets) facet_power(b, &b->facets, a, k, gloss);
+        if (coated) facet_power(b, &b->coat, a, k, coat);
         if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
         if (s->glossy && b->returns[k] & PHONG && a.lobe > 0.0 && a.cosine > 0.0)
             one[1] += power * lobe_power(a, nShiny);
     }
-    if (!s->glossy || !(b->returns[k] & GGX)) return;
-    f64 gloss[3], coat[3] = {0.0};
-    facet_power(b, &b->facets, a, k, gloss);
-    if (b->returns[k] & COAT) facet_power(b, &b->coat, a, k, coat);
+    if (!facets) return;
     for (int j = 0; j < 3; j++) gloss[j] += coat[j];
     one[1] += most * fmax(gloss[0] * s->colour[0], fmax(gloss[1] * s->colour[1], gloss[2] * s->colour[2]));
 }
@@ -410,16 +435,17 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
    share `jump`, all others by `step`. order: sorts lights so that those with equal numbers in `group` follow each
    other. Lights of a group are close together in the scene and count as one, which is partly visible if one of them
    is. Different groups are independent, so the root of the sum of their squares is used. Where S > 1 (focused
-   light), the value is multiplied by S. */
+   light), the value is multiplied by S. narrow: lights that may change by all of it, as the whole group then does. */
 KERNEL(shading_steps,
-       LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  jump f64  step f64  matt f64[n]!  gloss f64[n]!")
-i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const i64 *group, const i64 *order, f64 jump,
-                  f64 step, f64 *matt, f64 *gloss) {
+       LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  narrow u64[n,W]?  jump f64  step f64  "
+       "matt f64[n]!  gloss f64[n]!")
+i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, i64 W, TAKEN, const f32 *S, const i64 *group, const i64 *order,
+                  const u64 *narrow, f64 jump, f64 step, f64 *matt, f64 *gloss) {
     GATHERED;
     Block block;
     for (i64 first = 0; first < n; first += SIDE) {
         f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of the group, and the sum of squares: matt and gloss */
-        int some[SIDE] = {0};  /* whether a light of the group is partly visible */
+        int some[SIDE] = {0};  /* 1: a light of the group is partly visible; 2 or 3: one is narrow */
         fill(&block, first, &materials, &hits);
         for (i64 at = 0; at < L; at++) {
             i64 i = order[at];
@@ -431,12 +457,13 @@ i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const 
                 for (i64 c = 0; c < C; c++) {
                     f64 share = S[((first + k) * L + i) * C + c];
                     some[k] |= share != 0.0 && share != 1.0;
+                    some[k] |= narrow && has(narrow + W * (first + k), i) ? 2 : 0;
                     most = share > most ? share : most;
                 }
                 if (step > 0.0 || some[k] || !alone)
                     add_white(&s, &block, k, most, nShiny[material[first + k]], one[k]);
                 if (!ends) continue;
-                for (int j = 0; j < 2; j++) all[k][j] += square((some[k] ? jump : step) * one[k][j]), one[k][j] = 0.0;
+                for (int j = 0; j < 2; j++) all[k][j] += square((some[k] > 1 ? 1.0 : some[k] ? jump : step) * one[k][j]), one[k][j] = 0.0;
                 some[k] = 0;
             }
         }

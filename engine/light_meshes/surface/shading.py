@@ -216,17 +216,17 @@ def rough_only(materials: Materials, row: NDArray[np.int32]) -> Materials | None
                               coat_roughness=np.where(coat, -1.0, materials.coat_roughness))
 
 
-def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], jump: float, step: float,
-          matt: NDArray[np.float64], gloss: NDArray[np.float64]) -> None:
+def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], narrow: NDArray[np.uint64] | None, jump: float,
+          step: float, matt: NDArray[np.float64], gloss: NDArray[np.float64]) -> None:
     """Fill matt and gloss (n,) with how much the light of a white surface may change nearby.
 
-    A light that is partly visible changes by the share `jump`, all others by `step`. group (L,): lights with the same
-    number are close together and count as one, which is partly visible if one of them is. Different groups are
-    independent, so the root of the sum of their squares is used. Where S > 1 (focused light), the value is multiplied
-    by S.
+    A light that is partly visible changes by the share `jump`, one in narrow (n,W) by all, all others by `step`. group
+    (L,): lights with the same number are close together and count as one, which is partly visible, or narrow, if one of
+    them is. Different groups are independent, so the root of the sum of their squares is used. Where S > 1 (focused
+    light), the value is multiplied by S.
     """
     group = np.asarray(group, np.int64)
-    _steps(*lit.taken, S, group, np.argsort(group, kind="stable"), jump, step, matt, gloss)
+    _steps(*lit.taken, S, group, np.argsort(group, kind="stable"), narrow, jump, step, matt, gloss)
 
 
 def unlit(materials: Materials, material: NDArray[np.int32], Ia: NDArray[np.float64], Od: NDArray[np.float64],

@@ -17,9 +17,10 @@ from .suns import suns
 from .textures import Texture
 
 BY_DIRECTION = {"position", "normal", "true_normal", "incoming", "window"}  # operations that differ by direction
-FEW, MANY = 512, 1024  # texels along a side of the table, as images have fewer or more than LARGE along theirs
+# Texels along a side of the table: without images, or where only the mean is asked for; with images that have fewer or
+# more than LARGE along theirs.
+COARSE, FEW, MANY = 256, 512, 1024
 LARGE = 2048
-COARSE = 256  # where only the mean is asked for
 
 
 class Sky:
@@ -74,23 +75,40 @@ class Sky:
         """The lamps that stand for what is small and bright in the world, and is not in `light`."""
         return tuple(light for light, _ in self.found)
 
+    def decisions(self) -> list[tuple[str, str, str]]:
+        """For the plan: what was decided about the world, and why."""
+        if not self.varies:
+            return []
+        table = self._table
+        rows = [("world", "by direction" if self._program.sees(*BY_DIRECTION) else "by kind of ray",
+                 f"its light is looked up in {table.size} × {table.size} directions" if table else
+                 "it lights by its mean")]
+        if self.found:
+            said = ", ".join(f"'{light.name}' {np.degrees(light.angle):.3g} degrees wide with {share:.1%}"
+                             for light, share in self.found[:3])
+            more = f" and {len(self.found) - 3} more" if len(self.found) > 3 else ""
+            rows.append(("suns of the world", str(len(self.found)), f"{said} of its light{more}"))
+        return rows
+
     def _prepare(self, scene: Scene, check: Callable[[], None]) -> None:
         """Make the table, and find the suns."""
         if not self._program.sees(*BY_DIRECTION):
             self._color = self.seen(np.array([[0.0, 0.0, 1.0]]))[0]
             return
-        lights = scene.settings.world_light == "SKY"
+        lights = scene.settings.gathers and scene.settings.world_light == "SKY"
         if not lights and scene.settings.ambient == 0:
             self._color = np.zeros(3)
             return
         widest = max([t.width for i in self._program.images() if (t := self._textures[i])], default=0)
-        size = (MANY if widest > LARGE else FEW) if lights else COARSE
+        size = MANY if widest > LARGE else FEW if widest else COARSE
+        size = size if lights else COARSE
         samples = 4 if widest > 2 * LARGE else 3 if widest > LARGE // 2 and size == FEW else 2
         finest = tabulated(self.seen, size, samples, check)
-        self._color = finest.mean(0)
         if lights:
             self.found = suns(finest, self.seen)
             self._table = Table(finest)
+        # A lamp's intensity is what a white matt surface returns of it: the irradiance divided by π.
+        self._color = finest.mean(0) + sum((np.array(light.intensity) / 4 for light in self.suns), np.zeros(3))
 
 
 def _turned(camera: Camera) -> Any:
@@ -105,4 +123,4 @@ def _key(scene: Scene, textures: Sequence[Texture | None], camera: Camera) -> tu
     s = scene.settings
     seen = (camera.matrix.tobytes(), camera.window, camera.perspective) if scene.world.sees_camera() else None
     images = [(t := textures[i]) and t.key for i in sorted(scene.world.images())]
-    return scene.world, images, seen, s.world_light == "SKY", s.ambient == 0
+    return scene.world, images, seen, s.gathers and s.world_light == "SKY", s.ambient == 0
