@@ -1,8 +1,8 @@
 """What materials cost: python tests/support/materials_cost.py [materials], in a Python with bpy and the engine.
 
-Prints how long the nodes of 5,000 materials take to translate (CPU seconds, the best of three), plain and with a texture
-and a ramp; and how many times as long a picture takes with twenty procedural materials, and with twenty rough metals, as
-with plain colours, interleaved, CPU seconds, the median of three. It is run by hand, because times are no test.
+Prints how long the nodes of 5,000 materials take to translate (CPU seconds, the best of three), plain and with a
+texture and a ramp; and how many times as long a picture takes with twenty procedural materials, and with twenty rough
+metals, as with plain colours (CPU seconds, interleaved, the median of three). It is run by hand: times are no test.
 """
 
 import statistics
