@@ -215,9 +215,12 @@ def translated_value(material, name: str):
     return typical(name, _parameters(translate(material, Report()), {})[name])
 
 
+_OVERRIDDEN = tuple(Surface().whitted())
+
+
 def _overrides(settings) -> dict:
     found = {}
-    for name in Surface().whitted():
+    for name in _OVERRIDDEN:
         if getattr(settings, f"override_{name}"):
             value = getattr(settings, name)
             found[name] = list(value) if name in _TUPLES else value

@@ -152,9 +152,12 @@ class Nodes:
             return socket
         if isinstance(socket, int):
             return node.inputs[socket]
+        first = node.inputs.get(socket)
+        if first is None or not first.is_unavailable:
+            return first
         # Of several inputs with one name (Mix, Map Range) the one in use is meant.
         named = [s for s in node.inputs if s.name == socket and not s.is_unavailable]
-        return named[0] if named else node.inputs.get(socket)
+        return named[0] if named else first
 
     def warn(self, sentence: str, used: str = "") -> None:
         """Warn; `used`: the value that was used instead."""

@@ -87,7 +87,10 @@ def forget() -> None:
 
 def is_constant(*values: Value) -> bool:
     """Whether all values are numbers."""
-    return not any(isinstance(v, Expression) for v in values)
+    for value in values:  # noqa: SIM110  (a loop: this is asked some hundred times of each material)
+        if isinstance(value, Expression):
+            return False
+    return True
 
 
 def _binary(name: str, a: Value, b: Value) -> Value:

@@ -47,15 +47,15 @@ static f64 albedo_of(const Lobe *lobe, const f64 *tables, f64 facing, f64 *albed
 }
 
 /* Which share of a lobe is followed by rays. Faint reflections of rough surfaces are not, beside the light that they
-   scatter (matt): rays cost much, and nobody sees them. */
-static f64 followed(f64 roughness, f64 albedo, f64 matt) {
-    f64 rough = held((roughness - ROUGH) / 0.2, 0.0, 1.0), least = 0.1 * rough * (matt + albedo);
+   scatter (matt): rays cost much, and nobody sees them, least of all where they are mirrored themselves (again). */
+static f64 followed(f64 roughness, f64 albedo, f64 matt, int again) {
+    f64 rough = held((roughness - ROUGH) / 0.2, 0.0, 1.0), least = (again ? 0.4 : 0.2) * rough * (matt + albedo);
     return least > 0.0 ? held((albedo - least) / least, 0.0, 1.0) : 1.0;
 }
 
 /* How many rays of one sample follow it, of `samples` in a pixel: a power of 2. Narrow and faint lobes need fewer. */
 static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
-    f64 wanted = fmax(RAYS_OF_A_PIXEL / (f64)samples, LEAST_RAYS) * held(2.5 * roughness, 0.0, 1.0) * held(2.0 * albedo, 0.2, 1.0);
+    f64 wanted = fmax(RAYS_OF_A_PIXEL / (f64)samples, LEAST_RAYS) * held(2.5 * roughness, 0.0, 1.0) * held(2.0 * albedo, 0.15, 1.0);
     i32 count = 1;
     while (count < MOST_RAYS && count < wanted) count *= 2;
     return roughness < 0.02 ? 1 : count;
@@ -81,7 +81,7 @@ i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const 
             Lobe lobe;
             f64 albedo[3];
             if (!lobe_of(m, tables, facing, which, &lobe)) continue;
-            f64 most = albedo_of(&lobe, tables, facing, albedo), share = followed(lobe.roughness, most, matt[p]);
+            f64 most = albedo_of(&lobe, tables, facing, albedo), share = followed(lobe.roughness, most, matt[p], fan[p] >= 0);
             if (!may[p] || most * share * brightest <= cutoff) share = 0.0;
             if (share > 0.0) count[2 * p + which] = fan[p] < 0 ? rays_of(lobe.roughness, most, samples) : 1;
             for (int j = 0; j < 3; j++) left[3 * p + j] += (1.0 - share) * albedo[j];
@@ -183,7 +183,7 @@ i64 blurred_rays(i64 M, i64 T, i64 n, i64 most, const f64 *ggx, const f64 *table
             Lobe lobe;
             f64 albedo[3];
             if (rays < 1 || at + rays > most || !lobe_of(m, tables, facing, which, &lobe)) continue;
-            f64 part = followed(lobe.roughness, albedo_of(&lobe, tables, facing, albedo), matt[p]);
+            f64 part = followed(lobe.roughness, albedo_of(&lobe, tables, facing, albedo), matt[p], !fresh);
             Gloss g = gloss_at(lobe.row, tables, facing, lobe.roughness);
             f64 alpha = square(lobe.roughness), aa = square(alpha);
             f64 own = sqrt(1.0 + aa * (1.0 / square(g.sight) - 1.0));
