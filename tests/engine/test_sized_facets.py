@@ -31,7 +31,7 @@ def highlight(light, material, P, N, M, everywhere=False):
     return colour
 
 
-def truth(light, P, N, M, grid=320):
+def truth(light, P, N, M, grid=280):
     """The same of one receiver (3,), of all MATERIALS (m,3), as a sum over grid² parts."""
     way, sent, _ = parts(light, P, grid)
     V = 2 * (M @ N) * N - M
