@@ -24,11 +24,11 @@ class Preset(NamedTuple):
 # the same proportion.
 PRESETS = {
     'DRAFT': Preset("Draft", "Fast: edges of objects are rough, those of shadows average some 17 nodes",
-                    {"samples": 1, "kI": 2.0, "max_depth": 2, "light_samples": 16}),
+                    {"samples": 1, "kI": 2.0, "max_depth": 2, "light_samples": 16, "bounces": 0}),
     'BALANCED': Preset("Balanced", "Smooth at a normal look: edges of shadows average some 57 nodes",
-                       {"samples": 4, "kI": 3.0, "max_depth": 4, "light_samples": 64}),
+                       {"samples": 4, "kI": 3.0, "max_depth": 4, "light_samples": 64, "bounces": 1}),
     'FINE': Preset("Fine", "For the last picture: 16 camera rays a pixel, edges of shadows average some 134 nodes",
-                   {"samples": 16, "kI": 4.0, "max_depth": 8, "light_samples": 256}),
+                   {"samples": 16, "kI": 4.0, "max_depth": 8, "light_samples": 256, "bounces": 2}),
 }
 
 

@@ -40,11 +40,13 @@ _ALL = (
     Pass(_since_5("Object Index", "IndexOB"), "Object Index", "X", 'VALUE', "use_pass_object_index"),
     Pass(_since_5("Material Index", "IndexMA"), "Material Index", "X", 'VALUE', "use_pass_material_index"),
     Pass(_since_5("Diffuse Direct", "DiffDir"), "Diffuse", "RGB", 'COLOR', "use_pass_diffuse_direct"),
+    Pass(_since_5("Diffuse Indirect", "DiffInd"), "Diffuse Indirect", "RGB", 'COLOR', "use_pass_diffuse_indirect"),
     Pass(_since_5("Glossy Direct", "GlossDir"), "Glossy", "RGB", 'COLOR', "use_pass_glossy_direct"),
     Pass(_since_5("Transmission Direct", "TransDir"), "Transmission", "RGB", 'COLOR', "use_pass_transmission_direct"),
     Pass(_since_5("Emission", "Emit"), "Emission", "RGB", 'COLOR', "use_pass_emit"),
     Pass(_since_5("Environment", "Env"), "Environment", "RGB", 'COLOR', "use_pass_environment"),
     Pass("Ambient", "Ambient", "RGB", 'COLOR', "use_pass_ambient", own=True),
+    Pass(_since_5("Ambient Occlusion", "AO"), "Ambient Occlusion", "RGB", 'COLOR', "use_pass_ambient_occlusion"),
     Pass("Shadow", "Shadow", "RGB", 'COLOR', "use_pass_shadow"),
     Pass("Debug Candidates", "Debug Candidates", "X", 'VALUE', "use_pass_debug_candidates", own=True),
     Pass("Debug m", "Debug m", "X", 'VALUE', "use_pass_debug_m", own=True),
@@ -54,7 +56,8 @@ _ALL = (
 ALL = {p.engine_name: p for p in _ALL}
 # The groups of the panel.
 DATA = ("Combined", "Depth", "Mist", "Position", "Normal", "UV", "Object Index", "Material Index")
-LIGHT = ("Diffuse", "Glossy", "Transmission", "Emission", "Ambient", "Environment", "Shadow")
+LIGHT = ("Diffuse", "Diffuse Indirect", "Glossy", "Transmission", "Emission", "Ambient", "Environment", "Shadow",
+         "Ambient Occlusion")
 DEBUG = ("Debug Candidates", "Debug m", "Debug Empty", "Debug Skipped")
 
 

@@ -168,6 +168,22 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         description="Whether a lamp in which nothing was chosen casts the shadow of its own shape (2), or one width as "
                     "in the release that saved the file (1)",
     )
+    world_light: EnumProperty(
+        name="World Light",
+        description="How the world lights surfaces",
+        items=(
+            ('AMBIENT', "Ambient", "The world's mean color lights all surfaces alike, also where nothing of the world "
+             "is seen: the method as published, and fastest", 0),
+            ('SKY', "Sky", "The world lights from all around: less where something is in the way", 1),
+        ),
+        default='SKY', update=_changed,
+    )
+    bounces: IntProperty(
+        name="Bounces",
+        description="How often light goes on from matt surface to matt surface. 0 leaves black what no lamp and no "
+                    "sky lights",
+        min=0, max=4, default=1, update=_changed,
+    )
     ambient: FloatProperty(
         name="Ambient",
         description="How much the world's color lights every surface, in shadow too. "

@@ -38,10 +38,10 @@ def _stamps() -> list[int]:
 
 def _release(saved: bool) -> int:
     """Return which release made the lamps of the open file in which nothing is set. `saved`: it comes from a file."""
-    return min(_stamps() or [EARLIER if saved and any(map(_is_used, bpy.data.scenes)) else NOW])
+    return min(_stamps() or [EARLIER if saved and any(map(is_used, bpy.data.scenes)) else NOW])
 
 
-def _is_used(scene) -> bool:
+def is_used(scene) -> bool:
     """Return whether a scene uses Light Meshes, or any of its settings has been set."""
     own = scene.light_meshes
     return scene.render.engine == 'LIGHT_MESHES' or any(

@@ -115,6 +115,7 @@ class Geometry:
             "visible_camera": all(o.visible_camera for o in seen) and not hidden,
             "visible_reflection": all(o.visible_glossy for o in seen),
             "visible_shadow": all(o.visible_shadow for o in seen),
+            "visible_diffuse": all(o.visible_diffuse for o in seen),
             "holdout": holdout,
             "shadow_catcher": any(o.is_shadow_catcher for o in seen),
             "index": ob.pass_index,

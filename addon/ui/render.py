@@ -21,7 +21,18 @@ class LIGHT_MESHES_PT_method(LightMeshesPanel, bpy.types.Panel):
         layout.prop(settings, "samples")
         if settings.mode == 'WHITTED':
             layout.prop(settings, "max_depth")
-        layout.prop(settings, "ambient")
+
+
+class LIGHT_MESHES_PT_everywhere(LightMeshesPanel, bpy.types.Panel):
+    bl_label = "Light from Everywhere"
+
+    def fill(self, layout, context):
+        settings = context.scene.light_meshes
+        layout.prop(settings, "world_light")
+        if settings.world_light == 'AMBIENT' or settings.mode == 'LOCAL':
+            layout.prop(settings, "ambient")
+        if settings.mode != 'LOCAL':
+            layout.prop(settings, "bounces")
 
 
 class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
@@ -105,6 +116,7 @@ class LIGHT_MESHES_PT_performance(LightMeshesPanel, bpy.types.Panel):
 
 CLASSES = (
     LIGHT_MESHES_PT_method,
+    LIGHT_MESHES_PT_everywhere,
     LIGHT_MESHES_PT_shadows,
     LIGHT_MESHES_PT_glass,
     LIGHT_MESHES_PT_film,

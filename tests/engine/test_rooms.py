@@ -14,7 +14,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[2] / "engine" / "light_meshes"
 # From the top down.
-ORDER = ["cli", "bench", "frontends", "picture", "shadows", "shadows.meshes", "glass", "surface", "film", "rays",
+ORDER = ["cli", "bench", "frontends", "picture", "gathered", "shadows", "shadows.meshes", "glass", "surface", "film", "rays",
          "lights", "scene", "support"]
 LEVEL = {room: level for level, room in enumerate(ORDER)}
 

@@ -35,17 +35,20 @@ PASSES = {
     # These add up to Combined (LIGHT):
     "Diffuse": "RGB",
     "Glossy": "RGB",  # highlights, and everything that is seen in a reflection
+    "Diffuse Indirect": "RGB",  # light from everywhere that matt surfaces return
     "Emission": "RGB",
     "Ambient": "RGB",  # Ia·ka·Od
     "Transmission": "RGB",  # everything that is seen through a surface
     "Environment": "RGB",  # only the background itself
+    # Where light is gathered from everywhere: the share of the sky above a surface that nothing hides
+    "Ambient Occlusion": "RGB",
     # Counts of the light meshes method (DEBUG), summed over all surfaces that a sample of the pixel shades:
     "Debug Candidates": "X",  # after step 2
     "Debug m": "X",  # after step 3; not counted if that step was skipped
     "Debug Empty": "X",  # empty sets
     "Debug Skipped": "X",  # uniform skips
 }
-LIGHT = ("Diffuse", "Glossy", "Emission", "Ambient", "Transmission", "Environment")
+LIGHT = ("Diffuse", "Diffuse Indirect", "Glossy", "Emission", "Ambient", "Transmission", "Environment")
 DEBUG = tuple(name for name in PASSES if name.startswith("Debug "))
 # Passes whose values have no mean take the sample nearest to the pixel's centre. Cycles does so too, but averages UV
 # and Normal.
@@ -92,7 +95,7 @@ class Tile:
         # whether rays must know how much of them is left
         self.layers = "Mist" in self.samples or bool(self.mattes.wanted)
         # whether rays must know how the camera sees what they hit
-        self.parts = any(name in self.samples for name in LIGHT)
+        self.parts = any(name in self.samples for name in (*LIGHT, "Ambient Occlusion"))
         self.seen = np.zeros(n, np.bool_)  # which samples have hit their first surface
         self._debug = any(name in self.samples for name in DEBUG)
 

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.passes import shadow_number
+from ..gathered.records import Records
 from ..rays.geometry import Hits
 from ..shadows import pairs
 from ..shadows.method import Check, Method, Receivers
 from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
 from ..support.statistics import Statistics
-from ..surface import shading
+from ..surface import colours, shading
+from ..surface.seen import seen_in_mirrors
 from .plan import Plan
 from .world import World
 
@@ -37,6 +39,12 @@ class Lighting:
         """method: that of the plan. passes: of the picture, of which some show shadows."""
         self._world, self._plan, self._method, self._stats = world, plan, method, stats
         self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
+        shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
+        self._shown = shown if plan.reflections and shown.any() else None
+        self.everywhere: Records | None = None  # light from everywhere, where the scene has it
+        s = world.scene.settings
+        by_sky = s.gathers and s.world_light == "SKY"
+        self._Ia = (0.0 if by_sky else s.ambient) * np.array(world.scene.world_color)
         self.terminator = Terminator(world.scene, world.surfaces)
         groups = np.array([light.shadow_pass for light in world.scene.lights], np.int64)
         self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
@@ -67,24 +75,26 @@ class Lighting:
         Also return its terms, by the passes that show them, if `parts`; and the shadow passes, (n,3), if `first`.
         `work` (n,4) is filled with the values of the debug passes.
         """
-        Od, sums = self.unshaded(hits, direction, parts, first)
+        Od, sums = self.unshaded(hits, direction, parts, first, check)
         self.add_light(hits, direction, Od, sums, check, work)
         return sums
 
-    def unshaded(self, hits: Hits, direction: NDArray, parts: bool, first: bool) -> tuple[NDArray, Sums]:
+    def unshaded(self, hits: Hits, direction: NDArray, parts: bool, first: bool,
+                 check: Check = lambda: None) -> tuple[NDArray, Sums]:
         """Return Od (n,3) of the hits, as lights see it, and the results of `direct` without the light of lights."""
-        m, settings = hits.table, self._world.scene.settings
-        Od = m.Od.take(hits.row, axis=0)
-        if self._world.textures:
-            image = m.image[hits.row]
-            for i, texture in enumerate(self._world.textures):
-                if texture is not None:
-                    texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
+        m = hits.table
+        Od = colours.matt(hits, self._world.textures)
         colour, ambient = np.empty_like(Od), np.empty_like(Od)
-        shading.unlit(m, hits.row, settings.ambient * np.array(self._world.scene.world_color), Od, colour, ambient)
         shading.dim(m, hits, direction, Od)
+        shading.unlit(m, hits.row, self._Ia, Od, colour, ambient)
         terms = {"Emission": m.emission[hits.row], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
+        if self.everywhere is not None:
+            found = self.everywhere(hits, check)
+            indirect = m.kd[hits.row, None] * Od * found.light
+            colour += indirect
+            if parts:
+                terms |= {"Diffuse Indirect": indirect, "Ambient Occlusion": np.repeat(found.sky[:, None], 3, axis=1)}
         return Od, Sums(colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})
 
     def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Check,
@@ -94,10 +104,14 @@ class Lighting:
         for part, lit, _, S in self.lit(self._surfaces(hits, direction, Od), bool(shadows), check, work, lights):
             with self._stats.stage("shading"):
                 both = (terms["Diffuse"][part], terms["Glossy"][part]) if terms else ()
-                shading.gather(lit, S, colour[part], *both)
+                shading.gather(lit, self.emitted(lit, S), colour[part], *both)
                 for name, shadow in shadows.items():
                     shown = self._shadow_lights[name]
                     shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
+
+    def emitted(self, lit: shading.Lit, S: NDArray[np.float32]) -> NDArray[np.float32]:
+        """S (n,L,C) as `shading.gather` wants it: multiplied by what the nodes of lamps say."""
+        return self._world.lamps(lit.hits.P, lit.hits.Ns, S)
 
     def shadow_ratio(self, hits: Hits, direction: NDArray, check: Check,
                      work: NDArray | None = None) -> NDArray[np.float64]:
@@ -109,27 +123,39 @@ class Lighting:
         m = hits.table
         white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
         lit = np.empty((len(hits.P), 3))
-        lit[:] = self._world.scene.settings.ambient * np.array(self._world.scene.world_color)
+        lit[:] = self._Ia
         full = lit.copy()
         surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white)
         for part, some, active, S in self.lit(surfaces, False, check, work):
             with self._stats.stage("shading"):
-                shading.gather(some, S, lit[part])
-                shading.gather(some, pairs.seen(active, len(self._world.scene.lights)), full[part])
+                shading.gather(some, self.emitted(some, S), lit[part])
+                every = pairs.seen(active, len(self._world.scene.lights))
+                shading.gather(some, self.emitted(some, every), full[part])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
+    def arriving(self, hits: Hits, direction: NDArray, check: Check, visibility: Method) -> NDArray[np.float64]:
+        """The light of all lamps (n,3) that a white matt surface at hits returns, with the shadows of `visibility`."""
+        m = hits.table
+        white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
+        light = np.zeros((len(hits.P), 3))
+        surfaces = self._surfaces(hits, direction, np.ones_like(light))._replace(materials=white)
+        for part, some, _, S in self.lit(surfaces, False, check, visibility=visibility):
+            shading.gather(some, S, light[part])
+        return light
+
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
         """These hits, in the light of all lights."""
-        return shading.Lit(self._world.lights, hits.table, hits, direction, Od)
+        return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown)
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
-            lights: NDArray[np.uint64] | None = None, visibility: Method | None = None) -> Iterator[
+            lights: NDArray[np.uint64] | None = None, visibility: Method | None = None,
+            narrow: NDArray[np.uint64] | None = None) -> Iterator[
                 tuple[slice, shading.Lit, NDArray[np.uint64], NDArray[np.float32]]]:
         """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of surfaces, batch by batch.
 
         None without lights. unlit: see `shading.reaching`. lights (W,): those that count; None: all. visibility:
-        another method than the plan's.
+        another method than the plan's. narrow: see `Receivers`.
         """
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
         step = max(64, SHADED // max(1, count))
@@ -152,6 +178,7 @@ class Lighting:
                     self.terminator.clear(lift, some, self._targets, active, self._world.closest)
             method = visibility or self._method
             probe = work[part] if work is not None and self._plan.kind.counts else None
-            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift), check, probe)
+            rows = None if narrow is None else narrow[part]
+            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows), check, probe)
             self.terminator.fade(some, self._targets, S)
             yield part, lit, active, S

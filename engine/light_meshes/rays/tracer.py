@@ -44,7 +44,8 @@ def points(position: NDArray[np.float64]) -> Targets:
 class Tracer:
     """The triangles of a scene, ready to be traced. There is one Embree scene for each distinct set of visible objects.
 
-    `kind` says which rays: "camera", "reflection" (and refraction) or "shadow". Shadow casters are divided into
+    `kind` says which rays: "camera", "reflection" (and refraction), "shadow", or, where light is gathered from
+    everywhere, "diffuse". Shadow casters are divided into
     "opaque" and "glass" (those that let light through), and also into "stops" and "sheets" (those that let it through
     unbent). These four kinds exist for each set of `casters`; only triangles in the set count. Set 0 holds all
     triangles.
@@ -75,9 +76,11 @@ class Tracer:
             "opaque": ("shadow", ~glass), "glass": ("shadow", glass),
             "stops": ("shadow", ~glass | bending), "sheets": ("shadow", glass & ~bending),
         }
+        if scene.settings.gathers:
+            kinds["diffuse"] = "diffuse", every
         for number, among in enumerate(casters or [every]):
             for kind, (looks, those) in kinds.items():
-                if number and kind in ("camera", "reflection", "shadow"):
+                if number and kind in ("camera", "reflection", "shadow", "diffuse"):
                     continue
                 flags = np.array([getattr(o, f"visible_{looks}") for o in scene.objects], np.bool_)
                 seen = flags[owner] & those & among if len(owner) else those

@@ -21,9 +21,12 @@ from .material import HIGHLIGHTS as HIGHLIGHTS
 from .material import RGB as RGB
 from .material import Material as Material
 from .mesh import Mesh, at_least, numbers
+from .profile import Profile
+from .programs import NO_PROGRAM, Program
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
+WORLD_LIGHTS = ("AMBIENT", "SKY")
 GLASS = ("BOUNDED", "PAPER")
 CAUSTICS = ("PAPER", "FOCUS")
 SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")  # the methods of `shadows.registry`
@@ -35,6 +38,7 @@ COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
 Scalar = bool | int | float | str
+Row = tuple[float, float, float, float]
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -54,6 +58,8 @@ class Settings:
     max_depth: int = 4  # how many mirror reflections follow the first hit
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour
+    world_light: str = "AMBIENT"  # how the world lights: AMBIENT, the paper's Ia·ka, or SKY, from all around
+    bounces: int = 0  # how often diffuse light goes on from surface to surface
     filter_size: float = 1.5  # size of the Blackman-Harris pixel filter: it ends this many pixels from the centre
     refraction: str = "VIEW"  # which rays glass bends: M1 NONE, M2 VIEW rays, M3 FULL: shadow paths too (eq. 6)
     glass: str = "BOUNDED"  # nodes behind glass: BOUNDED drops them, PAPER weights them as in eq. (7)
@@ -71,6 +77,11 @@ class Settings:
     lattice_rotation: bool = True  # False: nodes are at multiples of h (for tests; artists' walls are often there)
     lattice_origin: RGB = (0.0, 0.0, 0.0)
     uniform_skip: bool = True  # exact shortcut of method §5; switch it off only to measure or test it
+
+    @property
+    def gathers(self) -> bool:
+        """Whether light comes from everywhere: from the world with occlusion, or from surface to surface."""
+        return (self.world_light == "SKY" or self.bounces > 0) and self.mode != "LOCAL"
 
 
 @dataclass(frozen=True)
@@ -153,6 +164,10 @@ class Light:
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
     facing_disc: bool = False  # POINT and SPOT with SIZE: lights as a disc that turns to each receiver, not a sphere
+    # With SIZE, which rays see the lamp itself:
+    seen_by_camera: bool = False
+    seen_in_mirrors: bool = False
+    seen_in_glass: bool = False
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
     # Whose soft shadow it casts. One of the same width everywhere, r: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE
@@ -165,6 +180,9 @@ class Light:
     receivers: tuple[int, ...] | None = None  # objects that it lights; None: all
     blockers: tuple[int, ...] | None = None  # objects that cast shadows in its light; None: all
     shadow_pass: int = -1  # the pass "Shadow N" shows the visibility of the lights that have this N; -1: no pass
+    program: Program = NO_PROGRAM  # its nodes: by what `intensity` is multiplied for a point that it lights
+    # From the lamp's own space, in which programs see it, to the world; None: x, y and z are those of the world.
+    matrix: tuple[Row, Row, Row] | None = None
 
 
 @dataclass(frozen=True)
@@ -194,6 +212,7 @@ class Object:
     # False: the shadows that it casts are sharp; the object and the material must both allow soft ones
     cast_soft_shadows: bool = True
     receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp
+    visible_diffuse: bool = True  # met by rays that gather light from everywhere (Settings.world_light, bounces)
     holdout: bool = False  # a hole in the picture: black, alpha 0
     shadow_catcher: bool = False  # the camera sees only the shadows on it
     # For smooth surfaces, with the names of Cycles and Blender (see `terminator`): the cosine to a light below which
@@ -298,8 +317,12 @@ class Scene:
     lights: tuple[Light, ...] = ()
     materials: tuple[Material, ...] = (Material("default"),)
     images: tuple[Image, ...] = ()
+    profiles: tuple[Profile, ...] = ()  # of IES files
     objects: tuple[Object, ...] = ()
     world_color: RGB = (0.0, 0.0, 0.0)  # radiance, for background and ambient light Ia
+    # What the world is by direction, where it is not `world_color` in all: it sets "emission", the radiance that comes
+    # from where "position" is, a unit vector. `world_color` has then no meaning.
+    world: Program = NO_PROGRAM
     settings: Settings = field(default_factory=Settings)
     to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # from the scene's linear light to that of sRGB, which PNGs use
     warnings: tuple[str, ...] = ()  # one sentence for each thing that the exporter could not translate

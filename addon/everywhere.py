@@ -1,0 +1,50 @@
+"""How the world lights, and bounces: new scenes have light from everywhere; those of earlier files keep what they had.
+
+Releases before had only ambient light. Blender saves only what was set, so a scene in which nothing was chosen says by
+`release` that it is of one of these, or by using Light Meshes at all where nothing says so. When a file is saved, what
+its scenes render with is set.
+"""
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .softness import is_used
+
+EARLIER = {"world_light": 'AMBIENT', "bounces": 0}
+
+
+def of(scene) -> dict:
+    """Return the values of EARLIER's properties that a scene, evaluated or not, renders with."""
+    own, block = scene.light_meshes, scene.original
+    old = bool(block.library) and is_used(block)  # what a library has cannot be set
+    return {name: EARLIER[name] if old and not own.is_property_set(name) else getattr(own, name) for name in EARLIER}
+
+
+def _set(values) -> None:
+    """Set what was not chosen in the scenes of the open file, to values(scene)."""
+    for scene in bpy.data.scenes:
+        if not scene.library:
+            own = scene.light_meshes
+            for name, value in values(scene).items():
+                if not own.is_property_set(name):
+                    setattr(own, name, value)
+
+
+@persistent
+def _keep_old(*_):
+    _set(lambda scene: EARLIER if bpy.data.filepath and is_used(scene) else {})
+
+
+@persistent
+def _before_saving(*_):
+    _set(lambda scene: of(scene) if is_used(scene) else {})
+
+
+def register() -> None:
+    bpy.app.handlers.load_post.insert(0, _keep_old)  # before `softness` says that the file is of this release
+    bpy.app.handlers.save_pre.append(_before_saving)
+
+
+def unregister() -> None:
+    bpy.app.handlers.save_pre.remove(_before_saving)
+    bpy.app.handlers.load_post.remove(_keep_old)

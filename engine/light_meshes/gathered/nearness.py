@@ -1,0 +1,51 @@
+"""How near records are to edges that rise above their surface: what a record's own rays may miss, as it is small.
+
+For each size of cells, a table has a box around the edges in each cell where there are some.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..support.native import kernel
+from .grids import Grids
+
+_enter, _of = kernel("nearness_enter"), kernel("nearness_of")
+RISE = 0.08  # what rises less, as a share of its distance, does not count: it takes hardly any light
+
+
+class Nearness:
+    """The edges of the triangles that gathered light may meet."""
+
+    def __init__(self, grids: Grids, there: NDArray[np.bool_]) -> None:
+        """there (T,): these triangles."""
+        self._grids, self._there = grids, there
+        self._tables: dict[int, tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]] = {}
+
+    def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], spacing: NDArray[np.float64],
+                 own: NDArray[np.int32]) -> NDArray[np.float32]:
+        """How far (n,) records at P (n,3) with normals M (n,3) are from edges, where that is not much more than the
+        spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
+        """
+        near = np.full(len(P), 1e30, np.float32)
+        size = np.maximum(np.ceil(np.log2(spacing) - 1e-3), -200).astype(np.int64)
+        for one in np.unique(size):
+            rows = np.flatnonzero(size == one)
+            found = np.empty(len(rows), np.float32)
+            _of(2.0**one, *self._table(int(one)), RISE, np.ascontiguousarray(P[rows]), np.ascontiguousarray(M[rows]),
+                own[rows], found)
+            near[rows] = found
+        return near
+
+    def _table(self, size: int) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]:
+        """The table of cells of edge 2^size."""
+        if size not in self._tables:
+            room = 1 << 14
+            while True:
+                table = np.zeros(room, np.uint64), np.empty(room, np.int32), np.empty((room, 6), np.float32)
+                if not _enter(*self._grids.shape, self._grids.surfaces.instance, self._there, 2.0**size, *table):
+                    break
+                room *= 4
+            self._tables[size] = table
+        return self._tables[size]

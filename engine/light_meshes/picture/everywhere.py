@@ -1,0 +1,95 @@
+"""Light from everywhere in a picture: what is gathered, how finely, and what surfaces are to rays that gather."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..gathered.grids import Grids
+from ..gathered.nearness import Nearness
+from ..gathered.patches import Patches
+from ..gathered.rays import Field, Gatherer
+from ..gathered.records import Records
+from ..rays.geometry import Hits, surface
+from ..scene.description import Settings
+from ..shadows.method import Method, Setup, Through
+from ..shadows.registry import KINDS, NONE
+from ..shadows.unshadowed import Unshadowed
+from ..support.statistics import Statistics
+from ..surface import colours, shading
+from ..surface.points import REFLECTED
+from .lighting import Lighting
+from .plan import Plan
+from .world import World
+
+FINE = 2.0  # the finest distance of records, in steps h that suit the picture
+LEVELS = 6  # that are coarser, each by 2
+PATCH = 1.0  # the size of the smallest patches, in finest distances
+
+
+def step(h: float) -> float:
+    """The finest distance of records where h suits the picture: a power of two, so that it stays when h hardly
+    changes.
+    """
+    return float(2.0 ** np.round(np.log2(FINE * h)))
+
+
+def records(world: World, plan: Plan, lighting: Lighting, settings: Settings, h: float,
+            stats: Statistics) -> Records:
+    """The records of a world, which are computed when they are asked for."""
+    fine = step(h)
+    with stats.stage("gathered light: prepared"):
+        grids = Grids(world.surfaces, fine * 2.0**LEVELS)
+        sky = world.sky if settings.world_light == "SKY" and not world.sky.dark else None
+        field = Field(world.scene, grids, world.tracer, world.glass, sky, stats)
+        gather = Gatherer(field, PATCH * fine)
+        owner = world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))
+        met = np.array([o.visible_diffuse for o in world.scene.objects], np.bool_)[owner]
+        emits = bool(world.materials.emission.any()) or any("emission" in m.program.values for m in world.scene.materials)
+        patches = Patches(field, gather, Look(world, lighting, _sharp(world, plan, settings, stats)),
+                          sky is not None or emits)
+    return Records(field, gather, patches, Nearness(grids, met), fine, settings.bounces)
+
+
+def _sharp(world: World, plan: Plan, settings: Settings, stats: Statistics) -> Method:
+    """Sharp shadows, for the lamps' light on patches."""
+    lights = world.scene.lights
+    if plan.shadows == NONE:
+        return Unshadowed(len(lights))
+    through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
+    return KINDS["SHARP"].make(Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, settings, {},
+                                     through, None))
+
+
+class Look:
+    """What surfaces are to rays that gather; see `patches.Lit`."""
+
+    def __init__(self, world: World, lighting: Lighting, visibility: Method) -> None:
+        """visibility: shadows for the light of lamps on patches."""
+        self._world, self._lighting, self._visibility = world, lighting, visibility
+        self._check: Callable[[], None] = lambda: None
+
+    def __call__(self, triangle: NDArray[np.int32], P: NDArray[np.float64], N: NDArray[np.float64],
+                 lit: bool) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Emission, albedo and direct light (n,3) at points P (n,3) of triangles (n,), seen from the side of N."""
+        world, n = self._world, len(P)
+        material = np.empty(n, np.int32)
+        hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32), material,
+                    np.empty(n, np.int32), np.empty(n, np.bool_), material, world.materials)
+        zero = np.zeros(n, np.float32)
+        surface(world.surfaces, triangle, zero, zero, P + N * world.surfaces.scale, -N, hits)
+        hits = world.look(hits, -N, np.full(n, REFLECTED, np.int8))
+        m, row = hits.table, hits.row
+        Od = colours.matt(hits, world.textures)
+        shading.dim(m, hits, -N, Od)
+        # what mirrors and metals return is taken as if they returned it in all directions
+        albedo = m.kd[row, None] * Od + np.maximum(m.mirror[row], m.metal[row, None] * m.F0[row])
+        emission = m.emission[row].copy()
+        if world.as_lamps is not None:
+            emission[world.as_lamps[triangle]] = 0
+        direct = np.zeros((n, 3))
+        if lit:
+            direct = self._lighting.arriving(hits, -N, self._check, self._visibility)
+        return emission, albedo, direct

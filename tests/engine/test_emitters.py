@@ -1,0 +1,130 @@
+"""Surfaces that give light are lamps with a size: their light on a floor, against a sum over their triangles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from light_meshes import Material, Mesh, Scene, Shape, box, cylinder, rectangle, rotate_x, rotate_y, sphere, translate
+from light_meshes.picture import emitters
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import render_image
+from scenes import look_down, settings
+
+GLOWS = Material("glows", Od=(0.0, 0.0, 0.0), emission=(3.0, 2.0, 1.0))
+FLOOR = Material("floor", Od=(1.0, 1.0, 1.0), ka=0.0)
+SIZE, PIXELS = 4.0, 24
+
+
+def plate(x: float, y: float) -> Mesh:
+    return rectangle((-x / 2, -y / 2), (x / 2, y / 2))
+
+
+def disc(radius: float, n: int = 48) -> Mesh:
+    a = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    ring = radius * np.stack([np.cos(a), np.sin(a), 0 * a], 1)
+    return Mesh(np.concatenate([[[0.0, 0.0, 0.0]], ring]), [(0, 1 + k, 1 + (k + 1) % n) for k in range(n)])
+
+
+SHAPES = {  # mesh, matrix, whether both sides are seen
+    "panel": (plate(0.8, 0.5), translate(0.2, 0.1, 1.0), True),
+    "round panel": (disc(0.5), translate(0.0, 0.3, 0.8) @ rotate_x(0.4), True),
+    "tube": (cylinder(0.05, -1, 1, 24), translate(-1.0, 0.2, 0.4) @ rotate_y(np.pi / 2), False),
+    "ball": (sphere(0.2, 24, 12), translate(0.3, 0.0, 0.6), False),
+    "box": (box((-0.2, -0.15, -0.1), (0.2, 0.15, 0.1)), translate(0.0, 0.0, 0.5), False),
+    "lens": (Mesh(sphere(0.3, 24, 12).vertices * (1, 0.7, 0.4), sphere(0.3, 24, 12).triangles),
+             translate(0.1, 0.0, 0.6), False),
+}
+
+
+def scene(shape: str, **values) -> Scene:
+    mesh, matrix, _ = SHAPES[shape]
+    things = [Shape(plate(20, 20), FLOOR, "floor"), Shape(mesh, GLOWS, shape, (matrix,), {"visible_camera": False})]
+    return Scene.from_shapes(things, look_down(0, 0, SIZE, PIXELS), [],
+                             settings(**({"world_light": "SKY", "h": 0.05, "weights": "SMOOTH", "kI": 2.0} | values)))
+
+
+def summed(shape: str) -> np.ndarray:
+    """The irradiance of the floor at the pixels' centres, of light of radiance 1: the sum over small triangles."""
+    mesh, matrix, two_sided = SHAPES[shape]
+    corners = np.concatenate([mesh.vertices, np.ones((len(mesh.vertices), 1))], 1) @ matrix.T
+    corners = corners[:, :3][mesh.triangles]
+    while len(corners) < 3000:
+        a, b, c = corners.swapaxes(0, 1)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        corners = np.concatenate([np.stack(t, 1) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    at = (np.arange(PIXELS) + 0.5) / PIXELS * SIZE - SIZE / 2
+    P = np.stack([*np.meshgrid(at, at), np.zeros((PIXELS, PIXELS))], -1)
+    to = corners.mean(1) - P[:, :, None]
+    square = np.einsum("ijnk,ijnk->ijn", to, to)
+    leaving = -np.einsum("ijnk,nk->ijn", to, cross)
+    leaving = np.abs(leaving) if two_sided else np.maximum(leaving, 0)
+    return (leaving * np.maximum(to[..., 2], 0) / square**2).sum(-1)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_light_on_the_floor(shape: str) -> None:
+    truth = summed(shape)[..., None] / np.pi * np.array(GLOWS.emission)
+    seen = render_image(scene(shape)).passes["Combined"][..., :3]
+    error = np.abs(seen / truth - 1)
+    most = (0.15, 0.25) if shape == "lens" else (0.01, 0.02)  # bent both ways, it has few lamps (docs/limits.md)
+    assert np.median(error) <= most[0] and np.quantile(error, 0.95) <= most[1], np.quantile(error, (0.5, 0.95))
+
+
+def test_power_is_exact() -> None:
+    for shape, (_, _, two_sided) in SHAPES.items():
+        bare = Prepared(scene(shape, world_light="AMBIENT")).world
+        found = emitters.emitting(bare)
+        lamps, taken = emitters.lamps_of(bare, found)
+        assert sorted(taken) == sorted(found.triangle)
+        if lamps[0].type == "POINT":
+            power = sum(4 * np.pi * lamp.intensity[0] for lamp in lamps)
+        else:
+            power = sum(np.pi * lamp.intensity[0] for lamp in lamps)
+        exact = found.area.sum() * GLOWS.emission[0] * (1 + two_sided)
+        assert power == pytest.approx(exact, rel=1e-5), shape
+
+
+def test_only_where_light_is_gathered() -> None:
+    assert not Prepared(scene("panel", world_light="AMBIENT")).scene.lights
+    assert len(Prepared(scene("panel")).scene.lights) == 2
+    assert len(Prepared(scene("panel", world_light="AMBIENT", bounces=1)).scene.lights) == 2
+
+
+def test_many_are_gathered_instead() -> None:
+    """No more than MOST lamps: those with most power. The others' triangles are not taken."""
+    places = tuple(translate(x / 10, y / 10, 1.0) for x in range(20) for y in range(20))
+    one = scene("panel")
+    things = [Shape(plate(0.01, 0.01), GLOWS, "many", places), Shape(plate(0.5, 0.5), GLOWS, "large")]
+    ready = Prepared(Scene.from_shapes(things, one.camera, [], one.settings))
+    assert len(ready.scene.lights) == emitters.MOST
+    assert ready.scene.lights[0].name == "large (emission)"
+    assert np.count_nonzero(ready.world.as_lamps) == emitters.MOST  # two triangles for two sides
+
+
+def test_inside_out_and_mirrored() -> None:
+    mesh, matrix, _ = SHAPES["box"]
+    turned = Mesh(mesh.vertices, mesh.triangles[:, ::-1])
+    expected = render_image(scene("box")).passes["Combined"]
+    for m, place in ((turned, matrix), (mesh, matrix @ np.diag([-1.0, 1, 1, 1]))):
+        other = scene("box")
+        things = [Shape(plate(20, 20), FLOOR, "floor"), Shape(m, GLOWS, "box", (place,), {"visible_camera": False})]
+        other = Scene.from_shapes(things, other.camera, [], other.settings)
+        np.testing.assert_allclose(render_image(other).passes["Combined"], expected, rtol=0.02, atol=1e-3)
+
+
+def test_toggles() -> None:
+    """A lampshade casts a shadow in the light of the bulb, and the bulb none in its own."""
+    things = [Shape(plate(20, 20), FLOOR, "floor"),
+              Shape(sphere(0.1, 24, 12), GLOWS, "bulb", (translate(0, 0, 1),), {"visible_camera": False}),
+              Shape(plate(0.6, 0.6), FLOOR, "shade", (translate(0, 0, 0.5),), {"visible_camera": False})]
+    base = scene("ball")
+    shaded = Scene.from_shapes(things, base.camera, [], base.settings)
+    picture = render_image(shaded).passes["Combined"][..., 0]
+    free = render_image(replace(shaded, objects=tuple(
+        replace(o, visible_shadow=o.name != "shade") for o in shaded.objects))).passes["Combined"][..., 0]
+    middle = slice(PIXELS // 2 - 1, PIXELS // 2 + 1)
+    assert not picture[middle, middle].any() and free[middle, middle].all()
+    np.testing.assert_allclose(picture[0], free[0], rtol=1e-6)
