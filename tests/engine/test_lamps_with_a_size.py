@@ -90,7 +90,7 @@ def test_a_straight_edge_has_the_profile_of_a_disc(degrees, kI):
     u = np.clip(x.reshape(pixels, pixels)[0] / radius, -1, 1)
     exact = 0.5 + (u * np.sqrt(1 - u * u) + np.arcsin(u)) / np.pi
     S = S.reshape(pixels, pixels)
-    assert np.isfinite(S).all() and rmse(S.mean(0), exact) <= (0.012 if degrees == 15 and kI == 2 else 0.01)  # see limits
+    assert np.isfinite(S).all() and rmse(S.mean(0), exact) <= (0.012 if degrees == 15 and kI == 2 else 0.01)
     middle = np.abs(u) < 0.3
     slope, at = np.polyfit(u[middle], S.mean(0)[middle] - 0.5, 1)
     assert abs(at / slope) <= 0.05  # of half the width: where S is ½
