@@ -54,18 +54,34 @@ static inline void slope_at(const Face *f, const Seen *e, f64 a, f64 b, Slope *o
     }
 }
 
-/* The face that a lamp is from P; of one that looks round from everywhere x is towards the mirrored ray R. */
+/* Turns the half-axes of an ellipse, n its normal, c its middle, so that u goes to where the mirrored ray R meets it. */
+static void turn_axes(const f64 *c, const f64 *n, const f64 *R, f64 *u, f64 *v) {
+    f64 toward = dot3(n, R), ahead = dot3(n, c), q[3];
+    for (int j = 0; j < 3; j++) q[j] = toward * ahead > 0.0 ? ahead / toward * R[j] - c[j] : R[j];
+    f64 uu = dot3(u, u), vv = dot3(v, v), uv = dot3(u, v), a = dot3(q, u), b = dot3(q, v);
+    f64 s = a * vv - b * uv, t = b * uu - a * uv, size = sqrt(s * s + t * t);
+    if (!(size > 1e-12 * uu * vv)) return;
+    s /= size, t /= size;
+    for (int j = 0; j < 3; j++) {
+        f64 along = u[j], across = v[j];
+        u[j] = s * along + t * across, v[j] = s * across - t * along;
+    }
+}
+
+/* The face that a lamp is from P; of one that is round x is towards the mirrored ray R, so that the lines meet the edge
+   that is nearest to it, and none ends within the highlight. */
 static Face face_of(const Sized *s, const f64 *P, const f64 *R) {
     Face f = {.round = s->kind != PLATE};
     if (s->kind >= PLATE) {
-        f64 c[3], n[3];
-        for (int j = 0; j < 3; j++) c[j] = s->c[j] - P[j];
-        cross3(s->u, s->v, n);
-        f64 size = sqrt(dot3(n, n)) * (dot3(n, c) < 0.0 ? -1.0 : 1.0), along = sqrt(dot3(s->u, s->u));
-        for (int j = 0; j < 3; j++) f.z[j] = n[j] / size, f.x[j] = s->u[j] / along;
+        f64 c[3], n[3], u[3], v[3];
+        for (int j = 0; j < 3; j++) c[j] = s->c[j] - P[j], u[j] = s->u[j], v[j] = s->v[j];
+        cross3(u, v, n);
+        if (f.round) turn_axes(c, n, R, u, v);
+        f64 size = sqrt(dot3(n, n)) * (dot3(n, c) < 0.0 ? -1.0 : 1.0), along = sqrt(dot3(u, u));
+        for (int j = 0; j < 3; j++) f.z[j] = n[j] / size, f.x[j] = u[j] / along;
         cross3(f.z, f.x, f.y);
         f.cx = dot3(c, f.x), f.cy = dot3(c, f.y), f.far = dot3(c, f.z), f.half = along;
-        f.tall = dot3(s->v, f.y), f.lean = dot3(s->v, f.x);
+        f.tall = dot3(v, f.y), f.lean = dot3(v, f.x);
         if (f.tall < 0.0) f.tall = -f.tall, f.lean = -f.lean;
         return f;
     }
@@ -155,7 +171,7 @@ static int rule_for(f64 size, const f64 **at, const f64 **weight) {
                               0.23395696728634552, 0.1803807865240693, 0.08566224618958517};
     static const f64 *places[] = {at2, at3, at4, at6, gauss_at}, *weights[] = {two, three, four, six, gauss_weight};
     static const int counts[] = {2, 3, 4, 6, 8};
-    int which = size < 0.4 ? 0 : size < 0.9 ? 1 : size < 1.6 ? 2 : size < 2.5 ? 3 : 4;
+    int which = size < 0.4 ? 0 : size < 0.9 ? 1 : size < 1.4 ? 2 : size < 2.5 ? 3 : 4;
     *at = places[which], *weight = weights[which];
     return counts[which];
 }
