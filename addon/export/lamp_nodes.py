@@ -17,13 +17,14 @@ from . import values as v
 from .channels import instance_value
 from .image_files import refusal
 from .materials import Materials
-from .node_inputs import geometry, incoming, normal
+from .node_inputs import geometry, incoming, normal, object_info, position, texture_coordinates
 from .node_math import scaled
 from .nodes import Nodes
 from .report import Report
 from .values import Triple, Value
 
 _BLACK = (0.0, 0.0, 0.0)
+_OBJECTS = bpy.app.version >= (4, 4)  # before, Cycles' lamps have no space of their own, and no numbers
 MISSING = 100.0  # what an IES Texture gives in Cycles where it has no file
 
 
@@ -56,6 +57,8 @@ class OfLamp:
 
     def instance(self, *key: Any) -> Value:
         """A number of the lamp's object."""
+        if not _OBJECTS and key[0] == "property":
+            return 0.0
         return instance_value(key, self._instance, self._ob, self._ob, self._depsgraph)
 
 
@@ -183,7 +186,29 @@ def _geometry(nodes: LampNodes, node: Any, socket: Any) -> Triple | Value | None
     return _BLACK if socket.name == "Tangent" else geometry(nodes, node, socket)
 
 
+def _texture_coordinates(nodes: LampNodes, node: Any, socket: Any) -> Triple | None:
+    """The Texture Coordinate node."""
+    if not _OBJECTS and not (socket.name == "Object" and node.object):
+        if socket.name in ("Generated", "Object"):
+            return position()
+        if socket.name == "Reflection":
+            return incoming()
+        if socket.name == "Camera":
+            seen, origin = v.outputs("to_camera", 3, *position()), v.outputs("to_camera", 3, *_BLACK)
+            return tuple(a - b for a, b in zip(seen, origin, strict=True))  # type: ignore[return-value]
+    return texture_coordinates(nodes, node, socket)
+
+
+def _object_info(nodes: LampNodes, node: Any, socket: Any) -> Triple | Value | None:
+    """The Object Info node."""
+    if _OBJECTS or socket.name == "Random":
+        return object_info(nodes, node, socket)
+    return _BLACK if socket.name in ("Location", "Color") else 0.0
+
+
 _OWN = {
+    'ShaderNodeTexCoord': _texture_coordinates,
+    'ShaderNodeObjectInfo': _object_info,
     'ShaderNodeLightFalloff': _falloff,
     'ShaderNodeTexIES': _ies,
     'ShaderNodeLightPath': _light_path,
@@ -191,4 +216,3 @@ _OWN = {
     'ShaderNodeNormalMap': _bump,
     'ShaderNodeNewGeometry': _geometry,
 }
-NODES = ('ShaderNodeLightFalloff', 'ShaderNodeTexIES')  # that only lamps have

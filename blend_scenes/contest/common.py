@@ -156,7 +156,7 @@ def leaf(name, size=128):
         tone = np.where(inside, 0.5 + 0.35 * part - 0.25 * (across < 0.006), tone)
         alpha |= inside
     pixels = np.empty((size, size, 4))
-    pixels[..., :3] = tinted(np.clip(tone, 0, 1), (0.035, 0.07, 0.015), (0.16, 0.30, 0.05))
+    pixels[..., :3] = tinted(np.clip(tone, 0, 1), (0.07, 0.14, 0.03), (0.26, 0.44, 0.09))
     pixels[..., 3] = alpha
     return image(name, pixels)
 
@@ -211,8 +211,10 @@ def emission(name, color, strength):
 # --- Meshes --------------------------------------------------------------------------------------------------
 
 
-def unwrap(data, size=1.0):
-    """Give a mesh UVs: each face is seen along its main axis, and the picture repeats after `size` metres."""
+def unwrap(data, size=1.0, middle=(0.0, 0.0)):
+    """Give a mesh UVs: each face is seen along its main axis, and the picture repeats after `size` metres. `middle`:
+    the UV of the origin.
+    """
     corners = np.empty(len(data.loops), np.int32)
     data.loops.foreach_get("vertex_index", corners)
     points = np.empty(3 * len(data.vertices), np.float32)
@@ -223,8 +225,8 @@ def unwrap(data, size=1.0):
     data.polygons.foreach_get("loop_total", sides)
     main = np.repeat(np.abs(normals.reshape(-1, 3)).argmax(1), sides)
     at = points.reshape(-1, 3)[corners] / size
-    u = np.where(main == 0, at[:, 1], at[:, 0])
-    v = np.where(main == 2, at[:, 1], at[:, 2])
+    u = middle[0] + np.where(main == 0, at[:, 1], at[:, 0])
+    v = middle[1] + np.where(main == 2, at[:, 1], at[:, 2])
     layer = data.uv_layers.new(name="UVMap")
     layer.data.foreach_set("uv", np.stack([u, v], 1).astype(np.float32).ravel())
     return data

@@ -104,7 +104,7 @@ def twist(name, material):
 
 
 def make(folder):
-    start(exposure=0.4)
+    start(exposure=0.1)
     world((0.004, 0.005, 0.008), 1.0)
     room()
     lamps()

@@ -99,8 +99,8 @@ def fence():
 
 
 def make(folder):
-    start(exposure=0.1)
-    sky(1.0, clouds=0.6)
+    start(exposure=0.5)
+    sky(1.3, clouds=0.6)
     meadow()
     trees()
     fence()

@@ -57,9 +57,8 @@ def label(size=512):
     """Return a picture for the box: a dark card with a golden frame and stripes of print."""
     y, x = np.meshgrid(np.arange(size) / size, np.arange(size) / size, indexing="ij")
     card = np.asarray((0.045, 0.07, 0.12)) * (0.9 + 0.2 * noise(size, 16, 2)[..., None])
-    frame = (np.maximum(np.abs(x - 0.5), np.abs(y - 0.5)) > 0.42) & (
-        np.maximum(np.abs(x - 0.5), np.abs(y - 0.5)) < 0.44
-    )
+    u, v = np.abs(x - 0.5) / 0.72, np.abs(y - 0.5)  # the card is seen over .72 of the width
+    frame = (np.maximum(u, v) > 0.42) & (np.maximum(u, v) < 0.436)
     print_ = (np.abs(x - 0.5) < 0.2) & (np.abs(y - 0.5) < 0.03) & ((x * 22) % 1 < 0.6)
     small = (np.abs(x - 0.5) < 0.12) & (np.abs(y - 0.4) < 0.008) & ((x * 60) % 1 < 0.6)
     return image("Label", np.where((frame | print_ | small)[..., None], (0.8, 0.6, 0.28), card))
@@ -86,7 +85,7 @@ def things():
         (0, 0, 0.25),
     )
     carton = box("Carton", (-0.045, -0.026, 0), (0.045, 0.026, 0.125), textured("Carton", label(), Roughness=0.35))
-    unwrap(carton, 0.125)
+    unwrap(carton, 0.125, (0.5, 0.0))
     bevel = add("Carton", carton, (-0.095, 0.045, 0), (0, 0, 0.42)).modifiers.new("Bevel", 'BEVEL')
     bevel.width, bevel.segments = 0.0008, 2
     porcelain = principled("Porcelain", (0.82, 0.8, 0.76), Roughness=0.12)

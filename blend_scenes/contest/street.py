@@ -168,8 +168,8 @@ def lump(name, material, seed):
 
 def make(folder):
     _lumps.clear()
-    start(exposure=-0.2)
-    sky(1.0)
+    start(exposure=0.3)
+    sky(1.5)
     ground()
     houses()
     for n, (x, y, color, turn) in enumerate(
@@ -184,6 +184,6 @@ def make(folder):
     ):
         car(f"Car {n}", principled(f"Paint {n}", color, Roughness=0.25, Coat_Weight=0.6), x, y, turn)
     furniture()
-    lamp("Sun", 'SUN', 4.2, (20, -14, 26), (0, 10, 0), (1.0, 0.92, 0.8), angle=radians(0.53))
+    lamp("Sun", 'SUN', 4.2, (9, -26, 23), (0, 10, 0), (1.0, 0.92, 0.8), angle=radians(0.53))
     flight((-1.3, -7.5, 1.65), (-0.9, -5.8, 1.65), (0.6, 12, 2.6), (0.6, 13, 2.6), 26)
     save("street", folder)

@@ -1,4 +1,4 @@
-"""Rough reflections: their sum is that of the lobe, their directions are those of microfacets, and nothing else notices.
+"""Rough reflections: their sum is that of the lobe, their directions are those of microfacets; all else stays.
 
 Beside Cycles: tests/peers/test_reflections.py.
 """
@@ -98,7 +98,8 @@ def test_matt_surfaces_and_mirrors_send_no_more_rays():
     scene = tabletop(32)
     assert not Prepared(scene).plan.blurred
     matt = plastic(roughness=0.5, Od=(0.8, 0.8, 0.8))
-    one = [Shape(sphere(1.0, 24, 12), matt, "ball"), Shape(box((-1, -1, -1), (1, 1, 1)), matt, "box", [translate(0, 3, 0)])]
+    one = [Shape(sphere(1.0, 24, 12), matt, "ball"),
+           Shape(box((-1, -1, -1), (1, 1, 1)), matt, "box", [translate(0, 3, 0)])]
     view = Camera.look_at((0, -3, 6), (0, 0, 0), 40, 24, 24)
     result = render_image(Scene.from_shapes(one, view, [], settings(mode="WHITTED"), world_color=WHITE))
     # Where a plastic is not seen from aside its reflection is faint.

@@ -98,3 +98,18 @@ def test_through_glass(view, render, add_mesh, node_material):
     ob.visible_transmission = False
     ours, theirs = both(view, render)
     assert ours.max() < 0.1 * theirs.max() or theirs.max() < 0.01
+
+
+def test_a_rough_surface_shows_a_highlight_instead(view, render, add_plane, node_material):
+    """Its few rays would show sharp images of the lamp, one beside the other."""
+    floor = add_plane(half=3.0)
+    floor.location = (0, 0, -0.5)
+    floor.data.materials.append(node_material("rough", 'ShaderNodeBsdfGlossy', Roughness=0.5))
+    ob = lamp(view, "ball")
+    ob.location = (0.3, 0.2, 3.5)
+    view.render.engine = 'LIGHT_MESHES'
+    with_lamp = render(view)["Combined"][..., 0]
+    ob.visible_glossy = True
+    ob.data.shadow_soft_size = 1e-3  # too small to be met by a ray
+    point = render(view)["Combined"][..., 0]
+    assert with_lamp.max() <= 1.2 * point.max()

@@ -143,6 +143,64 @@ def sheet(scene, sockets, cell=32):
     return columns
 
 
+def lamp_sheet(scene, cases, cell=32):
+    """Show lamps side by side, each on a matt plane that it alone lights.
+
+    cases: [(type, tree → colour or vector, rotation)]. Returns the cells of the picture (rows from above), in order.
+    """
+    columns = math.ceil(math.sqrt(len(cases)))
+    matt = Tree("Matt")
+    matt.tree.links.new(matt.node('ShaderNodeBsdfDiffuse').outputs[0],
+                        matt.tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
+    for i, (kind, socket, rotation) in enumerate(cases):
+        x, y = i % columns + 0.5 - columns / 2, columns / 2 - i // columns - 0.5
+        mesh = bpy.data.meshes.new("Plane")
+        mesh.from_pydata([(-.5, -.5, 0), (.5, -.5, 0), (.5, .5, 0), (-.5, .5, 0)], [], [(0, 1, 2, 3)])
+        mesh.materials.append(matt.material)
+        lamp = bpy.data.lights.new(f"Lamp {i}", kind)
+        lamp.light_meshes.softness, lamp.energy = 'SIZE', 2.0 if kind == 'SUN' else 10.0
+        if kind in ('POINT', 'SPOT'):
+            lamp.shadow_soft_size = 0.0
+        elif kind == 'SUN':
+            lamp.angle = 0.0
+        else:
+            lamp.size = 0.02
+        plane, ob = bpy.data.objects.new(f"Plane {i}", mesh), bpy.data.objects.new(f"Lamp {i}", lamp)
+        plane.location, ob.location = (x, y, 0), (x + 0.1, y - 0.05, 0.7)
+        ob.rotation_euler, ob.scale = rotation, (1.2, 0.8, 1.0)
+        alone = bpy.data.collections.new(f"Of lamp {i}")
+        alone.objects.link(plane)
+        ob.light_linking.receiver_collection = alone
+        for one in (plane, ob):
+            scene.collection.objects.link(one)
+        tree = LampTree(lamp)
+        tree.emit(tree.node('ShaderNodeVectorMath', {0: socket(tree), 1: (0.1, 0.1, 0.1), 2: (0.5, 0.5, 0.5)},
+                            operation='MULTIPLY_ADD').outputs[0])
+    camera = scene.camera.data
+    camera.type, camera.ortho_scale = 'ORTHO', columns
+    exact(scene)
+    scene.cycles.max_bounces, scene.light_meshes.shadows = 0, 'SHARP'
+    scene.render.resolution_x = scene.render.resolution_y = columns * cell
+    corners = [(i // columns * cell, i % columns * cell) for i in range(len(cases))]
+    return [(slice(y, y + cell), slice(x, x + cell)) for y, x in corners]
+
+
+def outputs_of_lamps(kinds):
+    """Cases for `lamp_sheet`: all that nodes ask of lamps, of these types."""
+    asked = {'ShaderNodeNewGeometry': ("Position", "Normal", "True Normal", "Incoming", "Parametric", "Backfacing"),
+             'ShaderNodeTexCoord': ("Generated", "Normal", "UV", "Object", "Camera", "Window", "Reflection"),
+             'ShaderNodeLightPath': ("Is Camera Ray", "Is Shadow Ray", "Is Diffuse Ray", "Ray Depth"),
+             'ShaderNodeObjectInfo': ("Location", "Color", "Alpha", "Object Index", "Random"),
+             'ShaderNodeLightFalloff': ("Quadratic", "Linear", "Constant"), 'ShaderNodeAttribute': ("Fac",)}
+    given = {'ShaderNodeAttribute': {"attribute_type": 'OBJECT', "attribute_name": "energy"}}
+
+    def output(idname, name):
+        return lambda tree: tree.node(idname, {"Strength": 3.0, "Smooth": 0.2} if name == "Linear" else {},
+                                      **given.get(idname, {})).outputs[name]
+    return [(kind, output(idname, name), (0.2, 0.1, 0.4)) for kind in kinds for idname, names in asked.items()
+            for name in names]
+
+
 def exact(scene):
     """Both engines look at pixels' middles, once."""
     scene.render.resolution_percentage, scene.render.filter_size, scene.light_meshes.samples = 100, 0.0, 1

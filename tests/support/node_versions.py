@@ -6,7 +6,7 @@ import sys
 
 import bpy
 import light_meshes_addon
-from node_trees import FEATURES, Tree, World, exact, sheet, voronoi
+from node_trees import FEATURES, Tree, World, exact, lamp_sheet, outputs_of_lamps, sheet, voronoi
 
 
 def voronois():
@@ -82,6 +82,8 @@ def main(name, *files):
     scene.collection.objects.link(scene.camera)
     if name == "worlds":
         worlds(scene)
+    elif name == "lamps":
+        lamp_sheet(scene, outputs_of_lamps(['POINT', 'SPOT']))
     else:
         sheet(scene, list(SHEETS[name]()))
     for engine, file in zip(('LIGHT_MESHES', 'CYCLES'), files, strict=True):

@@ -1,8 +1,8 @@
 """Cells of the contest: one picture, or one flight, by one method, in a Blender process of its own.
 
 A cell that is done stays in its folder and is not rendered again. One that fails leaves error.txt there, and the others
-go on. Memory is the largest sum of the resident memories of the process and all that it started, looked at ten times a
-second; only on systems with /proc.
+go on. Memory is the sum of the largest resident memories of the process and of all that it started, looked at twice a
+second, only on systems with /proc: an upper bound, as pages that two of them map count twice.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ..frontends.blend import environment
 from ..scene.errors import SceneError
 from .scenes import blend_folder
 
+EVERY = 0.5  # seconds between two looks at the memory, which cost processor time themselves
 RESULT, ERROR, REQUEST = "result.json", "error.txt", "request.json"
 
 
@@ -140,19 +141,20 @@ def addon() -> Path:
 
 def _watched(command: list[str], patience: float) -> tuple[int | None, str, int | None]:
     """Run a command. Returns its exit code (None: it was ended), what it said, and the largest memory in bytes."""
-    peak, end = 0, time.monotonic() + patience
+    peaks: dict[int, int] = {}
+    end = time.monotonic() + patience
     own = environment() | {"LIGHT_MESHES_PYTHON": sys.executable}
     child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                              text=True, errors="replace", env=own, start_new_session=os.name == "posix")
     try:
         while True:
             try:
-                said, _ = child.communicate(timeout=0.1)
-                return child.returncode, said, peak or None
+                said, _ = child.communicate(timeout=min(EVERY, patience))
+                return child.returncode, said, sum(peaks.values()) or None
             except subprocess.TimeoutExpired:
-                peak = max(peak, memory(child.pid))
+                peaks |= memory(child.pid)
                 if time.monotonic() > end:
-                    return None, "", peak or None
+                    return None, "", None
     finally:
         if child.poll() is None:
             _end(child)
@@ -168,10 +170,9 @@ def _end(child: subprocess.Popen[str]) -> None:
     child.wait()
 
 
-def memory(process: int) -> int:
-    """Return the resident memory of a process and all below it in bytes, 0 where the system does not tell.
-
-    Pages that several of them map, such as the picture's, are shared out between these.
+def memory(process: int) -> dict[int, int]:
+    """Return the largest resident memory that a process and each below it had so far, in bytes, by process id; nothing
+    where the system does not tell.
     """
     parents: dict[int, int] = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
@@ -180,9 +181,9 @@ def memory(process: int) -> int:
     family = {process}
     while more := {child for child, parent in parents.items() if parent in family} - family:
         family |= more
-    total = 0
+    found = {}
     for one in family:
         with contextlib.suppress(OSError, IndexError, ValueError):
-            text = Path(f"/proc/{one}/smaps_rollup").read_text()
-            total += int(text.partition("\nPss:")[2].split()[0]) * 1024
-    return total
+            status = Path(f"/proc/{one}/status").read_text()
+            found[one] = int(status.partition("\nVmHWM:")[2].split()[0]) * 1024
+    return found

@@ -2,8 +2,8 @@
 
 Scenes of `blend_scenes/contest` are rendered by this engine at Draft, Balanced and Fine, and by Cycles with several
 numbers of samples, with and without its denoiser, with the same bounces. All are judged against Cycles with many
-samples (`judge`). OUT keeps every picture, so that a run that was interrupted, or asks for more, goes on where it was. After
-each cell OUT/contest.json and OUT/contest.md are written again.
+samples (`judge`). OUT keeps every picture, so that a run that was interrupted, or asks for more, goes on where it
+was. After each cell OUT/contest.json and OUT/contest.md are written again.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from .runs import machine
 SCENES = ("still_life", "room", "night_hall", "stage", "product", "street", "forest", "exhibition")
 LEVELS = ("DRAFT", "BALANCED", "FINE")
 FORMAT = "light-meshes contest"
+FLOOR = 8  # the flight's three frames of many samples have the reference's divided by this
 Say = Callable[[str], None]
 
 
@@ -127,7 +128,9 @@ class Match:
         return self._cell(way).picture(self._out, self.task.frame, suffix)
 
     def flight(self) -> None:
-        """Measure the flicker of Balanced and, with the denoiser, of Cycles at equal error and at equal time."""
+        """Measure the flicker of Balanced and, with the denoiser, of Cycles at equal error and at equal time; and of
+        three frames that have next to no noise, the floor of the measure.
+        """
         frames = tuple(range(1, self.task.flight + 1))
         rows = self.found["rows"]
         if "balanced" not in rows:
@@ -138,15 +141,19 @@ class Match:
             return
         seen = [judge.read_guides(self._cell(Way("GUIDES"), frames).picture(self._out, f["frame"]), f["to_pixel"])
                 for f in guides["frames"]]
-        for way in [w for w in self.task.ways() if w.name in rivals | {"balanced"}]:
-            done = self._render(way, frames)
+        # What would flicker without noise, as textures between pixels do: three frames of many samples.
+        floor = Way("CYCLES", samples=max(1, self.task.reference // FLOOR), reference=True)
+        for way in [floor, *(w for w in self.task.ways() if w.name in rivals | {"balanced"})]:
+            these = frames[:3] if way is floor else frames
+            done = self._render(way, these)
             if done is None:
                 continue
-            shown = [judge.read(self._cell(way, frames).picture(self._out, n)) for n in frames]
+            shown = [judge.read(self._cell(way, these).picture(self._out, n)) for n in these]
             seconds = [f["seconds"] for f in done["frames"]]
-            self.found["flight"][way.name] = judge.flicker(shown, seen, self.found["exposure"]) | {
+            measured = judge.flicker(shown, seen[:len(these)], self.found["exposure"])
+            self.found["flight"]["floor" if way is floor else way.name] = measured | {
                 "label": way.label, "seconds": float(np.median(seconds)), "first": seconds[0]}
-            self._say(f"{self.name}: {way.label}: flicker {self.found['flight'][way.name].get('flicker', 0):.5f}")
+            self._say(f"{self.name}: {way.label}: flicker {measured.get('flicker', 0):.5f}")
             write(self._results, self._out)
 
     def show(self) -> None:

@@ -53,6 +53,17 @@ def faster(rows: Rows) -> tuple[float, bool] | None:
     return rows[name]["seconds"] / rows["balanced"]["seconds"], beyond
 
 
+def reference_noise(rows: Rows, samples: int) -> float | None:
+    """Return the RMSE away from edges that the reference of so many samples has by its own noise, from the noise of
+    fewer: that of n samples against it is σ²/n + σ²/N. None without a picture that is not denoised.
+    """
+    noisy = [row for row in rows.values() if row["engine"] == "CYCLES" and not row["denoise"]]
+    if not noisy:
+        return None
+    most = max(noisy, key=lambda row: row["samples"])
+    return float(most["rmse"] / (1 + samples / most["samples"])**0.5)
+
+
 def text(results: dict[str, Any]) -> str:
     """Return the page: a summary, then a table for each scene."""
     width, height = results["size"]
@@ -63,7 +74,7 @@ def text(results: dict[str, Any]) -> str:
              "preparing and denoiser; CPU: the processor seconds of Blender and all that it started.",
              _summary(results["scenes"])]
     for name, scene in results["scenes"].items():
-        parts += _scene(name, scene)
+        parts += _scene(name, scene, results["reference"])
     return "\n\n".join(parts) + "\n"
 
 
@@ -98,20 +109,28 @@ def _summary(scenes: dict[str, Any]) -> str:
 
 
 def _flicker(flight: dict[str, Any]) -> list[str]:
+    """Return Balanced's flicker over that of the steadier of the two rivals, beyond the floor, and whether it is small
+    enough. The floor's variance is taken off: it is of what any method shows.
+    """
     own = flight.get("balanced", {}).get("flicker")
-    others = [row["flicker"] for name, row in flight.items() if name != "balanced" and row.get("flicker")]
+    others = [row["flicker"] for name, row in flight.items() if name not in ("balanced", "floor") and "flicker" in row]
     if own is None or not others:
         return ["–", "–"]
-    ratio = own / min(others)
+    floor = flight.get("floor", {}).get("flicker", 0.0)
+    noise = max(min(others)**2 - floor**2, 0.0)**0.5
+    if not noise:
+        return ["–", "–"]
+    ratio = max(own**2 - floor**2, 0.0)**0.5 / noise
     return [f"{ratio:.2f}", "reached" if ratio <= FLICKER else "**not reached**"]
 
 
-def _scene(name: str, scene: dict[str, Any]) -> list[str]:
+def _scene(name: str, scene: dict[str, Any], samples: int) -> list[str]:
     said = [f"## {name}"]
     if scene["rows"]:
         share = next(iter(scene["rows"].values()))["edges"]
         said.append(f"Blender {scene.get('version', '')}; the reference took {scene.get('reference_seconds', 0):.0f} s;"
-                    f" {share:.0%} of the pixels are at edges.")
+                    f" {share:.0%} of the pixels are at edges; of its own noise it has an RMSE of about "
+                    f"{_number(reference_noise(scene['rows'], samples))}: errors not much larger are not known.")
         said.append(table(["", "s", "CPU s", "FLIP away", "whole", "RMSE away", "whole", "MiB"], [
             [row["label"], f"{row['seconds']:.2f}", f"{row['processor']:.2f}", _number(row.get("flip")),
              _number(row.get("flip_whole")), _number(row["rmse"]), _number(row["rmse_whole"]),

@@ -12,8 +12,8 @@ the eight pixels around one, another object is met, the surface turns by more th
 screen (0 to 1). Three frames in a row are compared at the same point of the surface: where the middle frame's pixel is
 seen in the others follows from its place in the world. What counts is I(t) − ½·(I(t − 1) + I(t + 1)), so a highlight
 that wanders evenly does not; it is divided by √1.5, so that noise of the standard deviation σ, independent in each
-frame, gives σ. Left out are edges in any of the frames, and points that are hidden or outside of a frame. Between pixels the
-others are interpolated, which smooths some noise and so flatters the noisier picture.
+frame, gives σ. Left out are edges in any of the frames, and points that are hidden or outside of a frame. Between
+pixels the others are interpolated, which smooths some noise and so flatters the noisier picture.
 """
 
 from __future__ import annotations

@@ -154,6 +154,20 @@ class Grids:
         x, y = np.where(upper[:, None], 1 - x, x), np.where(upper[:, None], 1 - y, y)
         return number.astype(np.int32), front, (i[:, None] + x) * step[:, None], (j[:, None] + y) * step[:, None]
 
+    def wider(self, keys: NDArray[np.uint64], by: int) -> NDArray[np.uint64]:
+        """The keys (n,) of small triangles around those with these keys, in grids whose edges are 2^by times as long."""
+        number, front, depth, i, j = parts(keys)
+        third = np.where((keys & _UPPER) != 0, 2 / 3, 1 / 3)
+        new = np.maximum(depth - by, 0)
+        step = np.ldexp(1.0, new - depth)
+        u, v = (i + third) * step, (j + third) * step
+        i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+        upper = (u - i) + (v - j) > 1
+        found: NDArray[np.uint64] = np.bitwise_or.reduce([
+            number, front.astype(np.int64) << 31, new << 32, i << 36, j << 49, upper.astype(np.int64) << 62]).astype(
+                np.uint64)
+        return found
+
 
 def parts(keys: NDArray[np.uint64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
     """Triangle or class, front, depth, i and j of keys (n,)."""

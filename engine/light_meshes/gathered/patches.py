@@ -18,8 +18,9 @@ from .rays import Check, Field, Gatherer, Seen
 from .table import Table
 
 RAYS = 64  # of a patch
+WIDER = 3  # what a patch gathers is that of a patch whose edges are 2^WIDER times as long
 BATCH = 4096  # patches at once
-FEWER = 2.5  # how much larger the patches are for their rays, of which there are fewer than of records
+FEWER = 2.0  # how much larger the patches are for their rays, of which there are fewer than of records
 
 _gather = kernel("patches_gather")
 
@@ -41,8 +42,9 @@ class Patches:
         self._local = directions(RAYS)
         self._emission = np.empty((0, 3))
         self._albedo, self._direct, self._sky = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
-        self._looked, self._lit, self._traced = (np.empty(0, np.bool_) for _ in range(3))
+        self._looked, self._lit, self._traced, self._covered = (np.empty(0, np.bool_) for _ in range(4))
         self._bounced: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
+        self._arrived: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
         # what their rays meet: links begin..begin+count of each patch to others, with weights where some let light pass
         self._begin, self._count = np.empty(0, np.int64), np.empty(0, np.int64)
         self._other = _Growing(np.empty(0, np.int32))
@@ -70,9 +72,10 @@ class Patches:
         def longer(a: NDArray) -> NDArray:
             return np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)])
 
-        for name in ("_emission", "_albedo", "_direct", "_sky", "_looked", "_lit", "_traced", "_begin", "_count"):
+        for name in ("_emission", "_albedo", "_direct", "_sky", "_looked", "_lit", "_traced", "_covered", "_begin", "_count"):
             setattr(self, name, longer(getattr(self, name)))
         self._bounced = [(longer(light), longer(known)) for light, known in self._bounced]
+        self._arrived = [(longer(light), longer(known)) for light, known in self._arrived]
 
     def _after(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
         """The radiance of all patches, of which that of patches (n,) is known."""
@@ -87,25 +90,79 @@ class Patches:
             some = new[i:i + BATCH]
             light = self._emission[some] + self._direct[some]
             if self._gathers or bounces > 1:
-                self._trace(some[~self._traced[some]], check)
-                light += self._albedo[some] * (self._sky[some] + self._from_others(some, bounces - 1, check))
+                light += self._albedo[some] * self._incoming(some, bounces - 1, check)
             values, known = self._bounced[bounces - 1]  # they may have grown
             values[some], known[some] = light, True
         return self._bounced[bounces - 1][0]
 
-    def _see(self, new: NDArray[np.int32], lit: bool, check: Check) -> None:
-        """Find out what patches are, and their direct light if `lit`."""
+    def _incoming(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
+        """The radiance (n,3) that white patches (n,) would return of the sky and of other patches, after so many
+        bounces. It changes slowly, so one wider patch gathers for many.
+        """
+        wider = self._table.numbers(self._field.grids.wider(self._table.keys[number], WIDER))
+        self._grow()
+        while len(self._arrived) <= bounces:
+            self._arrived.append((np.zeros((len(self._looked), 3)), np.zeros(len(self._looked), np.bool_)))
+        new = _missing(wider, self._arrived[bounces][1])
+        for i in range(0, len(new), BATCH):
+            some = new[i:i + BATCH]
+            self._trace(some[~self._traced[some]], check)
+            light = self._sky[some] + self._from_others(some, bounces, check)
+            values, known = self._arrived[bounces]
+            values[some], known[some] = light, True
+        return self._arrived[bounces][0][wider]
+
+    def _see(self, new: NDArray[np.int32], lit: bool, check: Check, widened: bool = True) -> None:
+        """Find out what patches are, and their direct light if `lit`. widened: those that are covered are as wider
+        ones.
+        """
         for i in range(0, len(new), BATCH):
             check()
             some = new[i:i + BATCH]
             triangle, front, u, v = self._field.grids.inside(self._table.keys[some])
             P, N = self._points(triangle, front, u, v)
             emission, albedo, direct = self._look(np.repeat(triangle, 4), P, N, lit)
-            self._emission[some] = emission.reshape(-1, 4, 3).mean(1)
-            self._albedo[some] = albedo.reshape(-1, 4, 3).mean(1)
-            self._direct[some] = (albedo * direct).reshape(-1, 4, 3).mean(1)
+            there, covered = self._there(P, N)
+            for kept, values in ((self._emission, emission), (self._albedo, albedo), (self._direct, albedo * direct)):
+                kept[some] = (values.reshape(-1, 4, 3) * there).sum(1)
             self._looked[some] = True
             self._lit[some] = lit
+            self._covered[some] = covered
+            if widened:
+                self._uncover(some[covered], lit, check)
+
+    def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
+        """Let patches that are covered but for a corner be as the wider ones around them, unless these are covered."""
+        for by in (1, 2, 4):
+            keys = self._table.keys[number]
+            around = self._field.grids.wider(keys, by)
+            differs = around != keys
+            number, wider = number[differs], self._table.numbers(around[differs])
+            if not len(number):
+                return
+            self._grow()
+            new = np.unique(wider)
+            self._see(new[~(self._lit if lit else self._looked)[new]], lit, check, False)
+            free = ~self._covered[wider]
+            for kept in (self._emission, self._albedo, self._direct):
+                kept[number[free]] = kept[wider[free]]
+            number = number[~free]
+
+    def _there(self, P: NDArray, N: NDArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """The weights (n,4,1) of the points of patches: those inside of something that stands there count only where
+        all are. And whether all are (n,).
+        """
+        f = self._field
+        triangle, *_ = f.tracer.closest("diffuse", P, N, N)
+        covered = np.zeros(len(P), np.bool_)
+        hit = np.flatnonzero(triangle >= 0)
+        covered[hit] = (f.grids.normals(triangle[hit]) * N[hit]).sum(1) > 0
+        f.stats.add(gathered_rays=len(P))
+        free = ~covered.reshape(-1, 4)
+        none = ~free.any(1)
+        free |= none[:, None]
+        weight: NDArray[np.float64] = (free / free.sum(1, keepdims=True))[:, :, None]
+        return weight, none
 
     def _points(self, triangle: NDArray, front: NDArray, u: NDArray,
                 v: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -18,8 +18,8 @@ from ..surface.sky import Sky
 from .grids import Grids
 
 _rays, _met = kernel("records_rays"), kernel("records_met")
-SHARE = 0.15  # patches are up to this share of the way to them
-STEPS = 4  # sizes of patches, each four times the one before
+SHARE = 0.25  # patches are up to this share of the way to them
+STEPS = 9  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
 
 
@@ -62,7 +62,7 @@ class Gatherer:
         m = field.scene.materials
         clear = np.array([x.alpha < 1 or x.alpha_image >= 0 or any(x.kt) for x in m], np.bool_)
         self._clear = clear[material] if field.glass.transparent else None
-        self.for_small = np.stack([self._stand_ins(material, finest * 4.0**i) for i in range(STEPS)])
+        self.for_small = np.stack([self._stand_ins(material, finest * 2.0**i) for i in range(STEPS)])
 
     def _stand_ins(self, material: NDArray, size: float) -> NDArray[np.int32]:
         """For triangles (T,) that are not larger than `size`, one of those that are near, look the same way and have

@@ -33,7 +33,7 @@ i64 records_rays(i64 r, i64 d, i64 x, const f64 *P, const f64 *M, const f64 *tur
 }
 
 /* Fills how far rays went (0: they hit nothing), and the key of the patch that each hit. finest, steps: sizes of
-   patches are finest·4^i, the largest that is not above `share` of the way; for_small (s,T): the triangle that stands
+   patches are finest·2^i, the largest that is not above `share` of the way; for_small (s,T): the triangle that stands
    for one smaller than that, −1: it is not smaller. */
 KERNEL(records_met,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  flipped bool[T]  longest f32[T]  "
@@ -57,7 +57,7 @@ i64 records_met(i64 V, i64 T, i64 s, i64 x, const f64 *centre, f64 scale, const 
         away = scale * sqrt(away);
         distance[k] = (f32)(away > 1e-30 ? away : 1e-30);
         f64 size = finest;
-        while (step + 1 < s && 4.0 * size <= share * away) size *= 4.0, step++;
+        while (step + 1 < s && 2.0 * size <= share * away) size *= 2.0, step++;
         int front = (dot(normal, direction + 3 * k) < 0.0) != flipped[t];
         i64 small = for_small[step * T + t];
         if (small >= 0) {

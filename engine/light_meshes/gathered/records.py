@@ -19,15 +19,19 @@ from ..rays.geometry import Hits
 from ..rays.tracer import points
 from ..support.native import kernel
 from .directions import directions, tilted
+from .grids import Places
 from .nearness import Nearness
 from .patches import Patches, add
 from .rays import Check, Field, Gatherer
 from .table import Table
 
 _sum, _trust, _blend = kernel("records_sum"), kernel("records_trust"), kernel("records_blend")
-RAYS = 512  # of a record
-BATCH = 512  # records at once
-WITHIN = 0.25  # records are trusted up to this share of the mean distance of what they see
+# Rays of a record, by how far apart records are, in finest distances: each record of a coarse grid counts for a large
+# part of a surface, and there are few.
+RAYS = ((6.0, 2048), (3.0, 1024), (0.0, 512))
+BATCH = 1 << 18  # rays at once
+WITHIN = 0.4  # records are trusted up to this share of the mean distance of what they see
+APART = 1.5  # and up to this multiple of the distance of edges
 BEYOND = 3  # levels finer than the finest, where no record can be seen from a receiver
 LIFT = 1e-3  # how far above their surface records are looked at, as a share of the distance between them
 ENOUGH = 1e-3  # so little is not asked for at the next level
@@ -52,8 +56,7 @@ class Records:
         """fine: how far apart records are at the finest level, scene units."""
         self._field, self._gather, self._patches, self._nearness = field, gather, patches, nearness
         self._fine, self._bounces = fine, bounces
-        self._local = directions(RAYS)
-        self._tilted = tilted(self._local)
+        self._kinds = [(at_least * fine, local, tilted(local)) for at_least, n in RAYS for local in [directions(n)]]
         self._table = Table()
         self._lock, self._light = threading.Condition(), threading.Lock()
         self._broken = False
@@ -120,9 +123,7 @@ class Records:
             mine = self._table.keys[new]
         if len(new):
             try:
-                for i in range(0, len(new), BATCH):
-                    check()
-                    self._compute(new[i:i + BATCH], mine[i:i + BATCH], check)
+                self._compute_all(new, mine, check)
             except BaseException:
                 with self._lock:
                     self._broken = True
@@ -149,12 +150,24 @@ class Records:
             a = getattr(self, name)
             setattr(self, name, np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)]))
 
-    def _compute(self, new: NDArray[np.int64], keys: NDArray[np.uint64], check: Check) -> None:
-        """Compute records."""
-        stats = self._field.stats
+    def _compute_all(self, new: NDArray[np.int64], keys: NDArray[np.uint64], check: Check) -> None:
+        """Compute records (n,) with these keys."""
         places = self._field.grids.places(keys)
+        left = np.ones(len(new), np.bool_)
+        for at_least, local, more in self._kinds:
+            rows = np.flatnonzero(left & (places.spacing >= at_least))
+            left[rows] = False
+            step = BATCH // len(local)
+            for i in range(0, len(rows), step):
+                check()
+                some = rows[i:i + step]
+                self._compute(new[some], Places._make(a[some] for a in places), local, more, check)
+
+    def _compute(self, new: NDArray[np.int64], places: Places, local: NDArray, more: NDArray, check: Check) -> None:
+        """Compute records by rays along `local` (d,3), which count as `more` (d,4) for leaning normals."""
+        stats = self._field.stats
         with stats.stage("gathered light: rays"):
-            seen = self._gather(places.P, places.N, self._local)
+            seen = self._gather(places.P, places.N, local)
         with stats.stage("gathered light: nearness"), self._light:
             near = self._nearness(places.P, places.N, places.spacing, places.own)
         with stats.stage("gathered light: patches"), self._light:
@@ -162,8 +175,8 @@ class Records:
         r = len(new)
         mean, inverse = np.empty((r, 5, 3), np.float32), np.empty(r, np.float32)
         nearest, free = np.empty(r, np.float32), np.empty(r, np.float32)
-        _sum(seen.distance.reshape(r, -1), light.reshape(r, -1, 3), self._tilted, mean, inverse, nearest, free)
-        inverse = np.maximum(inverse, WITHIN / np.maximum(near, 1e-30))
+        _sum(seen.distance.reshape(r, -1), light.reshape(r, -1, 3), more, mean, inverse, nearest, free)
+        inverse = np.maximum(inverse, WITHIN / (APART * np.maximum(near, 1e-30)))
         with self._lock:
             self._P[new] = places.P + LIFT * places.spacing[:, None] * places.N
             self._M[new], self._mean[new] = places.N, mean

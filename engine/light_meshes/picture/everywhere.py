@@ -24,9 +24,9 @@ from .lighting import Lighting
 from .plan import Plan
 from .world import World
 
-FINE = 1.0  # the finest distance of records, in steps h that suit the picture
+FINE = 2.0  # the finest distance of records, in steps h that suit the picture
 LEVELS = 6  # that are coarser, each by 2
-PATCH = 6.0  # the size of the smallest patches, in finest distances
+PATCH = 1.0  # the size of the smallest patches, in finest distances
 
 
 def step(h: float) -> float:

@@ -11,11 +11,14 @@ from ..film.passes import TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
 from ..surface import points
+from .frosted import BENDS, frosted
 from .prepared import Prepared
-from .reflections import background, leaving, reflected, softened
+from .reflections import background, going, reflected, softened
 from .wave import Rays, joined
 
-BENDS = 64  # a ray through glass bends at up to this many surfaces and then goes straight on
+# Surfaces that a ray meets at most, also those that have no effect. Where two faces of a body meet, a ray along one of
+# them could else, by rounding, meet both again and again.
+LONGEST = 1024
 PIECE = 1 << 16  # rays that are shaded at once where they spread out
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
 
@@ -45,7 +48,8 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
                              mirrored=np.zeros(n, np.int16))
     if ready.glass.stacks is not None:
         rays = rays._replace(start=origin, last=np.full(n, -1, np.int32))
-    if ready.plan.blurred:
+    spreads = ready.plan.blurred or ready.plan.frosted
+    if spreads:
         rays = rays._replace(fan=(-1 - np.arange(n) % len(ready.offsets)).astype(np.int32), blur=np.zeros(n))
     if tile.parts:
         rays = rays._replace(part=np.zeros(n, np.int8))  # DIRECT
@@ -53,10 +57,12 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
         rays = rays._replace(left=np.ones(n))
     ready.stats.add(camera_rays=n)
     waves: dict[str, Rays] = {"camera": rays}
-    while waves:
+    for _ in range(LONGEST):  # until no ray is left, at most
+        if not waves:
+            break
         next_waves: dict[str, list[Rays]] = {}
         for kind, rays in waves.items():
-            for piece in rays.pieces(PIECE) if ready.plan.blurred and first is None else (rays,):
+            for piece in rays.pieces(PIECE) if spreads and first is None else (rays,):
                 check()
                 for child_kind, child in _wave(ready, kind, piece, reach, first, tile, check):
                     next_waves.setdefault(child_kind, []).append(child)
@@ -125,11 +131,13 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
         rays = rays._replace(left=rays.left * (1 - there))
     # These surfaces have no effect: cut-outs, and interfaces inside a medium of higher priority.
     unseen = rays._replace(media=np.where(face.real[:, None], media, face.media))
-    children += _going(ready, kind, unseen, hits, rays.weight - share, rays.direction, 0)
+    children += going(ready, kind, unseen, hits, rays.weight - share, rays.direction, 0)
+    if ready.plan.frosted:
+        children += frosted(ready, rays, through, hits, share, face)
     straight = ~face.bends | (rays.depth >= BENDS)
     passed = share * face.kt
-    children += _going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays.direction, 0)
-    children += _going(ready, "reflection", through, hits, np.where(straight[:, None], 0, passed), face.refracted, 1)
+    children += going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays.direction, 0)
+    children += going(ready, "reflection", through, hits, np.where(straight[:, None], 0, passed), face.refracted, 1)
     if ready.plan.reflections or ready.plan.blurred:
         # If no light passes, light does not divide further, and only mirrors count for the depth.
         events = np.where(passed.any(1), rays.depth, mirrored)
@@ -143,13 +151,16 @@ def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], h
     lamps, kinds = ready.lamps, _kinds(kind, rays) if ready.lamps.by else None
     if kinds is None or not (np.left_shift(1, kinds) & lamps.by).any():
         return
+    weight = rays.weight
+    if rays.blur is not None:  # rough surfaces have highlights of lamps instead
+        weight = np.where(rays.blur[:, None] > 0, 0.0, weight)
     far = np.full(len(hit), np.inf)
     far[hit] = np.einsum("ni,ni->n", hits.P - rays.origin[hit], rays.direction[hit])
     light = lamps.light(rays.origin, rays.direction, far, kinds)
-    rows = np.flatnonzero(light.any(1))
+    rows = np.flatnonzero(light.any(1) & weight.any(1))
     if len(rows):
         seen = rays.at(rows)
-        tile.add_light(seen.pixel, seen.part, seen.weight, light[rows], {"Emission": light[rows]})
+        tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]})
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:
@@ -172,7 +183,25 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
         light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work)
     tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms)
     tile.add_work(rays.pixel, work)
+    if ready.plan.translucent:
+        _shine_through(ready, rays, weight, hits, tile, check)
     return light.shadows
+
+
+def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
+                   check: Callable[[], None]) -> None:
+    """Add the light that comes through surfaces scattered: that of a matt surface on their other side."""
+    rows = np.flatnonzero((hits.table.translucent[hits.row] > 0).any(1))
+    if not len(rows):
+        return
+    some = hits.at(rows)
+    back = some._replace(Ng=-some.Ng, Ns=-some.Ns, front=~some.front, table=hits.table.behind(),
+                         smooth=None if some.smooth is None else -some.smooth)
+    work = tile.work(len(rows))
+    light = ready.lighting.direct(back, rays.direction[rows], check, tile.parts, False, work)
+    tile.add_light(rays.pixel[rows], None if rays.part is None else rays.part[rows], weight[rows], light.colour,
+                   light.terms)
+    tile.add_work(rays.pixel[rows], work)
 
 
 def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
@@ -195,18 +224,8 @@ def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
     if rays.left is not None:
         rays = rays._replace(left=np.where(holdout, rays.left * (1 - alpha[:, 0]), rays.left))
     weight = rays.weight * (1 - alpha + alpha * dimmed)  # cut-outs let light pass
-    children = _going(ready, "camera", rays.at(gone), hits.at(gone), weight[gone], rays.direction[gone], 0)
+    children = going(ready, "camera", rays.at(gone), hits.at(gone), weight[gone], rays.direction[gone], 0)
     return rays.at(~gone), hits.at(~gone), children
-
-
-def _going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
-           step: int) -> list[tuple[str, Rays]]:
-    """The rays that go on through the surface with `weight`; step: 1 where they bend."""
-    on = weight.max(axis=1, initial=0) > ready.scene.settings.cutoff
-    if not on.any():
-        return []
-    return [(kind, leaving(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on],
-                     step))]
 
 
 def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dict[str, NDArray]) -> None:

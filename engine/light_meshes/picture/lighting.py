@@ -149,12 +149,13 @@ class Lighting:
         return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown)
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
-            lights: NDArray[np.uint64] | None = None, visibility: Method | None = None) -> Iterator[
+            lights: NDArray[np.uint64] | None = None, visibility: Method | None = None,
+            narrow: NDArray[np.uint64] | None = None) -> Iterator[
                 tuple[slice, shading.Lit, NDArray[np.uint64], NDArray[np.float32]]]:
         """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of surfaces, batch by batch.
 
         None without lights. unlit: see `shading.reaching`. lights (W,): those that count; None: all. visibility:
-        another method than the plan's.
+        another method than the plan's. narrow: see `Receivers`.
         """
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
         step = max(64, SHADED // max(1, count))
@@ -177,6 +178,7 @@ class Lighting:
                     self.terminator.clear(lift, some, self._targets, active, self._world.closest)
             method = visibility or self._method
             probe = work[part] if work is not None and self._plan.kind.counts else None
-            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift), check, probe)
+            rows = None if narrow is None else narrow[part]
+            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows), check, probe)
             self.terminator.fade(some, self._targets, S)
             yield part, lit, active, S

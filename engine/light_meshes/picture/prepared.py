@@ -45,9 +45,9 @@ class Prepared:
         measured = Measured(self.world, previous.measured if previous else None)
         step = automatic_step.automatic(self.world, measured)
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)
-        casters = automatic_step.without(self.world.casters, step.sharp, len(scene.lights))
+        casters = automatic_step.without(self.world.casters, step.sharp | measured.pinpoints, len(scene.lights))
         self.scene = dataclasses.replace(self.world.scene, settings=settings, camera=view)  # as it is drawn
-        self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason)
+        self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason, measured.pinpoints)
         for what, value, why in self.world.sky.decisions():
             self.plan.decide(what, value, why)
         if self.world.as_lamps is not None:
@@ -56,8 +56,10 @@ class Prepared:
         before = previous.shadowing if previous else None
         self.shadowing: Shadowing = shadowing(self.world, settings, casters, self.plan, measured, stats, before)
         nodes = self.shadowing.method.nodes
-        if nodes is not None:
-            parts.append(memory.nodes(self.scene, self.world, nodes.lattice.reach, self.plan.channels))
+        self.soft = next((one for one in nodes if not one.points), None)  # nodes of lights of one width
+        if self.soft:
+            parts.append(memory.nodes(self.scene, self.world, self.soft.lattice.reach, self.plan.channels))
+        parts += memory.shares(self.scene, self.world, nodes)
         self.warnings = [*darkness(scene, self.plan), *self.world.lost, *self.world.unread,
                          *automatic_step.drawn_sharp(scene.lights, step), *self.shadowing.warnings,
                          *memory.check(parts)]
@@ -71,10 +73,11 @@ class Prepared:
         self.lamps = SeenLamps(scene.lights)
         self.numbers = numbers(scene)
         self.sparse = None
-        if self.plan.shadow_rate > 1 and nodes is not None:
-            self.sparse = Sparse(self.world, self.lighting, casters, nodes.lattice, self.offsets, stats)
+        if self.plan.shadow_rate > 1 and nodes:
+            reach = min(settings.kI if one.points else float(one.lattice.reach[0]) for one in nodes)
+            self.sparse = Sparse(self.world, self.lighting, casters, (settings.h, reach), self.offsets, stats)
 
-        self.passes, self.stats, self.soft = tuple(passes), stats, nodes
+        self.passes, self.stats = tuple(passes), stats
         self.measured: Measured = measured
         self.measured_h = measured.h if settings.auto_h else 0.0
         self.surfaces, self.tracer, self.glass = self.world.surfaces, self.world.tracer, self.world.glass

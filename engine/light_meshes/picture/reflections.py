@@ -12,24 +12,26 @@ from ..surface.blurred import spread
 from .prepared import Prepared
 from .wave import Rays
 
+LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
+
 
 def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: NDArray, events: NDArray,
               tile: Tile) -> list[tuple[str, Rays]]:
     """The rays that surfaces reflect, of rays (n,) that count there with weight (n,3).
 
-    mirror (n,3): the share that mirrors reflect. events (n,): how often rays were reflected, or bent, where that counts:
-    max_depth bounds it, so that light does not divide for ever.
+    mirror (n,3): the share that mirrors reflect. events (n,): how often rays were reflected, or bent, where that
+    counts: max_depth bounds it, so that light does not divide for ever.
     """
     may = (events < ready.scene.settings.max_depth) & ready.plan.reflections
     if not ready.plan.blurred:
-        return _mirrored(ready, rays.seen_as(REFLECTED), hits, weight * mirror, may)
+        return mirrored(ready, rays, hits, weight * mirror, may)
     lobes = hits.table.blurred[hits.row]
     rows = np.flatnonzero(lobes)
-    children = _mirrored(ready, rays.seen_as(REFLECTED), hits, np.where(lobes[:, None], 0.0, weight * mirror), may)
+    children = mirrored(ready, rays, hits, np.where(lobes[:, None], 0.0, weight * mirror), may)
     return children + _blurred(ready, rays.at(rows), hits.at(rows), weight[rows], may[rows], tile)
 
 
-def _mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
+def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
     """The rays that mirrors reflect with weight (n,3), of those that may (n,) go on."""
     on = (weight.max(axis=1, initial=0) > ready.scene.settings.cutoff) & may
     if not on.any():
@@ -37,7 +39,14 @@ def _mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDA
     rays, normal = rays.at(on), hits.Ng[on]
     turned = np.empty((len(normal), 3))
     shading.mirrored(rays.direction, normal, hits.Ns[on], turned)
-    return [("reflection", leaving(_once_more(rays), hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
+    rays = _once_more(rays.seen_as(REFLECTED))
+    return [("reflection", leaving(rays, hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
+
+
+def upwards(ready: Prepared) -> NDArray[np.float64]:
+    """The unit vector (3,) that goes up in the picture."""
+    up = ready.scene.camera.matrix[:3, 1]
+    return np.ascontiguousarray(up / np.linalg.norm(up))
 
 
 def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray,
@@ -47,17 +56,14 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     """
     if not len(rays.pixel):
         return []
-    settings, camera = ready.scene.settings, ready.scene.camera
+    settings = ready.scene.settings
     assert rays.fan is not None and rays.blur is not None
-    up = camera.matrix[:3, 1] / np.linalg.norm(camera.matrix[:3, 1])
-    found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, up, len(ready.offsets), settings.cutoff)
-    sky = ready.world.sky
-    ambient = 1.0 if settings.world_light == "SKY" else settings.ambient
-    if ambient and not sky.dark:
-        turned = np.empty_like(hits.P)
-        shading.mirrored(rays.direction, hits.Ng, hits.Ns, turned)
-        light = found.left * (ambient * sky.light(turned))
-        tile.add_light(rays.pixel, rays.part, weight, light, {"Ambient": light})
+    found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
+                   settings.cutoff)
+    if found.left.any():
+        light = found.left * _around(ready, hits, rays.direction)
+        name = "Ambient" if ready.lighting.everywhere is None else "Glossy"
+        tile.add_light(rays.pixel, rays.part, weight, light, {name: light})
     rows = found.hit[found.weight.max(axis=1, initial=0) > 0]
     if not len(rows):
         return []
@@ -68,9 +74,29 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
                                    found.direction[sent], 1))]
 
 
+def _around(ready: Prepared, hits: Hits, direction: NDArray) -> NDArray[np.float64]:
+    """The radiance (n,3) around hits of rays along `direction`, for what no ray follows: the mean of what is gathered
+    there, or else the world's light, as if nothing stood before it.
+    """
+    if ready.lighting.everywhere is not None:
+        return ready.lighting.everywhere(hits, lambda: None).light
+    turned = np.empty_like(hits.P)
+    shading.mirrored(direction, hits.Ng, hits.Ns, turned)
+    return ready.scene.settings.ambient * np.broadcast_to(ready.world.sky.light(turned), turned.shape)
+
+
 def _once_more(rays: Rays) -> Rays:
     """Rays that are mirrored once more."""
     return rays if rays.mirrored is None else rays._replace(mirrored=rays.mirrored + np.int16(1))
+
+
+def going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
+          step: int) -> list[tuple[str, Rays]]:
+    """The rays that go on through the surface with `weight`; step: 1 where they bend."""
+    on = weight.max(axis=1, initial=0) > ready.scene.settings.cutoff
+    if not on.any():
+        return []
+    return [(kind, leaving(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on], step))]
 
 
 def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,
@@ -109,13 +135,15 @@ def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
 
 
 def background(ready: Prepared, rays: Rays, ray: NDArray[np.int8]) -> NDArray[np.float64]:
-    """The radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces. Those of rough
-    surfaces see what lights surfaces: lamps that stand for the world's suns have highlights of their own.
+    """The radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces.
+
+    Those of rough surfaces see what lights surfaces, as blurred as their rays are apart: lamps that stand for the
+    world's suns have highlights of their own.
     """
     sky = ready.world.sky
     seen = sky.seen(rays.direction, ray)
-    if not sky.suns or rays.blur is None or not (rays.blur > 0).any():
+    if not sky.varies or rays.blur is None or not (rays.blur > 0).any():
         return seen
-    rows = np.flatnonzero(rays.blur > 0)
-    seen[rows] = sky.light(rays.direction[rows])
+    rows, seen = np.flatnonzero(rays.blur > 0), np.array(seen)
+    seen[rows] = sky.light(rays.direction[rows], LOBE * rays.blur[rows]**4)
     return seen

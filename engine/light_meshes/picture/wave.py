@@ -38,8 +38,8 @@ class Rays(NamedTuple):
         return Rays._make(a if a is None else a.take(index, axis=0) for a in self)
 
     def pieces(self, most: int) -> Iterator[Rays]:
-        """These rays, about `most` of them at a time; all of a sample at once, so that it does not matter for the sum of
-        what they find where the others are.
+        """These rays, about `most` of them at a time, but all of a sample at once: what they find is added up in one
+        order, wherever the others are.
         """
         if len(self.pixel) <= most:
             yield self

@@ -47,7 +47,8 @@ NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "gene
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),
     "nShiny": (1, 0.0, 1e9), "mirror": (3, 0.0, 1e30), "emission": (3, 0.0, 1e30), "kt": (3, 0.0, 1e30),
-    "ior": (1, 0.01, 100.0), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
+    "ior": (1, 0.01, 100.0), "frosted": (1, 0.0, 1.0), "diffuse_roughness": (1, 0.0, 1.0),
+    "translucent": (3, 0.0, 1e30), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
     "metal": (1, 0.0, 1e30), "F0": (3, 0.0, 1.0), "F90": (3, 0.0, 1.0), "F82": (3, 0.0, 1.0),
     "dielectric": (1, 0.0, 1e30), "dielectric_ior": (1, 1e-5, 1000.0), "dielectric_tint": (3, 0.0, 1e30),
     "layered": (1, 0.0, 1.0), "compensation": (1, 0.0, 1.0), "coat": (1, 0.0, 1.0), "coat_roughness": (1, 0.0, 1.0),
@@ -77,8 +78,8 @@ class Program:
     def __hash__(self) -> int:
         return hash((self.operations, tuple(self.values.items())))
 
-    def needed(self, names: Collection[str]) -> list[bool]:
-        """Which operations the parameters of these names need."""
+    def needed(self, names: Collection[str]) -> tuple[list[bool], set[int]]:
+        """Which operations the parameters of these names need, and which registers."""
         starts = [0]
         for operation in self.operations:
             starts.append(starts[-1] + OPERATIONS[operation.name][1])
@@ -89,7 +90,7 @@ class Program:
             needs[i] = any(register in asked for register in range(starts[i], starts[i + 1]))
             if needs[i]:
                 asked.update(a[0] for a in self.operations[i].arguments if isinstance(a, tuple) and len(a) == 1)
-        return needs
+        return needs, asked
 
     def images(self) -> set[int]:
         """The images that it looks at."""

@@ -109,8 +109,8 @@ _RANGES = {
     (Material, "alpha"): (0.0, 1.0),
 }
 _RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
-    "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
-    "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
+    "diffuse_roughness", "frosted", "translucent", "roughness", "metal", "F0", "F90", "F82", "dielectric",
+    "dielectric_ior", "dielectric_tint", "layered", "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
 
 
 def write(scene: Scene, folder: Path) -> None:

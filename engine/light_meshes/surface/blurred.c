@@ -65,7 +65,7 @@ static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
    not followed, as a share of light from everywhere. fan: which rays of a pixel they are, below 0 for those that were
    not spread out yet, which may be. may: whether rays may go on from there. matt: what
    of the light the surface scatters. weight: what of the light counts. */
-KERNEL(blurred_count, "ggx f64[M,25]  tables f64[T]  blurred bool[M]  way f64[n,3]  Ns f64[n,3]  material i32[n]  "
+KERNEL(blurred_count, "ggx f64[M,26]  tables f64[T]  blurred bool[M]  way f64[n,3]  Ns f64[n,3]  material i32[n]  "
        "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  samples i64  count i32[n,2]!  left f64[n,3]!")
 i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const u8 *blurred, const f64 *way, const f64 *Ns,
                   const i32 *material, const i32 *fan, const u8 *may, const f64 *matt, const f64 *weight, f64 cutoff, i64 samples,
@@ -166,7 +166,7 @@ static f64 facet_reflects(const Gloss *g, int j, f64 c) {
 /* The rays that `blurred_count` counted, in the order of hits, coats first: of which hit, which way, with what weight (0
    where microfacets send it into the surface), their number in `fan`, and how rough the lobe is, 0: not spread out.
    depth: how many lobes rays have met before. */
-KERNEL(blurred_rays, "ggx f64[M,25]  tables f64[T]  way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  material i32[n]  fan i32[n]  "
+KERNEL(blurred_rays, "ggx f64[M,26]  tables f64[T]  way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  material i32[n]  fan i32[n]  "
        "depth i32[n]  matt f64[n]  weight f64[n,3]  up f64[3]  samples i64  count i32[n,2]  hit i64[m]!  out f64[m,3]!  "
        "share f64[m,3]!  number i32[m]!  blur f64[m]!")
 i64 blurred_rays(i64 M, i64 T, i64 n, i64 most, const f64 *ggx, const f64 *tables, const f64 *way, const f64 *Ng,
@@ -200,6 +200,34 @@ i64 blurred_rays(i64 M, i64 T, i64 n, i64 most, const f64 *ggx, const f64 *table
                 hit[at] = p, number[at] = spread || !fresh ? i : fan[p];
                 blur[at] = spread ? fmax(lobe.roughness, LEAST_SEEN) : 0.0;
             }
+        }
+    }
+    return at == most ? 0 : -1;
+}
+
+/* How many rays go on through each rough surface of glass, and come back from it. */
+KERNEL(blurred_glass_count, "roughness f64[n]  fan i32[n]  samples i64  count i32[n]!")
+i64 blurred_glass_count(i64 n, const f64 *roughness, const i32 *fan, i64 samples, i32 *count) {
+    for (i64 p = 0; p < n; p++) count[p] = fan[p] < 0 ? rays_of(held(roughness[p], 0.0, 1.0), 1.0, samples) : 1;
+    return 0;
+}
+
+/* The microfacets that these rays meet, in the order of hits; hit, number and blur are as in `blurred_rays`. */
+KERNEL(blurred_glass, "way f64[n,3]  Ns f64[n,3]  roughness f64[n]  fan i32[n]  depth i32[n]  up f64[3]  samples i64  "
+       "count i32[n]  hit i64[m]!  facet f64[m,3]!  number i32[m]!  blur f64[m]!")
+i64 blurred_glass(i64 n, i64 most, const f64 *way, const f64 *Ns, const f64 *roughness, const i32 *fan, const i32 *depth,
+                  const f64 *up, i64 samples, const i32 *count, i64 *hit, f64 *facet, i32 *number, f64 *blur) {
+    i64 at = 0;
+    for (i64 p = 0; p < n; p++) {
+        const f64 *N = Ns + 3 * p;
+        f64 V[3] = {-way[3 * p], -way[3 * p + 1], -way[3 * p + 2]}, rough = held(roughness[p], 0.0, 1.0);
+        int fresh = fan[p] < 0, spread = rough >= ROUGH;
+        for (i32 k = 0; k < count[p] && at < most; k++, at++) {
+            f64 point[2];
+            i32 i = fresh ? (-1 - fan[p]) * count[p] + k : fan[p];
+            disk_point((u32)i, fresh ? (f64)samples * count[p] : 4096.0, fresh ? 0 : depth[p], point);
+            facet_at(V, N, held(dot3(V, N), LEAST_SIGHT, 1.0), square(rough), up, point, facet + 3 * at);
+            hit[at] = p, number[at] = spread || !fresh ? i : fan[p], blur[at] = spread ? fmax(rough, LEAST_SEEN) : 0.0;
         }
     }
     return at == most ? 0 : -1;

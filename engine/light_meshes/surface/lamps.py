@@ -56,13 +56,15 @@ class Lamps:
             return
         self._spaces = Spaces(lights, camera, [Lookup(profile) for profile in scene.profiles])
         self._faces = Faces(lights, self._spaces)
-        self._groups = list(_groups(lights))
-        self._suns = np.ones((len(lights), 3))
-        for group in self._groups:
+        groups = list(_groups(lights))
+        self._suns = np.ones((len(lights), 3), np.float32)  # of lamps that are the same for all receivers
+        for group in groups:
             if KINDS[group.type].directional:
                 travels = np.array([lights[i].direction for i in group.lamps], np.float64)
                 travels /= np.maximum(np.linalg.norm(travels, axis=1, keepdims=True), 1e-300)
                 self._suns[group.lamps] = self._run(group, suns(self._spaces, group.lamps, travels))
+        self._groups = [group for group in groups if not KINDS[group.type].directional]
+        self._plain = np.setdiff1d(np.arange(len(lights)), [i for group in self._groups for i in group.lamps])
 
     def __call__(self, P: NDArray[np.float64], N: NDArray[np.float64],
                  S: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -70,16 +72,15 @@ class Lamps:
         """
         if not self.any:
             return S
-        out = np.array(np.broadcast_to(S, (*S.shape[:2], 3)))
+        out = np.zeros((*S.shape[:2], 3), np.float32)
+        out[:, self._plain] = S[:, self._plain] * self._suns[self._plain]
+        lit = S[:, :, 0] != 0 if S.shape[2] == 1 else S.any(2)
         for group in self._groups:
-            if KINDS[group.type].directional:
-                out[:, group.lamps] *= self._suns[group.lamps].astype(np.float32)
-                continue
-            row, which = np.nonzero(S[:, group.lamps].any(2))
+            row, which = np.nonzero(lit if len(group.lamps) == len(lit[0]) else lit[:, group.lamps])
             for first in range(0, len(row), PAIRS):
                 part = row[first:first + PAIRS]
                 lamp = group.lamps[which[first:first + PAIRS]]
-                out[part, lamp] *= self._light(group, lamp, P[part], N[part]).astype(np.float32)
+                out[part, lamp] = S[part, lamp] * self._light(group, lamp, P[part], N[part]).astype(np.float32)
         return out
 
     def _light(self, group: Group, lamp: NDArray[np.int64], P: NDArray[np.float64],

@@ -29,7 +29,7 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
     wanted: of which parameters only; what they do not need is not computed. An argument may be an array instead of a
     number, with one for each instance: so programs that differ in numbers only are run as one (`lamps`).
     """
-    needed = program.needed(wanted)
+    needed, asked = program.needed(wanted)
     registers: list[Register] = []
     moved: dict[tuple, Points] = {}
 
@@ -55,7 +55,8 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
             elif name in _OF_POINTS:
                 registers.extend(_OF_POINTS[name](points, *map(value, arguments)))
             elif name == "image":
-                registers.extend(_images(textures, points, *map(value, arguments)))
+                alpha = len(registers) + 3 in asked
+                registers.extend(_images(textures, points, alpha, *map(value, arguments)))
             elif name == "sky":
                 registers.extend(sky(len(points.P), *map(value, arguments)))
             elif name in TEXTURES:
@@ -258,21 +259,21 @@ def _table(x: Register, table: NDArray[np.float64], interpolates: bool, extrapol
     return table[i] + (table[i + 1] - table[i]) * (x - i)
 
 
-def _images(textures: Sequence[Texture | None], points: Points, number: Register, x: Register,
+def _images(textures: Sequence[Texture | None], points: Points, alpha: bool, number: Register, x: Register,
             y: Register) -> Sequence[Register]:
-    """Colour and alpha of images at (x, y); number: the same for all points, or one for each."""
+    """Colour and alpha of images at (x, y), if alpha is wanted; number: the same for all points, or one for each."""
     if np.ndim(number) == 0:
-        return _image(textures[int(number)], x, y, len(points.P))
+        return _image(textures[int(number)], x, y, len(points.P), alpha)
     out = np.empty((len(points.P), 4))
     x, y = np.broadcast_to(x, len(out)), np.broadcast_to(y, len(out))
     for n in np.unique(number):
         rows = np.flatnonzero(number == n)
-        for k, channel in enumerate(_image(textures[int(n)], x[rows], y[rows], len(rows))):
+        for k, channel in enumerate(_image(textures[int(n)], x[rows], y[rows], len(rows), alpha)):
             out[rows, k] = channel
     return _columns(out)
 
 
-def _image(texture: Texture | None, x: Register, y: Register, n: int) -> Sequence[Register]:
+def _image(texture: Texture | None, x: Register, y: Register, n: int, alpha: bool) -> Sequence[Register]:
     """Colour and alpha of an image at (x, y); one that cannot be read is light grey."""
     if texture is None:
         return 0.8, 0.8, 0.8, 1.0
@@ -280,4 +281,4 @@ def _image(texture: Texture | None, x: Register, y: Register, n: int) -> Sequenc
     place[:, 0], place[:, 1] = x, y
     colour = np.empty((n, 3))
     texture.lookup(place, np.arange(n), colour)
-    return (*_columns(colour), texture.alpha(place))
+    return (*_columns(colour), texture.alpha(place) if alpha else 1.0)

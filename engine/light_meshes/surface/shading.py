@@ -81,6 +81,8 @@ class Materials(NamedTuple):
     kt: NDArray[np.float64]  # (M,3)
     ior: NDArray[np.float64]
     fresnel: NDArray[np.bool_]
+    translucent: NDArray[np.float64]  # (M,3)
+    frosted: NDArray[np.float64]
     alpha: NDArray[np.float64]
     alpha_image: NDArray[np.int32]
     blurred: NDArray[np.bool_]  # lobes of microfacets show what is around
@@ -99,10 +101,19 @@ class Materials(NamedTuple):
     coat_roughness: NDArray[np.float64]
     coat_ior: NDArray[np.float64]
     coat_tint: NDArray[np.float64]  # (M,3)
+    diffuse_roughness: NDArray[np.float64]
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-        """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
-        return (np.column_stack(self[15:]), _facet_tables()) if self.ggx.any() else (None, None)
+        """What the kernels want to know of GGX, a row (26,) a material, and its tables; (None, None): none has it."""
+        return (np.column_stack(self[17:]), _facet_tables()) if (
+            self.ggx.any() or self.diffuse_roughness.any()) else (None, None)
+
+    def behind(self) -> Materials:
+        """What surfaces are for the light that comes through them, scattered: matt on their other side."""
+        none, black = np.zeros_like(self.kd), np.zeros_like(self.Od)
+        return self._replace(Od=self.translucent, ka=np.ones_like(none), kd=np.ones_like(none), ks=none, emission=black,
+                             image=np.full_like(self.image, -1), ggx=np.zeros_like(self.ggx),
+                             diffuse_roughness=none)
 
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
@@ -133,13 +144,15 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
     return Materials(
         colour("Od"), column("ka"), column("kd"), column("ks"), colour("Os"), column("nShiny"), colour("mirror"),
         colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
-        np.array([m.fresnel for m in materials], np.bool_), column("alpha"),
+        np.array([m.fresnel for m in materials], np.bool_), colour("translucent"), column("frosted"),
+        column("alpha"),
         np.array([m.alpha_image for m in materials], np.int32),
         np.array([m.blurred and m.highlight == "GGX" and not m.fresnel for m in materials], np.bool_),
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
         colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
         colour("dielectric_tint"), column("layered"), column("compensation"),
         column("coat"), column("coat_roughness"), column("coat_ior"), colour("coat_tint"),
+        column("diffuse_roughness"),
     )
 
 
@@ -203,17 +216,17 @@ def rough_only(materials: Materials, row: NDArray[np.int32]) -> Materials | None
                               coat_roughness=np.where(coat, -1.0, materials.coat_roughness))
 
 
-def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], jump: float, step: float,
-          matt: NDArray[np.float64], gloss: NDArray[np.float64]) -> None:
+def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], narrow: NDArray[np.uint64] | None, jump: float,
+          step: float, matt: NDArray[np.float64], gloss: NDArray[np.float64]) -> None:
     """Fill matt and gloss (n,) with how much the light of a white surface may change nearby.
 
-    A light that is partly visible changes by the share `jump`, all others by `step`. group (L,): lights with the same
-    number are close together and count as one, which is partly visible if one of them is. Different groups are
-    independent, so the root of the sum of their squares is used. Where S > 1 (focused light), the value is multiplied
-    by S.
+    A light that is partly visible changes by the share `jump`, one in narrow (n,W) by all, all others by `step`. group
+    (L,): lights with the same number are close together and count as one, which is partly visible, or narrow, if one of
+    them is. Different groups are independent, so the root of the sum of their squares is used. Where S > 1 (focused
+    light), the value is multiplied by S.
     """
     group = np.asarray(group, np.int64)
-    _steps(*lit.taken, S, group, np.argsort(group, kind="stable"), jump, step, matt, gloss)
+    _steps(*lit.taken, S, group, np.argsort(group, kind="stable"), narrow, jump, step, matt, gloss)
 
 
 def unlit(materials: Materials, material: NDArray[np.int32], Ia: NDArray[np.float64], Od: NDArray[np.float64],
