@@ -12,7 +12,7 @@ from light_meshes_addon.export import node_values, surface_nodes
 PAGE = Path(__file__).with_name("materials.md")
 BLOCK = re.compile(r"(<!-- nodes -->\n).*?(\n<!-- end -->)", re.S)
 # What is read elsewhere than in the two tables.
-ELSEWHERE = {'ShaderNodeBackground': "as the world", 'ShaderNodeGroup': "followed, nested groups too",
+ELSEWHERE = {'ShaderNodeBackground': "of the world", 'ShaderNodeGroup': "followed, nested groups too",
              'ShaderNodeOutputMaterial': "", 'ShaderNodeOutputLight': "", 'ShaderNodeOutputWorld': "",
              'ShaderNodeLightFalloff': "in lamps", 'ShaderNodeTexIES': "in lamps",
              'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': ""}
@@ -25,6 +25,7 @@ NEARLY = {
     'ShaderNodeMixShader': "two specular parts have one mean roughness",
     'ShaderNodeAddShader': "two specular parts have one mean roughness",
     'ShaderNodeNewGeometry': "without Pointiness and Random Per Island",
+    'ShaderNodeTexSky': "Hosek / Wilkie as Preetham",
     'ShaderNodeLightPath': "without Ray Length and depths; in lamps with both",
 }
 

@@ -83,7 +83,7 @@ def _differs(value, off: float) -> bool:
 
 
 def settings(scene, view_layer, report: Report) -> None:
-    """Warn about settings of the scene, view layer and world that Cycles uses and the engine does not."""
+    """Warn about settings of the scene and the view layer that Cycles uses and the engine does not."""
     cycles, simplified = getattr(scene, "cycles", None), scene.render.use_simplify
     for used, sentence in (
         (scene.render.use_motion_blur and view_layer.use_motion_blur,
@@ -102,11 +102,6 @@ def settings(scene, view_layer, report: Report) -> None:
     ):
         if used:
             report.warn(sentence.format(view_layer.name))
-    world = view_layer.world_override or scene.world
-    seen = getattr(world, "cycles_visibility", None)
-    if seen and not seen.camera:
-        report.warn("Ray Visibility: Camera is off, but the camera sees the world: Film: Transparent hides it",
-                    "World", world.name)
 
 
 def rays(ob, report: Report) -> None:

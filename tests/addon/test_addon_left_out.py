@@ -175,7 +175,6 @@ def test_a_worlds_volume_is_named(scene, add_plane, snapshot):
 @pytest.mark.parametrize(("path", "value", "word"), [
     ("scene.cycles.film_exposure", 2.0, "Exposure"), ("scene.cycles.sample_clamp_direct", 1.0, "Clamping"),
     ("layer.use_sky", False, "Include Environment"), ("layer.use_solid", False, "Include Surfaces"),
-    ("scene.world.cycles_visibility.camera", False, "Ray Visibility: Camera"),
     ("plane.visible_transmission", False, "Ray Visibility: Transmission"),
     ("scene.render.use_motion_blur", True, "Motion Blur"),
 ])

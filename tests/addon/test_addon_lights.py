@@ -149,8 +149,9 @@ def test_world(scene, add_plane, snapshot):
     background.inputs["Color"].default_value = (0.1, 0.2, 0.4, 1)
     background.inputs["Strength"].default_value = 2
     assert snapshot(scene).world_color == pytest.approx((0.2, 0.4, 0.8))
-    texture = world.node_tree.nodes.new('ShaderNodeTexSky')
-    world.node_tree.links.new(texture.outputs[0], background.inputs["Color"])
+    shader = world.node_tree.nodes.new('ShaderNodeBsdfDiffuse')
+    output = next(n for n in world.node_tree.nodes if n.type == 'OUTPUT_WORLD')
+    world.node_tree.links.new(shader.outputs[0], output.inputs["Surface"])
     found = snapshot(scene)
-    assert found.world_color == pytest.approx((0.2, 0.4, 0.8))
-    assert any("'Sky'" in w and "Sky Texture" in w for w in found.warnings)
+    assert found.world_color == (0, 0, 0) and not found.world
+    assert any("'Sky'" in w and "Diffuse BSDF" in w and "background is black" in w for w in found.warnings)

@@ -164,3 +164,33 @@ def test_a_world_that_some_rays_do_not_see(wide, render, kind):
     ours, theirs = both(wide, render)
     assert (theirs.max() > 0) == (kind != "camera")
     np.testing.assert_allclose(ours, np.maximum(theirs, 0), atol=5e-3)  # no light is negative here
+
+
+MODELS = [kind.identifier for kind in bpy.types.ShaderNodeTexSky.bl_rna.properties["sky_type"].enum_items
+          if kind.identifier != 'HOSEK_WILKIE']
+
+
+@pytest.mark.parametrize("elevation", [0.02, 0.3, 1.1])
+@pytest.mark.parametrize("model", MODELS)
+def test_skies(wide, render, model, elevation):
+    """Above the horizon; the sun is in the picture."""
+    tree = World(wide)
+    node = tree.node('ShaderNodeTexSky', sky_type=model)
+    if model == 'PREETHAM':
+        node.sun_direction, node.turbidity = (0.6, 0.8 * math.cos(elevation), 0.8 * math.sin(elevation)), 3.0
+    else:
+        node.sun_elevation, node.sun_rotation, node.sun_size, node.altitude = elevation, 0.9, 0.1, 300.0
+        node.ozone_density, node.air_density, node.sun_intensity = 2.0, 1.3, 0.1
+        setattr(node, "aerosol_density" if hasattr(node, "aerosol_density") else "dust_density", 1.5)
+    tree.shine(tree.background(node.outputs[0]))
+    wide.camera.data.angle = 1.2
+    compare(wide, render, views=[(math.pi / 2 + 0.65, 0.0, -0.9)])
+
+
+def test_a_sky_that_cannot_be_had_is_named(wide, snapshot):
+    tree = World(wide)
+    node = tree.node('ShaderNodeTexSky', sky_type='HOSEK_WILKIE')
+    tree.shine(tree.background(node.outputs[0]))
+    found = snapshot(wide)
+    assert any("sky type Hosek" in w and "Preetham" in w for w in found.warnings)
+    assert [o.arguments[0] for o in found.world.operations if o.name == "sky"] == [2.0]

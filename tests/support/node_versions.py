@@ -6,7 +6,7 @@ import sys
 
 import bpy
 import light_meshes_addon
-from node_trees import FEATURES, Tree, lamp_sheet, outputs_of_lamps, sheet, voronoi
+from node_trees import FEATURES, Tree, World, exact, lamp_sheet, outputs_of_lamps, sheet, voronoi
 
 
 def voronois():
@@ -49,6 +49,26 @@ def others():
         yield tree, tree.node('ShaderNodeCameraData').outputs[output]
 
 
+def worlds(scene):
+    """A world of all that releases may have changed: an image, turned and mixed with a sky, by kind of ray."""
+    tree = World(scene)
+    image = bpy.data.images.new("sky", 32, 16, float_buffer=True)
+    image.pixels.foreach_set([1.0 if i % 4 == 3 else 0.2 + 0.6 * (i % 128) / 128 for i in range(32 * 16 * 4)])
+    image.pack()
+    place = tree.node('ShaderNodeTexCoord').outputs["Generated"]
+    turned = tree.node('ShaderNodeMapping', {"Vector": place, "Rotation": (0.2, 0.4, 1.1)}).outputs[0]
+    around = tree.node('ShaderNodeTexEnvironment', {0: turned}, image=image).outputs[0]
+    sky = tree.node('ShaderNodeTexSky')  # of the release's first kind
+    sky.sun_disc, sky.altitude = False, 100.0
+    path = tree.node('ShaderNodeLightPath').outputs["Is Camera Ray"]
+    both = tree.node('ShaderNodeAddShader', {0: tree.background(around), 1: tree.background(sky.outputs[0], 0.1)})
+    tree.shine(tree.node('ShaderNodeMixShader', {0: path, 1: tree.background((1, 0, 0, 1)), 2: both.outputs[0]}
+                         ).outputs[0])
+    exact(scene)
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    scene.camera.data.angle, scene.camera.rotation_euler = 1.2, (2.2, 0.0, 0.4)
+
+
 SHEETS = {"voronoi": voronois, "bumps": bumps, "others": others}
 
 
@@ -60,7 +80,9 @@ def main(name, *files):
     scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.camera.location = (0, 0, 10)
     scene.collection.objects.link(scene.camera)
-    if name == "lamps":
+    if name == "worlds":
+        worlds(scene)
+    elif name == "lamps":
         lamp_sheet(scene, outputs_of_lamps(['POINT', 'SPOT']))
     else:
         sheet(scene, list(SHEETS[name]()))

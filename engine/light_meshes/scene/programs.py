@@ -41,8 +41,8 @@ NOT_OF_LAMPS = {"attribute", "instance", "corner_normal", "bump"}  # a lamp's ma
 # second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
 SHIFTED = {"uv", "position", "object", "generated", "attribute"}
 # What only a point of a surface has: a world's program must not ask for it.
-NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump", "box",
-               "to_world_normal", "corner_normal", "object_scale", "parametric"}
+NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump",
+                 "box", "to_world_normal", "corner_normal", "object_scale", "parametric", "ray_length", "ies"}
 # Parameters of a Material that a program may set: (channels, smallest, largest value).
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),

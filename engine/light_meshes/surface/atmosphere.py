@@ -1,7 +1,7 @@
 """The sky of a clear day by direction: what operation "sky" of programs gives, as Blender's Sky Texture has it.
 
-Two models follow sunlight through the air: SINGLE, light that was scattered once (Nishita et al., "Display of the
-earth taking into account atmospheric scattering", 1993, with ozone), at 21 wavelengths; MULTIPLE, with an approximation of
+Two models follow sunlight through the air: SINGLE, light that was scattered once (Nishita et al., "Display of the earth
+taking into account atmospheric scattering", 1993, with ozone), at 21 wavelengths; MULTIPLE, with an approximation of
 what was scattered more often and what the ground returns (García Liñán, "Spectral sky", 2024), at 4. PREETHAM is a
 formula that was fitted to such skies (Preetham, Shirley, Smits, "A practical analytic model for daylight", 1999).
 

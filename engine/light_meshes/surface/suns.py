@@ -18,7 +18,7 @@ from .sky_table import Radiance, directions, inside
 MOST, TRIES = 8, 24  # suns, and bright places that are looked at
 SHARE = 0.01  # of all light that a sun gives at least
 BRIGHTER = 16.0  # times the mean radiance is its brightest part at least
-EDGE = 0.1  # where its radiance falls below this share of that, it ends
+EDGE = 0.03  # where its radiance falls below this share of that, it ends
 REACH = np.radians(12.0)  # how far from its middle it may go
 LONGER = 3.0  # how many times as long as wide it may be
 FINE = 4096  # directions along each side of the whole square, where a bright place is looked at closely
