@@ -2,12 +2,13 @@
 text.
 
 Each line on stdin is a JSON object: file (a .blend), lights {name: radius, a sun's angle, or null for the size in the
-file}, power (a factor for all lights), width, height, samples, seed and picture (an .exr to write, or null). The answer
-is a line "@light-meshes " + JSON with two times: `sampling`, the seconds from before the first sample to after the
-last, without export and acceleration structure; and `whole`, the seconds of Blender's render operator.
+file}, power (a factor for all lights), width, height, samples, seed, picture (an .exr to write, or null), and denoise
+(optional; OpenImageDenoise with albedo and normals). The answer is a line "@light-meshes " + JSON with two times:
+`sampling`, the seconds from before the first sample to after the last and the denoiser, without export and acceleration
+structure; and `whole`, the seconds of Blender's render operator.
 
-Only direct light is computed, on the CPU, without denoiser and adaptive sampling, with a black world and rays through
-the centre of each pixel.
+Only direct light is computed, on the CPU, without adaptive sampling, with a black world and rays through the centre of
+each pixel.
 """
 
 import json
@@ -30,6 +31,11 @@ def prepare(scene, request):
     scene.render.engine = 'CYCLES'
     cycles = scene.cycles
     cycles.device, cycles.use_adaptive_sampling, cycles.use_denoising = 'CPU', False, False
+    if request.get("denoise"):
+        cycles.use_denoising, cycles.denoiser = True, 'OPENIMAGEDENOISE'
+        cycles.denoising_input_passes = 'RGB_ALBEDO_NORMAL'
+        if hasattr(cycles, "denoising_use_gpu"):
+            cycles.denoising_use_gpu = False
     cycles.samples, cycles.seed = request["samples"], request["seed"]
     cycles.pixel_filter_type, cycles.filter_width = 'BLACKMAN_HARRIS', 0.01  # not BOX, which is always one pixel wide
     cycles.max_bounces = 0

@@ -179,6 +179,11 @@ def materials(folder):
     return beside_cycles(folder, "materials")
 
 
+def lamp_nodes(folder):
+    """Lamps with nodes. Above: this engine. Below: Cycles."""
+    return beside_cycles(folder, "lamp_nodes")
+
+
 def shapes(folder):
     """Things under lamps with a size. Above: this engine. Below: Cycles."""
     return beside_cycles(folder, "shapes")
@@ -192,7 +197,7 @@ def beside_cycles(folder, script):
 
 
 PICTURES = {f.__name__: f for f in (tabletop, parameters, weights, cylinder, lens, control, light_size, limits,
-                                   materials, shapes, panels)}
+                                   materials, lamp_nodes, shapes, panels)}
 
 if __name__ == "__main__":
     PICTURES_FOLDER.mkdir(exist_ok=True)

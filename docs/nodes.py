@@ -14,18 +14,18 @@ BLOCK = re.compile(r"(<!-- nodes -->\n).*?(\n<!-- end -->)", re.S)
 # What is read elsewhere than in the two tables.
 ELSEWHERE = {'ShaderNodeBackground': "as the world", 'ShaderNodeGroup': "followed, nested groups too",
              'ShaderNodeOutputMaterial': "", 'ShaderNodeOutputLight': "", 'ShaderNodeOutputWorld': "",
+             'ShaderNodeLightFalloff': "in lamps", 'ShaderNodeTexIES': "in lamps",
              'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': ""}
 # What a translated node does otherwise than in Cycles.
 NEARLY = {
-    'ShaderNodeBsdfPrincipled': "without subsurface, sheen, anisotropy, thin film; rough mirror images are not seen",
-    'ShaderNodeBsdfGlossy': "isotropic; rough mirror images are not seen",
-    'ShaderNodeBsdfAnisotropic': "isotropic; rough mirror images are not seen",
-    'ShaderNodeBsdfMetallic': "isotropic; rough mirror images are not seen",
-    'ShaderNodeBsdfDiffuse': "without roughness", 'ShaderNodeBsdfGlass': "clear", 'ShaderNodeBsdfRefraction': "clear",
+    'ShaderNodeBsdfPrincipled': "without subsurface, sheen, anisotropy, thin film",
+    'ShaderNodeBsdfGlossy': "isotropic", 'ShaderNodeBsdfAnisotropic': "isotropic",
+    'ShaderNodeBsdfMetallic': "isotropic",
+    'ShaderNodeBsdfGlass': "shadows as of clear glass", 'ShaderNodeBsdfRefraction': "shadows as of clear glass",
     'ShaderNodeMixShader': "two specular parts have one mean roughness",
     'ShaderNodeAddShader': "two specular parts have one mean roughness",
     'ShaderNodeNewGeometry': "without Pointiness and Random Per Island",
-    'ShaderNodeLightPath': "without Ray Length and depths",
+    'ShaderNodeLightPath': "without Ray Length and depths; in lamps with both",
 }
 
 

@@ -50,8 +50,9 @@ class Images:
             path = path_of(image, node.image_user, self.frame, tile)
         except ValueError:  # a NUL
             path = Path(image.filepath.replace("\0", "?"))
-        linked = node.outputs["Alpha"].is_linked
-        key = (image.original.session_uid, node.interpolation, node.extension, linked, path, tile)
+        linked = "Alpha" in node.outputs and node.outputs["Alpha"].is_linked
+        extension = getattr(node, "extension", 'REPEAT')  # an environment has none
+        key = (image.original.session_uid, node.interpolation, extension, linked, path, tile)
         if key not in self._indices:
             file = self._file(image, path, tile)
             if file is None:
@@ -60,7 +61,7 @@ class Images:
                 self._indices[key] = len(self.descriptions)
                 self.descriptions.append({
                     "name": image.name, "interpolation": 'CLOSEST' if node.interpolation == 'Closest' else 'LINEAR',
-                    "extension": node.extension,
+                    "extension": extension,
                 } | color.space(image.colorspace_settings) | _alpha(image, linked) | file)
         return self._indices[key]
 

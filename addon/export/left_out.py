@@ -28,13 +28,15 @@ _READ = {
     'ShaderNodeBsdfPrincipled': {
         "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Specular Tint",
         "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal",
+        "Diffuse Roughness",
         "Transmission Weight", "Emission Color", "Emission Strength"},
-    'ShaderNodeBsdfDiffuse': {"Color", "Normal"},
+    'ShaderNodeBsdfDiffuse': {"Color", "Roughness", "Normal"},
     'ShaderNodeBsdfGlossy': {"Color", "Roughness", "Normal"},
     'ShaderNodeBsdfMetallic': {"Base Color", "Edge Tint", "IOR", "Extinction", "Roughness", "Normal"},
     'ShaderNodeBsdfGlass': {"Color", "Roughness", "IOR", "Normal"},
     'ShaderNodeBsdfRefraction': {"Color", "Roughness", "IOR", "Normal"},
     'ShaderNodeBsdfTransparent': {"Color"},
+    'ShaderNodeBsdfTranslucent': {"Color", "Normal"},
     'ShaderNodeEmission': {"Color", "Strength"},
     'ShaderNodeMixShader': {"Fac", "Factor"},  # its name before 5.0
     'ShaderNodeBackground': {"Color", "Strength"},
@@ -42,7 +44,6 @@ _READ = {
 _READ['ShaderNodeBsdfAnisotropic'] = _READ['ShaderNodeBsdfGlossy']  # the internal name of the Glossy BSDF
 _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
     'ShaderNodeBsdfPrincipled': {
-        "Diffuse Roughness": LeftOut(),
         "Thin Wall": LeftOut(instead="it is rendered as a solid"),
         "Subsurface Weight": LeftOut(
             instead="it is rendered without subsurface scattering",
@@ -51,7 +52,6 @@ _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
         "Sheen Weight": LeftOut(instead="it is rendered without a sheen", details=("Sheen Roughness", "Sheen Tint")),
         "Thin Film Thickness": _FILM,
     },
-    'ShaderNodeBsdfDiffuse': {"Roughness": LeftOut()},
     'ShaderNodeBsdfGlossy': {"Anisotropy": LeftOut(instead=_ROUND, details=("Rotation", "Tangent"))},
     'ShaderNodeBsdfMetallic': {"Anisotropy": LeftOut(instead=_ROUND, details=("Rotation", "Tangent")),
                                "Thin Film Thickness": _FILM},

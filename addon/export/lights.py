@@ -10,18 +10,20 @@ import numpy as np
 
 from ..passes import shadow_number
 from ..softness import softness_of
-from . import left_out
-from .nodes import Nodes, uses_nodes
+from . import values
+from .lamp_nodes import LampNodes, OfLamp, Profiles, emission
+from .materials import Materials
+from .nodes import uses_nodes
 from .report import Report
 
 
-def light(ob, parent, matrix_world, report: Report) -> dict:
-    """Return the engine's description of the light object `ob` with the transform `matrix_world`. `parent` is its
-    instancer or None.
+def light(instance, ob, depsgraph, report: Report, materials: Materials, profiles: Profiles) -> dict:
+    """Return the engine's description of the light object `ob`, one of the depsgraph's instances. Images and IES files
+    that its nodes ask for are added to materials and profiles.
     """
-    lamp = ob.data
+    lamp, parent = ob.data, instance.parent
     seen = [ob] if parent is None else [ob, parent]
-    matrix = np.array(matrix_world, np.float64)
+    matrix = np.array(instance.matrix_world, np.float64)
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     axes = (matrix[:3, :3] / np.where(lengths > 0, lengths, 1)).T
     z = axes[2]
@@ -38,6 +40,9 @@ def light(ob, parent, matrix_world, report: Report) -> dict:
         "reference_distance": lamp.light_meshes.reference_distance,
         "diffuse": all(o.visible_diffuse for o in seen),
         "glossy": all(o.visible_glossy for o in seen),
+        "seen_by_camera": all(o.visible_camera for o in seen),
+        "seen_in_mirrors": all(o.visible_glossy for o in seen),
+        "seen_in_glass": all(o.visible_transmission for o in seen),
     }
     factor, own = _SHAPES[lamp.type](lamp, lengths, axes, report)
     power = factor * lamp.energy * _exposure(lamp)
@@ -45,7 +50,17 @@ def light(ob, parent, matrix_world, report: Report) -> dict:
         power = 0.0
     elif not all(o.visible_transmission for o in seen):
         report.warn("Ray Visibility: Transmission is off, but its light passes through glass", "Light", ob.name)
-    description["intensity"] = [power * c for c in _color(lamp, report)]
+    color = _color(lamp)
+    if uses_nodes(lamp):
+        nodes = LampNodes(lamp, OfLamp(instance, ob, depsgraph), report, materials, profiles, matrix)
+        given = emission(nodes)
+        if given is not None and values.is_constant(*given):
+            color *= np.array(given)
+        elif given is not None:
+            operations, results = values.compiled({"emission": given})
+            description |= {"program": {"operations": operations, "values": results}, "matrix": matrix[:3].tolist()}
+        values.forget()
+    description["intensity"] = [power * c for c in color]
     return description | own
 
 
@@ -72,20 +87,10 @@ def _normalized(lamp) -> bool:
     return getattr(lamp, "normalize", True)
 
 
-def _color(lamp, report: Report) -> np.ndarray:
+def _color(lamp) -> np.ndarray:
     color = np.array(lamp.color, np.float64)
     if getattr(lamp, "use_temperature", False):
         color *= np.array(lamp.temperature_color)
-    if uses_nodes(lamp):
-        nodes = Nodes(lamp.node_tree, "Light", lamp.name, report)
-        node = nodes.source(nodes.output('ShaderNodeOutputLight'), "Surface")
-        if node is None:
-            return color * 0
-        if node.bl_idname != 'ShaderNodeEmission':
-            nodes.not_translated(node, "the light shines in its own colour")
-        else:
-            left_out.inputs(nodes, node)
-            color *= np.array(nodes.color(node, "Color")) * nodes.value(node, "Strength")
     return color
 
 

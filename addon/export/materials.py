@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import bpy
+
 from ..cryptomatte import DEFAULT
 from . import values
 from .channels import Asked, Channels, Key
@@ -57,6 +59,10 @@ class Materials:
     def images(self) -> list[dict]:
         return self._images.descriptions
 
+    def image(self, node, report: Report, tile: int = 0) -> int:
+        """The number of the image of a node of a lamp or the world; negative where it cannot be had."""
+        return self._images.index(node, report, tile)
+
     @property
     def textured(self) -> bool:
         """Whether any material is placed by a UV map."""
@@ -104,14 +110,8 @@ class Materials:
         nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)
         surface = translated(material, nodes)
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
-        found = surface.whitted()
         overrides = material.light_meshes if material else None
-        chosen = _overrides(overrides) if overrides else {}
-        found |= chosen
-        if not chosen.keys() & _PHONG and (highlight := surface.facets.parameters()):
-            # Phong's stand for these where one number must do, as in the engine's plan.
-            found |= highlight | {name: typical(name, found[name]) for name in _PHONG}
-        description |= _written(found)
+        description |= _written(_parameters(surface, _overrides(overrides) if overrides else {}))
         if overrides:
             description |= {
                  name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
@@ -140,7 +140,10 @@ def translated(material, nodes: Nodes | None) -> Surface:
     """
     if nodes:
         return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
-    return Surface.diffuse(tuple(material.diffuse_color)[:3]) if material else Surface()  # as Cycles
+    if material:
+        return Surface.diffuse(tuple(material.diffuse_color)[:3])  # as Cycles
+    # Without any material Cycles shows a matt surface, and since 5.0 a new Principled BSDF.
+    return Surface.principled((0.8, 0.8, 0.8), 0.0, 0.5, 0.5) if bpy.app.version >= (5, 0) else Surface()
 
 
 def translate(material, report: Report) -> Surface:
@@ -151,10 +154,31 @@ def translate(material, report: Report) -> Surface:
 # What stands for a value that differs from place to place, where a single one is wanted: in the panel when an override
 # begins, and in the engine's plan.
 _TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "nShiny": 50.0, "mirror": [0.5] * 3,
-            "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5,
+            "emission": [0.5] * 3, "kt": [0.5] * 3, "ior": 1.5, "alpha": 0.5, "frosted": 0.5,
+            "diffuse_roughness": 0.5, "translucent": [0.5] * 3,
             "roughness": 0.5, "metal": 0.5, "F0": [0.8] * 3, "F90": [1.0] * 3, "F82": [1.0] * 3, "dielectric": 0.5,
             "dielectric_ior": 1.5, "dielectric_tint": [1.0] * 3, "layered": 1.0, "compensation": 1.0,
             "coat": 0.5, "coat_roughness": 0.1, "coat_ior": 1.5, "coat_tint": [1.0] * 3}
+
+
+def _parameters(surface: Surface, chosen: dict[str, Any]) -> dict[str, Any]:
+    """What the engine's Material says of a surface, and of what the artist has chosen instead."""
+    found = surface.whitted() | chosen
+    if not values.is_constant(surface.frosted) or surface.frosted > 1e-3:
+        found["frosted"] = values.clamp(surface.frosted)
+    if not values.is_constant(surface.diffuse_roughness) or surface.diffuse_roughness > 0:
+        found["diffuse_roughness"] = values.clamp(surface.diffuse_roughness)
+    if not values.is_constant(*surface.translucent) or any(surface.translucent):
+        found["translucent"] = list(surface.translucent)
+    if not chosen.keys() & _PHONG and (highlight := surface.facets.parameters()):
+        # Phong's stand for these where one number must do, as in the engine's plan.
+        found |= highlight | {name: typical(name, found[name]) for name in _PHONG}
+        if "mirror" not in chosen and not surface.fresnel:
+            # Reflected rays follow the same lobes, and find the world's light, too.
+            found |= {"blurred": True, "mirror": typical("mirror", found["mirror"])}
+            if "ka" not in chosen:
+                found["ka"] = found["kd"]
+    return found
 
 
 def typical(name: str, value: Any) -> Any:
@@ -188,7 +212,7 @@ def _uses_uv(description: dict[str, Any]) -> bool:
 
 def translated_value(material, name: str):
     """Whitted's parameter `name` as translated from the nodes, without overrides: what the panel shows."""
-    return typical(name, translate(material, Report()).whitted()[name])
+    return typical(name, _parameters(translate(material, Report()), {})[name])
 
 
 def _overrides(settings) -> dict:

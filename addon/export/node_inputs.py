@@ -170,17 +170,17 @@ def _along_surface(along: Triple) -> Triple:
 
 
 # Kinds of rays, in the order of the engine's `points`.
-_CAMERA, _SHADOW, _REFLECTED, _TRANSMITTED = (float(i) for i in range(4))
+_CAMERA, _SHADOW, _REFLECTED, _TRANSMITTED, _LIGHTING = (float(i) for i in range(5))
 
 
 def light_path(nodes, node, socket) -> Value | None:
-    """The Light Path node. The engine has no diffuse rays, and does not say how often one was bent."""
-    name = socket.name
+    """The Light Path node. Only a world has diffuse rays: what lights surfaces. How often one was bent is not said."""
+    name, lighting = socket.name, (_LIGHTING,) if nodes.kind == "World" else ()
     rays = {"Is Camera Ray": (_CAMERA,), "Is Shadow Ray": (_SHADOW,), "Is Reflection Ray": (_REFLECTED,),
             "Is Transmission Ray": (_TRANSMITTED,), "Is Glossy Ray": (_REFLECTED, _TRANSMITTED),
-            "Is Singular Ray": (_REFLECTED, _TRANSMITTED), "Is Diffuse Ray": (), "Diffuse Depth": (),
-            "Ray Depth": (_REFLECTED, _TRANSMITTED), "Glossy Depth": (_REFLECTED,),
-            "Transmission Depth": (_TRANSMITTED,), "Transparent Depth": ()}.get(name)
+            "Is Singular Ray": (_REFLECTED, _TRANSMITTED), "Is Diffuse Ray": lighting,
+            "Diffuse Depth": lighting, "Ray Depth": (_REFLECTED, _TRANSMITTED, *lighting),
+            "Glossy Depth": (_REFLECTED,), "Transmission Depth": (_TRANSMITTED,), "Transparent Depth": ()}.get(name)
     if rays is None:
         return None
     found: Value = 0.0

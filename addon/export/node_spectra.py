@@ -55,7 +55,7 @@ def _looked_up(columns, place: Value) -> Triple:
     return tuple(v.operation("table", place, tuple(c), 1.0, 0.0) for c in columns)  # type: ignore[return-value]
 
 
-def _from_xyz(xyz: Triple) -> Triple:
+def from_light(xyz: Triple) -> Triple:
     """A colour of the scene's linear light, from 0 on."""
     return tuple(v.maximum(v.dot(row, xyz), 0.0) for row in from_xyz())  # type: ignore[return-value]
 
@@ -63,14 +63,14 @@ def _from_xyz(xyz: Triple) -> Triple:
 def blackbody(nodes, node, socket) -> Triple:
     """The Blackbody node: the colour of what glows at a temperature, with a luminance of 1."""
     kelvin = nodes.value(node, "Temperature")
-    return _from_xyz(_looked_up(_blackbodies(), (kelvin - COLDEST) * (1 / KELVINS)))
+    return from_light(_looked_up(_blackbodies(), (kelvin - COLDEST) * (1 / KELVINS)))
 
 
 def wavelength(nodes, node, socket) -> Triple:
     """The Wavelength node: the colour of light of a single wavelength (nm), scaled as Blender does it."""
     nm = nodes.value(node, "Wavelength")
     seen = v.where(v.less(nm, FIRST), 0.0, v.where(v.less(nm, FIRST + STEP * (len(OBSERVER) - 1)), 1 / 2.52, 0.0))
-    found = _from_xyz(_looked_up(tuple(zip(*OBSERVER, strict=True)), (nm - FIRST) * (1 / STEP)))
+    found = from_light(_looked_up(tuple(zip(*OBSERVER, strict=True)), (nm - FIRST) * (1 / STEP)))
     return tuple(c * seen for c in found)  # type: ignore[return-value]
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
+from typing import Any
 
 import bpy
 
 from . import values as v
-from .node_inputs import generated, uv
+from .node_inputs import generated, position, uv
 from .node_math import floor, scaled
 from .nodes import UNREAD
 from .values import Triple, Value
@@ -36,6 +37,26 @@ def image(nodes, node, socket) -> Triple | Value | None:
         x, y, _ = _projected(node.projection, place)
         found = v.outputs("image", 4, float(number), x, y)
     return found[:3] if socket.name == "Color" else found[3]  # type: ignore[return-value]
+
+
+def environment(nodes, node, socket) -> Any:
+    """The Environment Texture node: an image of all directions."""
+    if node.image is None:
+        return 0.0, 0.0, 0.0
+    number = nodes.image(node)
+    if number < 0:
+        return UNREAD  # type: ignore[return-value]
+    x, y, z = v.normalized(_place(nodes, node, position))
+    if node.projection == 'MIRROR_BALL':
+        toward = y - 1.0  # the ball is seen along y; what it mirrors lies between that and the direction
+        long = v.square_root(toward * -0.5) * 2.0
+        across, up = (v.divide(a, long) * 0.5 + 0.5 for a in (x, z))
+    else:
+        around = v.operation("arctan2", y, x) if not v.is_constant(x, y) else math.atan2(y, x)
+        flat = v.square_root(x * x + y * y)
+        above = v.operation("arctan2", z, flat) if not v.is_constant(z, flat) else math.atan2(z, flat)
+        across, up = around * (-0.5 / math.pi) + 0.5, above * (1 / math.pi) + 0.5
+    return v.outputs("image", 4, float(number), across, up)[:3]  # type: ignore[return-value]
 
 
 def _tiled(nodes, node, x: Value, y: Value) -> tuple[Value, ...]:
@@ -237,6 +258,7 @@ NODES = {
     'ShaderNodeTexBrick': brick,
     'ShaderNodeTexMagic': magic,
     'ShaderNodeTexImage': image,
+    'ShaderNodeTexEnvironment': environment,
     'ShaderNodeTexChecker': checker,
     'ShaderNodeTexGradient': gradient,
 }

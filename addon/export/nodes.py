@@ -64,6 +64,7 @@ class Nodes:
         self.uv_map: str | None = None  # that operation "uv" means; "": the mesh's own, None: nothing asks for it
         self.asked = asked or Asked()  # all else that it asks of meshes and instances
         self.pass_index, self.displacement_method = 0, 'BUMP'  # of the material
+        self.own: dict[str, Callable[..., Any]] = {}  # nodes that mean something else here, as in lamps
         self.displaced: Triple | None = None  # its normal by its displacement, which is shown as bumps
         self._values: dict[tuple, Any] = {}  # of outputs that were asked for before
         self._open: set[tuple] = set()  # outputs that are being computed
@@ -88,6 +89,7 @@ class Nodes:
     def _resolved(self, node: Placed, socket) -> tuple[Link | None, Any]:
         """The link that feeds an input, or None and the socket whose own value counts then."""
         socket, outer = self.input(node, socket), node.outer
+        asking = socket  # the one whose own value counts, also where a muted node is passed whose input has no link
         while socket is not None and socket.is_linked:
             link = socket.links[0]
             if link.is_muted:
@@ -116,7 +118,9 @@ class Nodes:
             if following is None:
                 return None, socket
             socket = following
-        return None, socket
+            if not inner.mute:
+                asking = socket
+        return None, asking
 
     def image(self, node: Placed, tile: int = 0) -> int:
         """The number of an image texture node's image, or of its UDIM tile; negative where it cannot be had."""

@@ -35,6 +35,9 @@ class Surface:
     emission: Triple = BLACK  # radiance
     kt: Triple = BLACK  # what passes at each crossing
     ior: Value = 1.0
+    diffuse_roughness: Value = 0.0
+    translucent: Triple = BLACK  # share of the light on the other side that comes through, scattered
+    frosted: Value = 0.0  # roughness of what lets light through
     fresnel: bool = False  # reflects and passes by Fresnel's equations
     alpha: Value = 1.0  # share of the surface that is there
     normal: Triple | None = None  # for shading; None: the surface's own
@@ -53,9 +56,9 @@ class Surface:
                    facets=Facets.principled(color, metallic, roughness, specular, ior, tint, compensation))
 
     @classmethod
-    def diffuse(cls, color: Triple) -> Surface:
+    def diffuse(cls, color: Triple, roughness: Value = 0.0) -> Surface:
         """Diffuse BSDF."""
-        return cls(color=color)
+        return cls(color=color, diffuse_roughness=roughness)
 
     @classmethod
     def metal(cls, color: Triple, facets: Facets) -> Surface:
@@ -64,11 +67,17 @@ class Surface:
                    facets=facets)
 
     @classmethod
-    def glass(cls, color: Triple, ior: Value, fresnel: bool, facets: Facets = NO_FACETS) -> Surface:
+    def glass(cls, color: Triple, ior: Value, fresnel: bool, facets: Facets = NO_FACETS,
+              frosted: Value = 0.0) -> Surface:
         """Glass and Refraction BSDF: nothing diffuse, `color` passes at each crossing."""
         f0 = squared((ior - 1) / (ior + 1)) if fresnel else 0.0
         return cls(color=BLACK, kd=0.0, ka=0.0, specular=(f0,) * 3, roughness=0.0, kt=color, ior=ior, fresnel=fresnel,
-                   facets=facets)
+                   facets=facets, frosted=frosted)
+
+    @classmethod
+    def translucent_of(cls, color: Triple) -> Surface:
+        """Translucent BSDF: only the light on the other side."""
+        return cls(color=BLACK, kd=0.0, ka=0.0, translucent=color)
 
     @classmethod
     def transparent(cls, color: Triple) -> Surface:
@@ -110,6 +119,9 @@ class Surface:
             emission=added(scaled(a.emission, mine), scaled(b.emission, others)),
             kt=added(scaled(a.kt, mine), scaled(b.kt, others)),
             ior=weighted((a.ior,), (b.ior,), through_a, through_b)[0],
+            diffuse_roughness=weighted((a.diffuse_roughness,), (b.diffuse_roughness,), seen_a, seen_b)[0],
+            translucent=added(scaled(a.translucent, mine), scaled(b.translucent, others)),
+            frosted=weighted((a.frosted,), (b.frosted,), through_a, through_b)[0],
             fresnel=a.fresnel if mostly_a else b.fresnel,
             alpha=alpha,
             normal=_bent(a, b, v.largest((seen_a, shine_a, through_a)), v.largest((seen_b, shine_b, through_b))),

@@ -7,7 +7,6 @@ from . import values as v
 from .facets import Facets
 from .node_inputs import normal
 from .nodes import Nodes
-from .report import shown
 from .surface import BLACK, Surface, scaled
 from .values import Triple, Value
 
@@ -50,6 +49,8 @@ def _principled(nodes: Nodes, node) -> Surface:
     color = nodes.color(node, "Base Color")
     tint, several = nodes.color(node, "Specular Tint"), _several(nodes, node)
     base = Surface.principled(color, metallic, roughness, specular, nodes.value(node, "IOR"), tint, several)
+    if "Diffuse Roughness" in node.inputs:
+        base = replace(base, diffuse_roughness=nodes.value(node, "Diffuse Roughness"))
     transmission = v.clamp(nodes.value(node, "Transmission Weight")) * (1 - metallic)
     if not is_zero(transmission):
         # As Cycles: the base colour is that of two crossings.
@@ -68,7 +69,7 @@ def _principled(nodes: Nodes, node) -> Surface:
 
 
 def _diffuse(nodes: Nodes, node) -> Surface:
-    return Surface.diffuse(nodes.color(node, "Color"))
+    return Surface.diffuse(nodes.color(node, "Color"), nodes.value(node, "Roughness"))
 
 
 def _glossy(nodes: Nodes, node) -> Surface:
@@ -99,19 +100,22 @@ def _glass(nodes: Nodes, node) -> Surface:
 
 
 def _glassy(nodes: Nodes, node, color: Triple, fresnel: bool) -> Surface:
-    roughness = nodes.value(node, "Roughness")
+    roughness = v.clamp(nodes.value(node, "Roughness"))
     if not v.is_constant(roughness) or roughness > 1e-3:
-        nodes.warn(f"'Roughness' of the glass in node '{nodes.plain_name(node)}' is not translated; it is rendered "
-                   "clear", f"instead of {shown(roughness)}" if v.is_constant(roughness) else "")
+        nodes.warn(f"shadows of the rough glass in node '{nodes.plain_name(node)}' are those of clear glass")
     ior = v.maximum(nodes.value(node, "IOR"), 0.01)
     if not fresnel:
-        return Surface.glass(color, ior, False)
+        return Surface.glass(color, ior, False, frosted=roughness)
     tint = color if node.bl_idname == 'ShaderNodeBsdfGlass' else (1.0, 1.0, 1.0)
-    return Surface.glass(color, ior, True, Facets.glass(tint, ior, v.clamp(roughness), _several(nodes, node)))
+    return Surface.glass(color, ior, True, Facets.glass(tint, ior, roughness, _several(nodes, node)), roughness)
 
 
 def _transparent(nodes: Nodes, node) -> Surface:
     return Surface.transparent(nodes.color(node, "Color"))
+
+
+def _translucent(nodes: Nodes, node) -> Surface:
+    return Surface.translucent_of(nodes.color(node, "Color"))
 
 
 def _emission(nodes: Nodes, node) -> Surface:
@@ -138,6 +142,7 @@ _SHADERS = {
     'ShaderNodeBsdfMetallic': _metallic,
     'ShaderNodeBsdfGlass': _glass,
     'ShaderNodeBsdfRefraction': _glass,
+    'ShaderNodeBsdfTranslucent': _translucent,
     'ShaderNodeBsdfTransparent': _transparent,
     'ShaderNodeEmission': _emission,
     'ShaderNodeMixShader': _mix,

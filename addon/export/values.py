@@ -232,6 +232,31 @@ def shifted(value: Value, step: int, width: float) -> Value:
     return made[value]
 
 
+# What operations about surfaces give for a direction of the world, where there is none: other outputs, or 0.
+_OUTSIDE = {"generated": "position", "object": "position", "object_normal": "normal", "corner_normal": "normal"}
+_NOWHERE = {"uv", "attribute", "instance", "object_location", "object_scale", "parametric"}
+
+
+def outside(results: Sequence[Value]) -> tuple[Value, ...]:
+    """The values by direction, as they are for the world: without what only surfaces have, as Cycles gives it."""
+    made: dict[Expression, Value] = {}
+    for e in _ordered(results):
+        arguments = [made[a] if isinstance(a, Expression) else a for a in e.arguments]
+        if e.name in _NOWHERE:
+            made[e] = 0.0
+        elif e.name in _OUTSIDE:
+            made[e] = operation(_OUTSIDE[e.name], output=e.output)
+        elif e.name == "bump":
+            made[e] = arguments[3 + e.output]
+        elif e.name == "to_world_normal":
+            made[e] = normalized((arguments[0], arguments[1], arguments[2]))[e.output]
+        elif e.name == "box":  # as for soft edges
+            made[e] = power(operation("normal", output=e.output), 2.0)
+        else:
+            made[e] = operation(e.name, *arguments, output=e.output)
+    return tuple(made[a] if isinstance(a, Expression) else a for a in results)
+
+
 def compiled(results: dict[str, Any]) -> tuple[list[list], dict[str, Any]]:
     """(operations, results with expressions replaced by [register]) for the engine's Material.program.
 
@@ -261,7 +286,7 @@ def compiled(results: dict[str, Any]) -> tuple[list[list], dict[str, Any]]:
 OUTPUTS = {"image": 4, "uv": 2, "generated": 3, "object": 3, "object_normal": 3, "object_location": 3, "position": 3,
            "normal": 3, "true_normal": 3, "incoming": 3, "noise": 4, "white_noise": 4, "magic": 3, "brick": 2,
            "voronoi": 8, "corner_normal": 3, "to_camera": 3, "to_world_normal": 3, "window": 2, "bump": 3,
-           "box": 3, "parametric": 2}
+           "sky": 3, "box": 3, "parametric": 2}
 
 
 def _flat(result: Any) -> Iterable[Any]:

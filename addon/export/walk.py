@@ -7,6 +7,7 @@ from .. import everywhere
 from ..properties import caustics_of
 from . import color, lights, linking, world
 from .geometry import Geometry
+from .lamp_nodes import Profiles
 from .materials import Materials
 from .report import Report
 
@@ -25,6 +26,7 @@ class Walk:
         self._lamps: list[dict] = []
         self.lamps: list[tuple] = []  # the key of each light, from `_identity`
         self._links = linking.Links()
+        self._profiles = Profiles()
         self._materials, self._geometry, self._report, self._check = materials, geometry, report, check
         self._done = 0
 
@@ -32,13 +34,13 @@ class Walk:
         """Take in the remaining instances of the depsgraph. `seen` says whether an object is visible."""
         for instance in islice(depsgraph.object_instances, self._done, None):
             if instance.show_self and seen(instance.object):
-                self._take(instance, instance.object)
+                self._take(instance, instance.object, depsgraph)
             self._done += 1
             self._check()
 
-    def _take(self, instance, ob) -> None:
+    def _take(self, instance, ob, depsgraph) -> None:
         if ob.type == 'LIGHT':
-            self._lamps.append(lights.light(ob, instance.parent, instance.matrix_world, self._report))
+            self._lamps.append(lights.light(instance, ob, depsgraph, self._report, self._materials, self._profiles))
             self.lamps.append(_identity(instance, ob))
             self._links.add(ob)
         else:
@@ -53,13 +55,16 @@ class Walk:
             self._report.warn(f"Depth of field with Samples at {values['samples']}: things out of focus appear as "
                               f"so many sharp copies; with {FEW_SAMPLES} or more they are blurred")
         self._links.link(self._lamps, self._geometry.owners)
+        background = world.described(
+            shown_world, self._report, lambda node, tile: self._materials.image(node, self._report, tile))
         return {
             "camera": camera,
             "lights": self._lamps,
             "materials": list(self._materials.descriptions),
             "images": list(self._materials.images),
+            "profiles": self._profiles.descriptions,
             "objects": self._geometry.objects,
-            "world_color": world.color(shown_world, self._report),
+            **background,
             "settings": values,
             "to_rec709": color.to_rec709(),
             "warnings": self._report.sentences,

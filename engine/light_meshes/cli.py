@@ -114,12 +114,37 @@ def _parser() -> argparse.ArgumentParser:
                        "process, threads, decisions; or figures, from the results that FOLDER has")
     bench.add_argument("--debug", action="store_true", help="show tracebacks")
     bench.set_defaults(run=_bench)
+    _add_contest(commands)
     for command in (render, inspect):
         command.add_argument("--set", metavar="key=value", action="append", default=[], type=_setting,
                              help="a setting, such as shadows=SHARP, h=0.02, kI=4 or samples=16; a .blend also takes "
                                   "resolution=WxH")
         command.add_argument("--debug", action="store_true", help="show tracebacks and what Blender prints")
     return parser
+
+
+def _add_contest(commands: Any) -> None:
+    contest = commands.add_parser("contest", help="judge this engine beside Cycles on the scenes of "
+                                  "blend_scenes/contest/")
+    contest.add_argument("--out", metavar="FOLDER", type=Path, default=Path("contest"),
+                         help="for scenes, pictures, contest.md and contest.json; what is there is not rendered again "
+                              "(default: %(default)s)")
+    contest.add_argument("--scenes", metavar="NAME,…", help="some of the eight")
+    contest.add_argument("--size", metavar="WxH", default="1920x1080", help="of the pictures (default: %(default)s)")
+    contest.add_argument("--levels", metavar="LEVEL,…", default="draft,balanced,fine", help="of this engine "
+                         "(default: %(default)s)")
+    contest.add_argument("--samples", metavar="N,…", default="1,2,4,8,16,32,64,128,256", help="of Cycles, each "
+                         "with and without its denoiser (default: %(default)s)")
+    contest.add_argument("--reference", metavar="N", type=int, default=4096, help="samples of Cycles' reference "
+                         "(default: %(default)s)")
+    contest.add_argument("--frame", metavar="N", type=int, default=10, help="of the still (default: %(default)s)")
+    contest.add_argument("--flight", metavar="N", type=int, default=20, help="frames for the flicker; 0: none "
+                         "(default: %(default)s)")
+    contest.add_argument("--blender", metavar="PROGRAM", help="a Blender to render with, instead of bpy")
+    contest.add_argument("--patience", metavar="SECONDS", type=float, default=3600.0,
+                         help="after which a picture is given up (default: %(default)s)")
+    contest.add_argument("--debug", action="store_true", help="show tracebacks")
+    contest.set_defaults(run=_contest)
 
 
 def _threads(text: str) -> int:
@@ -265,6 +290,26 @@ def _bench(arguments: argparse.Namespace) -> None:
     if unknown := sorted({*parts} - {*runs.PARTS, "figures"}):
         raise UsageError(f"--only: there is no part '{unknown[0]}'; there are {', '.join(runs.PARTS)} and figures")
     command.run(arguments.out, arguments.quick, [p for p in parts if p != "figures"])
+
+
+def _contest(arguments: argparse.Namespace) -> None:
+    from .bench import contest
+
+    names = tuple(arguments.scenes.split(",")) if arguments.scenes else contest.SCENES
+    levels = tuple(arguments.levels.upper().split(","))
+    for option, given, known in (("--scenes", names, contest.SCENES), ("--levels", levels, contest.LEVELS)):
+        if unknown := [name for name in given if name not in known]:
+            raise UsageError(f"{option}: there is no '{unknown[0].lower()}'; there are {', '.join(known).lower()}")
+    size = re.fullmatch(r"([0-9]{1,5})[x×]([0-9]{1,5})", arguments.size)
+    if not size or min(int(size[1]), int(size[2])) < 16:
+        raise UsageError(f"--size: '{arguments.size}' is not a size such as 1920x1080, of 16 pixels or more")
+    if not re.fullmatch(r"[1-9][0-9]{0,5}(,[1-9][0-9]{0,5})*", arguments.samples):
+        raise UsageError(f"--samples: '{arguments.samples}' are not numbers such as 1,4,16")
+    if arguments.reference < 1 or arguments.frame < 1 or arguments.flight < 0 or arguments.patience <= 0:
+        raise UsageError("--reference, --frame and --patience are more than 0, and --flight is not less")
+    contest.run(contest.Task(names, (int(size[1]), int(size[2])), levels,
+                             tuple(sorted({int(n) for n in arguments.samples.split(",")})), arguments.reference,
+                             arguments.frame, arguments.flight, arguments.blender, arguments.patience), arguments.out)
 
 
 if __name__ == "__main__":

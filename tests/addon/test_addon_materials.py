@@ -48,7 +48,7 @@ def test_principled(translated, node_material):
 def test_metal(translated, node_material):
     material = node_material("Gold", 'ShaderNodeBsdfPrincipled', Base_Color=(1, 0.8, 0.3, 1), Metallic=1, Roughness=0.4)
     found, _ = translated(material)
-    assert found.kd == 0 and found.ka == 1 and found.mirror == (0, 0, 0)
+    assert found.kd == found.ka == 0 and found.blurred  # the world is seen in it
     assert found.Os == pytest.approx((1, 0.8, 0.3)) and found.ks > 1
     material = node_material("Chrome", 'ShaderNodeBsdfPrincipled', Base_Color=(0.9, 0.9, 0.9, 1), Metallic=1,
                              Roughness=0)
@@ -181,13 +181,26 @@ def test_constants_through_nodes(translated, node_material):
 
 
 @pytest.mark.parametrize(("idname", "label"), [
-    ('ShaderNodeBsdfTranslucent', "Translucent BSDF"), ('ShaderNodeBsdfToon', "Toon BSDF"),
+    ('ShaderNodeBsdfToon', "Toon BSDF"),
     ('ShaderNodeSubsurfaceScattering', "Subsurface"), ('ShaderNodeBsdfHair', "Hair BSDF"),
 ])
 def test_untranslated_shaders_are_named(translated, node_material, idname, label):
     found, scene = translated(node_material("Odd", idname, Color=(0.3, 0.6, 0.2, 1)))
     assert found.Od == pytest.approx((0.3, 0.6, 0.2)) and found.kd == 1
     assert len(scene.warnings) == 1 and "'Odd'" in scene.warnings[0] and label in scene.warnings[0]
+
+
+def test_rough_diffuse_translucent_and_frosted(translated, node_material):
+    found, scene = translated(node_material("Leaf", 'ShaderNodeBsdfTranslucent', Color=(0.3, 0.6, 0.2, 1)))
+    assert found.translucent == pytest.approx((0.3, 0.6, 0.2)) and found.kd == found.ka == 0 and not scene.warnings
+    found, scene = translated(node_material("Clay", 'ShaderNodeBsdfDiffuse', Roughness=0.7))
+    assert found.diffuse_roughness == pytest.approx(0.7) and found.translucent == (0, 0, 0) and not scene.warnings
+    found, scene = translated(node_material("Frosted", 'ShaderNodeBsdfGlass', Roughness=0.3))
+    assert found.frosted == pytest.approx(0.3) and "shadows of the rough glass" in scene.warnings[0]
+    both = mixed("Both", 'ShaderNodeMixShader', ('ShaderNodeBsdfDiffuse', {"Roughness": 0.4}),
+                 ('ShaderNodeBsdfTranslucent', {"Color": (1, 1, 1, 1)}), 0.25)
+    found, _ = translated(both)
+    assert (found.kd, found.translucent) == (0.75, (0.25,) * 3) and found.diffuse_roughness == pytest.approx(0.4)
 
 
 def test_untranslated_inputs_are_named(translated, node_material):

@@ -25,7 +25,7 @@ def test_a_program_is_written_once_and_read_by_the_engine():
     operations, results = values.compiled({"alpha": shared + 1.0, "Od": [shared, 0.5, u]})
     assert [name for name, *_ in operations] == ["uv", "multiply", "add"]
     program = programs.program({"operations": operations, "values": results}, "material")
-    assert program.values["Od"] == ((2,), 0.5, (0,)) and program.needed(["Od"]) == [True, True, False]
+    assert program.values["Od"] == ((2,), 0.5, (0,)) and program.needed(["Od"]) == ([True, True, False], {0, 1, 2})
 
 
 def test_a_deep_tree_needs_no_recursion():

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from light_meshes import Camera, Scene, Shape, box, cylinder, rectangle
-from light_meshes.bench import command, decisions, errors, plots, rates, runs, scenes, targets, threads
+from light_meshes.bench import command, decisions, errors, judge, plots, rates, runs, scenes, targets, threads
 from light_meshes.bench.embree import ShadowRays
 from light_meshes.picture.plan import forced
 from light_meshes.picture.render import render_image
@@ -245,7 +245,8 @@ def test_a_decision_that_changes_bits_is_told(monkeypatch):
 
 # --- A run, end to end --------------------------------------------------------------------------------------
 
-TINY = runs.Effort(size=48, repeats=2, kI=(2.0, 3.0), steps=(2.0,), samples=(1, 4), all_samples=(1, 4), error_size=32,
+TINY = runs.Effort(size=48, repeats=2, kI=(2.0, 3.0), steps=(2.0,), shapes=(3.0,), samples=(1, 4), all_samples=(1, 4),
+                   error_size=32,
                    cycles_reference=32, seconds=10)
 
 
@@ -264,7 +265,7 @@ def tiny(tmp_path_factory):
 def test_a_run_has_times_and_errors_of_each_method(tiny):
     found, _, _ = tiny
     assert found["format"] == "light-meshes benchmark" and found["version"] == 1
-    methods = {"RRTA", "light meshes", "area sampling", "Cycles"}
+    methods = {"RRTA", "light meshes", "lamp shape", "area sampling", "Cycles", "Cycles, denoised"}
     assert {r["method"] for r in found["times"]} == methods
     assert {r["method"] for r in found["errors"]} == methods | {"Cycles' reference"}
     for r in found["times"]:
@@ -276,6 +277,7 @@ def test_a_run_has_times_and_errors_of_each_method(tiny):
         assert r["reference"] in ("RRTA", "HALF_BALL", "SPHERE", "CYCLES")
         assert 0 < r["all"]["rmse"] < 0.1
         assert r["all"]["mae"] <= r["all"]["rmse"] <= r["all"]["max"]
+        assert not judge.available() or 0 < r["all"]["flip"] < 0.5
     assert found["process"]["first"] > 0
     assert 0 < found["errors"][0]["in_penumbra"] < 0.5
 
@@ -291,6 +293,9 @@ def test_errors_are_what_the_method_leads_one_to_expect(tiny):
     assert rmse("light meshes kI 3, h 0.05", "HALF_BALL") < rmse("light meshes kI 2, h 0.075", "HALF_BALL")
     assert rmse("area sampling 4", "SPHERE") < rmse("area sampling 1", "SPHERE")
     assert rmse("Cycles 4", "CYCLES") < rmse("Cycles 1", "CYCLES")
+    assert rmse("Cycles 4, denoised", "CYCLES") < rmse("Cycles 1, denoised", "CYCLES")
+    assert rmse("Cycles 4, denoised", "CYCLES") != rmse("Cycles 4", "CYCLES")
+    assert rmse("lamp shape kI 3", "SPHERE") < rmse("light meshes kI 3, h 0.05", "SPHERE")
     assert rmse("light meshes kI 3, h 0.05", "SPHERE") < rmse("RRTA", "SPHERE")
 
 

@@ -129,8 +129,8 @@ TELLERS = {"SceneError", "ExportError", "EngineError", "EngineGone", "KernelErro
 # A folder that somebody changed, a caller who misspells: their sentences say all, and no artist meets them.
 CHECKED_ELSEWHERE = {"scene/snapshot.py", "scene/values.py", "export/snapshot.py", "scene/arrays.py",
                      "frontends/service.py", "scene/description.py", "scene/mesh.py", "scene/transforms.py",
-                     "scene/validation.py", "scene/programs.py", "frontends/program.py", "light_meshes/cli.py",
-                     "film/passes.py", "film/images.py"}
+                     "scene/validation.py", "scene/programs.py", "scene/profile.py", "frontends/program.py",
+                     "light_meshes/cli.py", "film/passes.py", "film/images.py"}
 
 
 def matches(quoted, text):

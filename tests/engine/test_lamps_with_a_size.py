@@ -228,6 +228,6 @@ def test_the_plan_says_how_each_lamp_gets_its_shadow():
     reasons = done.statistics["plan"]
     assert reasons["lamps with a size"].startswith("shares at nodes: 'lamp': 4 lattices, of h = 0.08 to 0.64")
     assert reasons["lamps without a size"].startswith("sharp: 'dot'")
-    assert reasons["shadow rate"].startswith("1: lamps with a size")
+    assert reasons["shadow rate"].startswith("2: ")
     counts = [done.statistics[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")]
     assert counts[0] > counts[1] >= counts[2] > 0

@@ -62,6 +62,9 @@ def cases():
     coat |= {"Coat_Weight": 0.6, "Coat_Tint": TINT}
     found["tinted coat"] = principled(Coat_Roughness=0.15, Metallic=0.5, **coat)
     found["diffuse"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD}, {}
+    if bpy.app.version >= (4, 3):  # before, Cycles loses the light that is scattered several times
+        for roughness in (0.3, 1.0):
+            found[f"rough diffuse {roughness}"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD, "Roughness": roughness}, {}
     return found
 
 

@@ -91,3 +91,34 @@ def test_whole_lamps_give_cycles_light(scene, add_plane, add_light, diffuse, ren
     error = differences(name, scene, add_plane, add_light, diffuse, render)
     print(f"{name}: median {np.median(error):.5f}, 99 % {np.quantile(error, 0.99):.5f}, {len(error)} pixels")
     assert np.median(error) <= 0.005 and np.quantile(error, 0.99) <= 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("roughness", [0.2, 0.5])
+@pytest.mark.parametrize("name", ["sphere, near", "sun", "square, near", "rectangle, oblique", "disc, near",
+                                  "ellipse, oblique", "disc, spread 60"])
+def test_whole_lamps_give_cycles_highlights(scene, add_plane, add_light, render, name, roughness):
+    """Microfacets of a metal: within 5 % where it is brighter than a twentieth of the brightest."""
+    kind, location, rotation, properties = LIGHTS[name]
+    properties = {k: v for k, v in properties.items()
+                  if k != "use_soft_falloff" or k in bpy.types.PointLight.bl_rna.properties}
+    lamp = add_light(kind, location=location, rotation=rotation, energy=3 if kind == 'SUN' else 300, **properties)
+    lamp.visible_camera = False
+    lamp.data.light_meshes.softness = 'SIZE'
+    metal = bpy.data.materials.new("Metal")
+    metal.use_nodes = True
+    principled = metal.node_tree.nodes["Principled BSDF"]
+    for key, value in (("Base Color", (0.9, 0.7, 0.5, 1)), ("Metallic", 1.0), ("Roughness", roughness)):
+        principled.inputs[key].default_value = value
+    add_plane(20).data.materials.append(metal)
+    through_the_middle(scene, 512)
+    scene.camera.location, scene.camera.rotation_euler, scene.camera.data.lens = (0, -3.5, 2.5), (0.95, 0, 0), 35
+    ours = render(scene)["Combined"][..., :3]
+    scene.render.engine = 'CYCLES'
+    theirs = render(scene)["Combined"][..., :3]
+    level = theirs.max(axis=2)
+    shines = level > 0.05 * level.max()
+    error = (np.abs(ours - theirs).max(axis=2) / np.maximum(level, 1e-12))[shines]
+    print(f"{name}, {roughness}: median {np.median(error):.4f}, 95 % {np.quantile(error, 0.95):.4f}, {len(error)}")
+    assert len(error) > 20
+    assert np.median(error) <= 0.02 and np.quantile(error, 0.95) <= 0.05

@@ -19,7 +19,7 @@ def picture(path):
     return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT))[..., :3]
 
 
-@pytest.mark.parametrize("name", ["voronoi", "bumps", "others"])
+@pytest.mark.parametrize("name", ["voronoi", "bumps", "others", "lamps"])
 def test_a_sheet_of_trees(python, name, tmp_path):
     import light_meshes_addon
 

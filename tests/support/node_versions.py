@@ -6,7 +6,7 @@ import sys
 
 import bpy
 import light_meshes_addon
-from node_trees import FEATURES, Tree, sheet, voronoi
+from node_trees import FEATURES, Tree, lamp_sheet, outputs_of_lamps, sheet, voronoi
 
 
 def voronois():
@@ -60,7 +60,10 @@ def main(name, *files):
     scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.camera.location = (0, 0, 10)
     scene.collection.objects.link(scene.camera)
-    sheet(scene, list(SHEETS[name]()))
+    if name == "lamps":
+        lamp_sheet(scene, outputs_of_lamps(['POINT', 'SPOT']))
+    else:
+        sheet(scene, list(SHEETS[name]()))
     for engine, file in zip(('LIGHT_MESHES', 'CYCLES'), files, strict=True):
         scene.render.engine = engine
         scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0

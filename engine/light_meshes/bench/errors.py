@@ -16,6 +16,7 @@ from ..picture.prepared import Prepared
 from ..picture.render import render_image
 from ..rays.camera import camera_rays
 from ..scene.description import Scene
+from . import judge
 from .scenes import radius
 
 LOW, HIGH = 0.02, 0.98  # range of S in a penumbra
@@ -61,10 +62,17 @@ def penumbra(scene: Scene) -> NDArray[np.bool_]:
 
 
 def compare(found: NDArray, reference: NDArray, partly: NDArray[np.bool_]) -> dict[str, Any]:
-    """Return the errors over all pixels, and over the pixels inside and outside of penumbrae."""
+    """Return the errors over all pixels, and over the pixels inside and outside of penumbrae; with HDR-FLIP, if
+    flip-evaluator is installed.
+    """
     difference = np.abs(found.astype(np.float64) - reference)
-    return {"all": _norms(difference.reshape(-1)), "penumbra": _norms(difference[partly].reshape(-1)),
-            "rest": _norms(difference[~partly].reshape(-1))}
+    result = {"all": _norms(difference.reshape(-1)), "penumbra": _norms(difference[partly].reshape(-1)),
+              "rest": _norms(difference[~partly].reshape(-1))}
+    if judge.available():  # HDR-FLIP, as an observer sees it
+        seen = judge.flip(np.asarray(reference, np.float32), np.asarray(found, np.float32))
+        for name, of in (("all", np.ones_like(partly)), ("penumbra", partly), ("rest", ~partly)):
+            result[name]["flip"] = float(seen[of].mean()) if of.any() else 0.0
+    return result
 
 
 def _norms(difference: NDArray[np.float64]) -> dict[str, float]:

@@ -2,11 +2,12 @@
 
 A *frame* is the time of the picture without the preparing (triangles and accelerator), which is the same for all
 methods. The *shadow stage* is the thread seconds that the statistics count for shadows. A frame of Cycles lasts from
-before its first sample until after its last.
+before its first sample until after its last, and after the denoiser where it has one.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,13 +24,14 @@ NOT_SHADOWS = (*PREPARING, "camera rays", "secondary rays", "shading", "interpol
 COUNTS = ("triangles", "receivers", "candidates", "nodes", "node_bytes", "node_share", "long_rays", "short_rays",
           "shadow_rays", "uniform_skips", "empty_sets", "threads")
 Say = Callable[[str], None]
+DENOISED, LAMP_SHAPE = "Cycles, denoised", "lamp shape"
 
 
 @dataclass(frozen=True)
 class Method:
     """A way to render the shadows of a scene."""
 
-    kind: str  # RRTA, light meshes, area sampling or Cycles
+    kind: str  # RRTA, light meshes, lamp shape, area sampling, Cycles, or Cycles, denoised
     kI: float = 0.0
     h: float = 0.0
     samples: int = 0  # per light (area sampling) or per pixel (Cycles)
@@ -37,7 +39,23 @@ class Method:
     @property
     def label(self) -> str:
         """Return the name for tables and figures."""
+        if self.kind == LAMP_SHAPE:
+            return f"{self.kind} kI {self.kI:g}"
+        if self.kind == DENOISED:
+            return f"Cycles {self.samples}, denoised"
         return f"{self.kind} kI {self.kI:g}, h {self.h:.3g}" if self.h else f"{self.kind} {self.samples or ''}".strip()
+
+    @property
+    def by_cycles(self) -> bool:
+        """Return whether Cycles renders it."""
+        return self.kind.startswith("Cycles")
+
+    def applied(self, scene: Scene) -> Scene:
+        """Return the scene as this method renders it."""
+        if self.kind == LAMP_SHAPE:  # as a new scene has it: every lamp casts the shadow of its own shape
+            scene = dataclasses.replace(scene, lights=tuple(
+                dataclasses.replace(light, softness="SIZE") for light in scene.lights))
+        return scene.with_settings(**self.settings())
 
     def settings(self) -> dict[str, Any]:
         """Return the settings for this engine."""
@@ -45,6 +63,8 @@ class Method:
             return {"shadows": "SHARP"}
         if self.kind == "area sampling":
             return {"shadows": "AREA_SAMPLING", "light_samples": self.samples}
+        if self.kind == LAMP_SHAPE:
+            return {"shadows": "LIGHT_MESHES", "kI": self.kI, "auto_h": True, "weights": "SMOOTH"}
         return {"shadows": "LIGHT_MESHES", "h": self.h, "kI": self.kI, "auto_h": False}
 
 
@@ -64,12 +84,12 @@ class Measurement:
 
     def once(self) -> None:
         """Make one more run."""
-        if self.method.kind == "Cycles":
+        if self.method.by_cycles:
             assert self.cycles is not None
-            done = self.cycles.render(self.case, self.size, self.method.samples)
+            done = self.cycles.render(self.case, self.size, self.method.samples, denoise=self.method.kind == DENOISED)
             self.runs.append({"whole": done["whole"], "frame": done["sampling"], "shadow": done["sampling"]})
             return
-        scene = sized(self.case.scene, self.size, samples=self.samples, **self.method.settings())
+        scene = self.method.applied(sized(self.case.scene, self.size, samples=self.samples))
         self.runs.append(timed(scene, self.counts))
 
     def row(self) -> dict[str, Any]:
@@ -108,9 +128,9 @@ def in_turn(what: list[Measurement], repeats: int, deadline: float, say: Say) ->
     warm: set[tuple[str, str]] = set()
     for m in what:
         key = (m.case.name, m.method.kind)
-        if key not in warm and m.method.kind != "Cycles":
+        if key not in warm and not m.method.by_cycles:
             warm.add(key)
-            render_image(sized(m.case.scene, 16, **m.method.settings()))
+            render_image(m.method.applied(sized(m.case.scene, 16)))
     for turn in range(repeats):
         for m in what:
             spent = sum(run["whole"] for run in m.runs)

@@ -9,8 +9,10 @@ from typing import Any
 from .targets import cycles_line
 
 MISSING = "no figures: they need matplotlib, which the extra 'bench' of this project installs"
-COLOURS = {"RRTA": "#444444", "light meshes": "#d1495b", "area sampling": "#3a7ca5", "Cycles": "#e0a030"}
-MARKS = {"RRTA": "*", "light meshes": "o", "area sampling": "s", "Cycles": "^"}
+COLOURS = {"RRTA": "#444444", "light meshes": "#d1495b", "lamp shape": "#7b2d8b", "area sampling": "#3a7ca5",
+           "Cycles": "#e0a030", "Cycles, denoised": "#8a6d1b"}
+MARKS = {"RRTA": "*", "light meshes": "o", "lamp shape": "D", "area sampling": "s", "Cycles": "^",
+         "Cycles, denoised": "v"}
 REFERENCES = {"RRTA": "sharp shadows", "HALF_BALL": "the half-ball integral", "SPHERE": "a sphere light"}
 
 
@@ -90,8 +92,8 @@ def _errors(results: dict[str, Any], reference: str) -> Any:
                 for seconds, rmse, row in points:
                     ax.annotate(f"{row['kI']:g}", (seconds, rmse), textcoords="offset points", xytext=(4, 4),
                                 fontsize=7, color=colour)
-            elif method == "Cycles" and reference == "SPHERE":
-                points = [(*p, None) for p in cycles_line(results, case["scene"], case["lights"])]
+            elif method.startswith("Cycles") and reference == "SPHERE":
+                points = [(*p, None) for p in cycles_line(results, case["scene"], case["lights"], method)]
             if points:
                 ax.plot([p[0] for p in points], [p[1] for p in points], "-", color=colour, marker=MARKS[method],
                         markersize=9 if method == "RRTA" else 5, label=method + ", kI" * (method == "light meshes"))

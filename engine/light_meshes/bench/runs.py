@@ -24,7 +24,7 @@ from ..scene.description import Scene
 from . import decisions, errors, rates, scenes, threads
 from .blender import Cycles
 from .embree import ShadowRays
-from .measure import NOT_SHADOWS, Measurement, Method, Say, in_turn
+from .measure import DENOISED, LAMP_SHAPE, NOT_SHADOWS, Measurement, Method, Say, in_turn
 from .scenes import Case
 
 SCENES = tuple(scenes.FILES)
@@ -40,6 +40,7 @@ class Effort:
     repeats: int = 5
     lights: tuple[int, ...] = (1, 4, 16, 64, 256)  # of S7
     kI: tuple[float, ...] = (1.5, 2.0, 3.0, 4.0)  # at the same r
+    shapes: tuple[float, ...] = (3.0, 4.0)  # kI of lamps with the shadow of their own shape: Balanced, Fine
     steps: tuple[float, ...] = (2.0, 0.5)  # factors for the scene's h, at its kI
     samples: tuple[int, ...] = (1, 4, 16, 64)  # of area sampling and Cycles
     all_samples: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # the same on S3
@@ -53,7 +54,7 @@ class Effort:
     seconds: float = 2400.0  # seconds for the whole benchmark: a part that has used its share makes no second runs
 
 
-QUICK = Effort(size=250, repeats=3, lights=(4, 16, 64), kI=(2.0,), steps=(), samples=(1, 4), all_samples=(1, 4),
+QUICK = Effort(size=250, repeats=3, lights=(4, 16, 64), kI=(2.0,), steps=(), samples=(1, 4, 16), all_samples=(1, 4, 16),
                error_size=60, cycles_reference=64, triangles=(10_000, 100_000), most=2.0, most_target=6.0,
                seconds=120.0)
 QUICK_PARTS = ("S3", "S7", "cycles", "errors", "embree", "process", "threads")
@@ -123,8 +124,9 @@ class Bench:
         light_meshes |= {-step: Method("light meshes", s.kI, s.h * step) for step in e.steps}
         methods = [Method("RRTA"), *light_meshes.values()]
         if case.name != "S5":  # area sampling does not bend shadow rays, and Cycles has no such glass
+            methods += [Method(LAMP_SHAPE, kI) for kI in e.shapes]
             methods += [Method("area sampling", samples=n) for n in counts]
-            methods += [Method("Cycles", samples=n) for n in counts if with_cycles]
+            methods += [Method(kind, samples=n) for n in counts for kind in ("Cycles", DENOISED) if with_cycles]
         return methods
 
     def _scene(self, name: str, cycles: Cycles | None) -> None:
@@ -172,11 +174,12 @@ class Bench:
                     "light_samples": 0, "reference": "SPHERE",
                     **errors.compare(by_cycles, references["SPHERE"], partly)})
         for method in self._methods(case, cycles is not None):
-            if method.kind == "Cycles":
+            if method.by_cycles:
                 assert cycles is not None
-                found, held = cycles.picture(case, size, method.samples), {"CYCLES": by_cycles}
+                found = cycles.picture(case, size, method.samples, denoise=method.kind == DENOISED)
+                held = {"CYCLES": by_cycles}
             else:
-                found = errors.picture(base.with_settings(**method.settings()))
+                found = errors.picture(method.applied(base))
                 held = {k: v for k, v in references.items() if k != method.kind}
             for name, reference in held.items():
                 self.results["errors"].append(about | {
@@ -266,7 +269,7 @@ def _affordable(size: int, case: Case, method: Method, samples: int) -> int:
     """Return the edge of the picture to measure: the full one, or half of it as often as necessary. Time grows with the
     area.
     """
-    if method.kind == "Cycles":
+    if method.by_cycles:
         rays, most = float(method.samples), 4e6
     elif method.kind == "area sampling":
         rays, most = method.samples * case.lights / 2, 1e8

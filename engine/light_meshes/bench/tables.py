@@ -78,13 +78,14 @@ def _case(results: dict[str, Any], case: dict[str, Any]) -> list[str]:
     said.append(table([f"time, {size}²", "samples", "frame", "shadows", "/ RRTA", "with preparing", "nodes", "runs",
                        ""], rows))
     rows = [[r["label"] + (" (reference)" if "reference" in r["method"] else ""), REFERENCES[r["reference"]],
+             f"{r['all']['flip']:.4f}" if "flip" in r["all"] else "–",
              *(f"{r['all'][k]:.2e}" for k in ("rmse", "mae", "p99", "max")), f"{r['penumbra']['rmse']:.2e}",
              f"{r['penumbra']['max']:.2e}", f"{r['rest']['rmse']:.2e}", f"{r['rest']['max']:.2e}"]
             for r in of_case(results["errors"])]
     if rows:
         first = of_case(results["errors"])[0]
-        said.append(table([f"error, {first['size']}², {first['in_penumbra']:.0%} penumbra", "against", "RMSE", "MAE",
-                           "99 %", "max", "penumbra RMSE", "max", "rest RMSE", "max"], rows))
+        said.append(table([f"error, {first['size']}², {first['in_penumbra']:.0%} penumbra", "against", "FLIP", "RMSE",
+                           "MAE", "99 %", "max", "penumbra RMSE", "max", "rest RMSE", "max"], rows))
     return said
 
 

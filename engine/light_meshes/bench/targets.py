@@ -144,9 +144,9 @@ def _extended(results: dict[str, Any], scene: str) -> str:
             else "within what was measured")
 
 
-def cycles_line(results: dict[str, Any], scene: str, lights: int) -> list[tuple[float, float]]:
-    """Return (seconds, RMSE) of Cycles for each number of samples."""
+def cycles_line(results: dict[str, Any], scene: str, lights: int, method: str = "Cycles") -> list[tuple[float, float]]:
+    """Return (seconds, RMSE) of Cycles, with its denoiser or without, for each number of samples."""
     noise = {r["light_samples"]: r["all"]["rmse"] for r in results["errors"]
-             if (r["scene"], r["lights"], r["method"], r["reference"]) == (scene, lights, "Cycles", "CYCLES")}
+             if (r["scene"], r["lights"], r["method"], r["reference"]) == (scene, lights, method, "CYCLES")}
     return [(r["frame"]["median"], noise[r["light_samples"]]) for r in results["times"]
-            if (r["scene"], r["lights"], r["method"]) == (scene, lights, "Cycles") and noise.get(r["light_samples"])]
+            if (r["scene"], r["lights"], r["method"]) == (scene, lights, method) and noise.get(r["light_samples"])]

@@ -95,17 +95,20 @@ class Gatherer:
         x = len(P) * len(local)
         origin, direction, normal = np.empty((x, 3)), np.empty((x, 3)), np.empty((x, 3))
         _rays(P, M, turn, local, origin, direction, normal)
-        light, layers = np.zeros((x, 3)), []
+        layers: list[Layer] = []
+        light = np.zeros((x, 3))
         first = self._trace(origin, direction, normal, larger)
         f.stats.add(gathered_rays=x)
         triangle, u, v, distance, keys = first
         hit = triangle >= 0
+        # The solid angle that each ray speaks for, as they share the half-space by the cosine.
+        width = np.tile(np.pi / (len(local) * np.maximum(local[:, 2], 1e-3)), len(P))
         clear = hit & self._clear[triangle] if self._clear is not None else None
         if clear is None or not clear.any():
             layers.append(Layer(np.flatnonzero(hit), keys[hit], u[hit], v[hit], None))
-            self._add_sky(light, np.flatnonzero(~hit), direction, None)
+            self._add_sky(light, np.flatnonzero(~hit), direction, None, width)
         else:
-            self._pass(origin, direction, first, clear, light, layers, larger)
+            self._pass(origin, direction, first, clear, light, layers, larger, width)
         return Seen(distance, light, layers)
 
     def _trace(self, origin: NDArray, direction: NDArray, normal: NDArray, larger: float) -> tuple[NDArray, ...]:
@@ -117,14 +120,15 @@ class Gatherer:
              direction, distance, keys)
         return triangle, u, v, distance, keys
 
-    def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None) -> None:
+    def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None,
+                 width: NDArray[np.float64]) -> None:
         sky = self._field.sky
         if sky is not None and len(rows):
-            found = sky.light(direction[rows] if weight is None else direction)
+            found = sky.light(direction[rows] if weight is None else direction, width[rows])
             light[rows] += found if weight is None else weight * found
 
     def _pass(self, origin: NDArray, direction: NDArray, first: tuple[NDArray, ...], clear: NDArray, light: NDArray,
-              layers: list[Layer], larger: float) -> None:
+              layers: list[Layer], larger: float, width: NDArray[np.float64]) -> None:
         """Follow rays through what lets them pass, straight on, as shadow rays go."""
         g, glass = self._field.grids, self._field.glass
         row, weight = np.arange(len(origin)), np.ones((len(origin), 3))
@@ -132,7 +136,7 @@ class Gatherer:
         for _ in range(THROUGH):
             hit = triangle >= 0
             if not hit.all():
-                self._add_sky(light, row[~hit], direction[~hit], weight[~hit])
+                self._add_sky(light, row[~hit], direction[~hit], weight[~hit], width)
             row, weight, origin, direction = row[hit], weight[hit], origin[hit], direction[hit]
             triangle, u, v, keys, clear = triangle[hit], u[hit], v[hit], keys[hit], clear[hit]
             passed = np.zeros((len(row), 3))

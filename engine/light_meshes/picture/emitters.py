@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.geometry import Hits
-from ..scene.description import Light
+from ..scene.description import Light, Scene
 from ..support.statistics import Statistics
 from ..surface.points import REFLECTED
 from .world import World, world
@@ -55,21 +55,20 @@ class Face(NamedTuple):
     ellipse: bool
 
 
-def lit(bare: World, stats: Statistics, check: Callable[[], None]) -> World:
+def lit(bare: World, scene: Scene, stats: Statistics, check: Callable[[], None]) -> World:
     """The world with lamps for surfaces that give light, where its settings gather light from everywhere; else `bare`.
     """
-    settings = bare.scene.settings
-    if not (settings.world_light == "SKY" or settings.bounces) or settings.mode == "LOCAL":
+    settings = scene.settings
+    if not settings.gathers:
         return bare
     with stats.stage("emitters"):
         found = emitting(bare)
         lamps, taken = lamps_of(bare, found) if len(found.triangle) else ([], np.zeros(0, np.int64))
     if not lamps:
         return bare
-    scene = dataclasses.replace(bare.scene, lights=(*bare.scene.lights, *lamps))
     as_lamps = np.zeros(len(bare.surfaces.triangles), np.bool_)
     as_lamps[taken] = True
-    return dataclasses.replace(world(scene, bare.camera, stats, check, bare), as_lamps=as_lamps)
+    return dataclasses.replace(world(scene, bare.camera, stats, check, bare, tuple(lamps)), as_lamps=as_lamps)
 
 
 def emitting(bare: World) -> Emitting:

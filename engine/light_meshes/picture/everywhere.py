@@ -66,7 +66,7 @@ def _alike(new: World, old: World) -> bool:
     a, b = new.scene, old.scene
     sees = any(m.program.sees_camera() for m in a.materials)
     return (new.surfaces is old.surfaces and new.glass is old.glass and not sees and flags(new) == flags(old)
-            and same(a.materials, b.materials) and same(a.lights, b.lights) and a.world_color == b.world_color
+            and same(a.materials, b.materials) and same(a.lights, b.lights) and new.sky.alike(old.sky)
             and [t and t.key for t in new.textures] == [t and t.key for t in old.textures])
 
 

@@ -7,14 +7,19 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..film.passes import REFLECTED, TRANSMITTED, Tile
+from ..film.passes import TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
-from ..surface import points, shading
+from ..surface import points
+from .frosted import BENDS, frosted
 from .prepared import Prepared
+from .reflections import background, going, reflected, softened
 from .wave import Rays, joined
 
-BENDS = 64  # a ray through glass bends at up to this many surfaces and then goes straight on
+# Surfaces that a ray meets at most, also those that have no effect. Where two faces of a body meet, a ray along one of
+# them could else, by rounding, meet both again and again.
+LONGEST = 1024
+PIECE = 1 << 16  # rays that are shaded at once where they spread out
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
 
 # The passes of the first surface that a camera ray sees: (n, channels).
@@ -43,19 +48,25 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
                              mirrored=np.zeros(n, np.int16))
     if ready.glass.stacks is not None:
         rays = rays._replace(start=origin, last=np.full(n, -1, np.int32))
+    spreads = ready.plan.blurred or ready.plan.frosted
+    if spreads:
+        rays = rays._replace(fan=(-1 - np.arange(n) % len(ready.offsets)).astype(np.int32), blur=np.zeros(n))
     if tile.parts:
         rays = rays._replace(part=np.zeros(n, np.int8))  # DIRECT
     if tile.layers:
         rays = rays._replace(left=np.ones(n))
     ready.stats.add(camera_rays=n)
     waves: dict[str, Rays] = {"camera": rays}
-    while waves:
+    for _ in range(LONGEST):  # until no ray is left, at most
+        if not waves:
+            break
         next_waves: dict[str, list[Rays]] = {}
         for kind, rays in waves.items():
-            check()
-            for child_kind, child in _wave(ready, kind, rays, reach, first, tile, check):
-                next_waves.setdefault(child_kind, []).append(child)
-                ready.stats.add(secondary_rays=len(child.pixel))
+            for piece in rays.pieces(PIECE) if spreads and first is None else (rays,):
+                check()
+                for child_kind, child in _wave(ready, kind, piece, reach, first, tile, check):
+                    next_waves.setdefault(child_kind, []).append(child)
+                    ready.stats.add(secondary_rays=len(child.pixel))
             reach = first = None
         waves = {kind: joined(children) for kind, children in next_waves.items()}
     return {name: tile.developed(name, box, len(ready.offsets)) for name in ready.passes}
@@ -70,13 +81,15 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
+    _add_lamps(ready, kind, rays, hit, hits, tile)
     if not hit.all():
         miss = rays.at(~hit)
         if settings.film_transparent and kind == "camera":
             lost = np.ones(len(miss.pixel), np.bool_) if miss.clear is None else miss.clear
             tile.take_alpha(miss.pixel[lost], miss.weight[lost])
             miss = miss.at(~lost)
-        world = ready.world.sky.seen(miss.direction)
+        with ready.stats.stage("sky"):
+            world = background(ready, miss, _kinds(kind, miss))
         tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
         rays = rays.at(hit)
     with ready.stats.stage("programs"):
@@ -89,9 +102,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         if kind == "camera":
             _first(ready, tile, rays.pixel, hits, seen)
             _layer(ready, tile, rays, hits, np.ones(len(hits.P)))
-        if plan.reflections:
-            bounced = rays.weight * hits.table.mirror[hits.row]
-            children += _mirrored(ready, rays.seen_as(REFLECTED), hits, bounced, rays.depth)
+        if plan.reflections or plan.blurred:
+            children += reflected(ready, rays, hits, rays.weight, hits.table.mirror[hits.row], rays.depth, tile)
         return children
     return children + _pass_through(ready, kind, rays, hits, first, tile, check)
 
@@ -119,17 +131,36 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
         rays = rays._replace(left=rays.left * (1 - there))
     # These surfaces have no effect: cut-outs, and interfaces inside a medium of higher priority.
     unseen = rays._replace(media=np.where(face.real[:, None], media, face.media))
-    children += _going(ready, kind, unseen, hits, rays.weight - share, rays.direction, 0)
+    children += going(ready, kind, unseen, hits, rays.weight - share, rays.direction, 0)
+    if ready.plan.frosted:
+        children += frosted(ready, rays, through, hits, share, face)
     straight = ~face.bends | (rays.depth >= BENDS)
     passed = share * face.kt
-    children += _going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays.direction, 0)
-    children += _going(ready, "reflection", through, hits, np.where(straight[:, None], 0, passed), face.refracted, 1)
-    if ready.plan.reflections:
+    children += going(ready, kind, through, hits, np.where(straight[:, None], passed, 0), rays.direction, 0)
+    children += going(ready, "reflection", through, hits, np.where(straight[:, None], 0, passed), face.refracted, 1)
+    if ready.plan.reflections or ready.plan.blurred:
         # If no light passes, light does not divide further, and only mirrors count for the depth.
         events = np.where(passed.any(1), rays.depth, mirrored)
-        bounced = rays.seen_as(REFLECTED)._replace(clear=np.zeros_like(rays.clear))
-        children += _mirrored(ready, bounced, hits, share * face.mirror, events)
+        bounced = rays._replace(clear=np.zeros_like(rays.clear))
+        children += reflected(ready, bounced, hits, share, face.mirror, events, tile)
     return children
+
+
+def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], hits: Hits, tile: Tile) -> None:
+    """Add the light of lamps that rays see before the surface that they hit, if any."""
+    lamps, kinds = ready.lamps, _kinds(kind, rays) if ready.lamps.by else None
+    if kinds is None or not (np.left_shift(1, kinds) & lamps.by).any():
+        return
+    weight = rays.weight
+    if rays.blur is not None:  # rough surfaces have highlights of lamps instead
+        weight = np.where(rays.blur[:, None] > 0, 0.0, weight)
+    far = np.full(len(hit), np.inf)
+    far[hit] = np.einsum("ni,ni->n", hits.P - rays.origin[hit], rays.direction[hit])
+    light = lamps.light(rays.origin, rays.direction, far, kinds)
+    rows = np.flatnonzero(light.any(1) & weight.any(1))
+    if len(rows):
+        seen = rays.at(rows)
+        tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]})
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:
@@ -145,13 +176,32 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
            check: Callable[[], None]) -> dict[str, NDArray]:
     """Add the light of the surfaces that rays hit. Returns the shadow passes there. `first` is as in `_wave`."""
     work = tile.work(len(weight))
+    hits = softened(ready, rays, hits)
     if first and ready.sparse:
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work)
     else:
         light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work)
     tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms)
     tile.add_work(rays.pixel, work)
+    if ready.plan.translucent:
+        _shine_through(ready, rays, weight, hits, tile, check)
     return light.shadows
+
+
+def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
+                   check: Callable[[], None]) -> None:
+    """Add the light that comes through surfaces scattered: that of a matt surface on their other side."""
+    rows = np.flatnonzero((hits.table.translucent[hits.row] > 0).any(1))
+    if not len(rows):
+        return
+    some = hits.at(rows)
+    back = some._replace(Ng=-some.Ng, Ns=-some.Ns, front=~some.front, table=hits.table.behind(),
+                         smooth=None if some.smooth is None else -some.smooth)
+    work = tile.work(len(rows))
+    light = ready.lighting.direct(back, rays.direction[rows], check, tile.parts, False, work)
+    tile.add_light(rays.pixel[rows], None if rays.part is None else rays.part[rows], weight[rows], light.colour,
+                   light.terms)
+    tile.add_work(rays.pixel[rows], work)
 
 
 def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
@@ -174,43 +224,8 @@ def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
     if rays.left is not None:
         rays = rays._replace(left=np.where(holdout, rays.left * (1 - alpha[:, 0]), rays.left))
     weight = rays.weight * (1 - alpha + alpha * dimmed)  # cut-outs let light pass
-    children = _going(ready, "camera", rays.at(gone), hits.at(gone), weight[gone], rays.direction[gone], 0)
+    children = going(ready, "camera", rays.at(gone), hits.at(gone), weight[gone], rays.direction[gone], 0)
     return rays.at(~gone), hits.at(~gone), children
-
-
-def _mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, events: NDArray) -> list[tuple[str, Rays]]:
-    """The rays that surfaces reflect with `weight`. events (n,): how often they were, or bent, where that counts.
-
-    max_depth bounds them, so that light does not divide for ever.
-    """
-    on = (weight.max(axis=1, initial=0) > ready.scene.settings.cutoff) & (events < ready.scene.settings.max_depth)
-    if not on.any():
-        return []
-    rays, normal = rays.at(on), hits.Ng[on]
-    turned = np.empty((len(normal), 3))
-    shading.mirrored(rays.direction, normal, hits.Ns[on], turned)
-    if rays.mirrored is not None:
-        rays = rays._replace(mirrored=rays.mirrored + np.int16(1))
-    return [("reflection", _from_surface(rays, hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
-
-
-def _going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
-           step: int) -> list[tuple[str, Rays]]:
-    """The rays that go on through the surface with `weight`; step: 1 where they bend."""
-    on = weight.max(axis=1, initial=0) > ready.scene.settings.cutoff
-    if not on.any():
-        return []
-    return [(kind, _from_surface(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on],
-                                 step))]
-
-
-def _from_surface(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,
-                  step: int) -> Rays:
-    """The rays that leave surfaces at P on the side of `normal`."""
-    if rays.start is not None:
-        straight = (direction == rays.direction).all(1, keepdims=True)
-        rays = rays._replace(start=np.where(straight, rays.start, P), last=triangle)
-    return rays._replace(weight=weight, origin=P, normal=normal, direction=direction, depth=rays.depth + np.int16(step))
 
 
 def _first(ready: Prepared, tile: Tile, pixel: NDArray, hits: Hits, shadows: dict[str, NDArray]) -> None:

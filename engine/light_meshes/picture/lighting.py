@@ -17,6 +17,7 @@ from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
 from ..support.statistics import Statistics
 from ..surface import colours, shading
+from ..surface.seen import seen_in_mirrors
 from .plan import Plan
 from .world import World
 
@@ -38,6 +39,8 @@ class Lighting:
         """method: that of the plan. passes: of the picture, of which some show shadows."""
         self._world, self._plan, self._method, self._stats = world, plan, method, stats
         self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
+        shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
+        self._shown = shown if plan.reflections and shown.any() else None
         self.everywhere: Records | None = None  # light from everywhere, where the scene has it
         s = world.scene.settings
         by_sky = s.gathers and s.world_light == "SKY"
@@ -82,8 +85,8 @@ class Lighting:
         m = hits.table
         Od = colours.matt(hits, self._world.textures)
         colour, ambient = np.empty_like(Od), np.empty_like(Od)
-        shading.unlit(m, hits.row, self._Ia, Od, colour, ambient)
         shading.dim(m, hits, direction, Od)
+        shading.unlit(m, hits.row, self._Ia, Od, colour, ambient)
         terms = {"Emission": m.emission[hits.row], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
         if self.everywhere is not None:
@@ -101,10 +104,14 @@ class Lighting:
         for part, lit, _, S in self.lit(self._surfaces(hits, direction, Od), bool(shadows), check, work, lights):
             with self._stats.stage("shading"):
                 both = (terms["Diffuse"][part], terms["Glossy"][part]) if terms else ()
-                shading.gather(lit, S, colour[part], *both)
+                shading.gather(lit, self.emitted(lit, S), colour[part], *both)
                 for name, shadow in shadows.items():
                     shown = self._shadow_lights[name]
                     shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
+
+    def emitted(self, lit: shading.Lit, S: NDArray[np.float32]) -> NDArray[np.float32]:
+        """S (n,L,C) as `shading.gather` wants it: multiplied by what the nodes of lamps say."""
+        return self._world.lamps(lit.hits.P, lit.hits.Ns, S)
 
     def shadow_ratio(self, hits: Hits, direction: NDArray, check: Check,
                      work: NDArray | None = None) -> NDArray[np.float64]:
@@ -121,8 +128,9 @@ class Lighting:
         surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white)
         for part, some, active, S in self.lit(surfaces, False, check, work):
             with self._stats.stage("shading"):
-                shading.gather(some, S, lit[part])
-                shading.gather(some, pairs.seen(active, len(self._world.scene.lights)), full[part])
+                shading.gather(some, self.emitted(some, S), lit[part])
+                every = pairs.seen(active, len(self._world.scene.lights))
+                shading.gather(some, self.emitted(some, every), full[part])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
@@ -138,15 +146,16 @@ class Lighting:
 
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
         """These hits, in the light of all lights."""
-        return shading.Lit(self._world.lights, hits.table, hits, direction, Od)
+        return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown)
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
-            lights: NDArray[np.uint64] | None = None, visibility: Method | None = None) -> Iterator[
+            lights: NDArray[np.uint64] | None = None, visibility: Method | None = None,
+            narrow: NDArray[np.uint64] | None = None) -> Iterator[
                 tuple[slice, shading.Lit, NDArray[np.uint64], NDArray[np.float32]]]:
         """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of surfaces, batch by batch.
 
         None without lights. unlit: see `shading.reaching`. lights (W,): those that count; None: all. visibility:
-        another method than the plan's.
+        another method than the plan's. narrow: see `Receivers`.
         """
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
         step = max(64, SHADED // max(1, count))
@@ -169,6 +178,7 @@ class Lighting:
                     self.terminator.clear(lift, some, self._targets, active, self._world.closest)
             method = visibility or self._method
             probe = work[part] if work is not None and self._plan.kind.counts else None
-            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift), check, probe)
+            rows = None if narrow is None else narrow[part]
+            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows), check, probe)
             self.terminator.fade(some, self._targets, S)
             yield part, lit, active, S

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -10,11 +11,14 @@ from numpy.typing import NDArray
 from ..lights.registry import KINDS
 from ..rays.camera import depth
 from ..scene.description import same
+from ..shadows import lamp_points
 from ..shadows.radius import magnified, radius
+from ..shadows.registry import KINDS as METHODS
 from ..support.bits import has
 from ..surface import shading
 from .world import World
 
+SMALL = 4  # pixels
 ACROSS = 200  # steps in the picture's width, at the median depth
 
 
@@ -53,6 +57,26 @@ class Measured:
         return own
 
 
+    @cached_property
+    def pinpoints(self) -> dict[int, float]:
+        """Return those lamps of softness SIZE, by number, whose shadows have no edge as wide as a pixel in a coarse
+        view of the picture, and how many pixels the widest has.
+
+        Only lamps are looked at that are smaller than SMALL pixels, and only where nodes would answer for them.
+        """
+        world, camera = self._world, self._world.scene.camera
+        lights = world.scene.lights
+        sized = [i for i, light in enumerate(lights) if light.softness == "SIZE" and light.cast_shadow]
+        if not sized or not METHODS[world.scene.settings.shadows].lattice:
+            return {}
+        pixel = (self._h or step(world)) * ACROSS / max(camera.width, camera.height)
+        wide = 2 * lamp_points.reaches(lamp_points.shapes(lights))
+        small = [i for i in sized if 0 < wide[i] * (
+            2 * world.surfaces.scale if KINDS[lights[i].type].directional else 1) < SMALL * pixel]
+        found = zip(small, _magnifications(world, small, most=True) if small else [], strict=True)
+        return {i: width for i, most in found if (width := wide[i] * (most or 0.0) / pixel) < 1}
+
+
 def _same_view(world: World, old: World) -> bool:
     """Whether the old world's h was measured, in the same view of the same surfaces."""
     before = old.scene.settings
@@ -81,13 +105,15 @@ def step(world: World) -> float:
     return float(f"{max(width / ACROSS, 1e-30):.1e}")
 
 
-def _magnifications(world: World, numbers: list[int]) -> list[float | None]:
-    """Median of a/(L − a), of a SUN of a, over what the camera sees on a coarse grid; None where nothing tells.
+def _magnifications(world: World, numbers: list[int], most: bool = False) -> list[float | None]:
+    """Median (or the most) of a/(L − a), of a SUN of a, of what the camera sees on a coarse grid; None: nothing tells.
 
     With a reference distance it is a, and L the median way to the surfaces that the light shines on; else both are
     measured where something blocks the light.
     """
     lights = tuple(world.scene.lights[i] for i in numbers)
+    if most:
+        lights = tuple(replace(light, reference_distance=0.0) for light in lights)
     arrays = shading.light_arrays(lights)
     targets = arrays.targets()
     direction, hits = world.coarse_view()
@@ -113,7 +139,7 @@ def _magnifications(world: World, numbers: list[int]) -> list[float | None]:
                                          None if targets.directional[k] else length, casters)
             a: NDArray = np.sqrt(((blocker.P - P[hit]) ** 2).sum(1))
             values = a if targets.directional[k] else magnified(a, length[hit])
-        found.append(float(np.median(values)) if len(values) else None)
+        found.append(float(np.max(values) if most else np.median(values)) if len(values) else None)
     return found
 
 

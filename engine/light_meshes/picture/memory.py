@@ -22,8 +22,10 @@ from ..rays.camera import depth
 from ..scene.description import Scene
 from ..scene.errors import SceneError
 from ..shadows.meshes.lattice import above_a_plane
+from ..shadows.method import Nodes
 from ..shadows.psi import CANDIDATES
 from ..shadows.registry import KINDS
+from ..shadows.shares import FIRST
 from ..support import processors
 from ..surface import textures
 from .lighting import SHADED
@@ -35,8 +37,10 @@ TRIANGLE, VERTEX = 60, 12  # for an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
 BATCH = 1 << 16  # camera rays of a tile, about: each thread has one under way
 LARGER = 4  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
+SPREAD = 4  # how many times fewer there are if surfaces spread them out
 RAY, LIT, CANDIDATE = 700, 8, 24  # for a ray; for a receiver and a light; for a receiver and a node
 NODE = 16  # for a node, in addition to its values
+MIXED = 0.3  # share of the nodes that may be near a penumbra
 # as shares of the available memory: above DOUBT a scene is refused, above CLOSE there is a warning
 DOUBT, CLOSE = 1.25, 0.8
 
@@ -110,20 +114,42 @@ def nodes(scene: Scene, world: World, radii: NDArray[np.float64], channels: int)
     radii (K,): of their balls in steps, ascending. channels: of a node's value, as `Plan.channels`. Those around what
     is seen in mirrors are left out.
     """
-    s, reach = scene.settings, float(radii[-1])
-    x0, y0, x1, y1 = crop_of(scene)
-    lights = len(scene.lights)
+    s, lights = scene.settings, len(scene.lights)
     each = NODE + (4 * lights * channels if channels else lights / 8)
-    reached = (x1 - x0) * (y1 - y0) * s.samples * above_a_plane(reach)
+    reached = _reached(scene, world, float(radii[-1]), s.h, each)
+    return Part(reached * each, f"about {reached:,.0f} nodes of light meshes with {lights:,} lights",
+                f"take a larger step than h = {s.h:g}, or fewer lights with soft shadows")
+
+
+def shares(scene: Scene, world: World, nodes: Sequence[Nodes]) -> list[Part]:
+    """The nodes that hold shares of lamps with a size, in the same way; none where there are no such lamps."""
+    size = count = 0.0
+    for one in nodes:
+        if one.points:
+            each = NODE + one.store.bytes_of_a_node
+            reached = _reached(scene, world, float(one.lattice.reach[-1]), one.lattice.h, each)
+            size += reached * each * (1.0 if one.points == FIRST else MIXED)
+            count += reached * (one.points == FIRST)
+    what = f"about {count:,.0f} nodes with shares of {len(scene.lights):,} lights"
+    return [Part(size, what, f"take a larger step than h = {scene.settings.h:g}, or fewer lamps of softness Lamp Shape")
+            ] if size else []
+
+
+def _reached(scene: Scene, world: World, reach: float, h: float, each: float) -> float:
+    """How many nodes of a lattice of step h the camera's receivers reach, so many steps far.
+
+    each: bytes of a node; where all can not be many, no view is looked at.
+    """
+    x0, y0, x1, y1 = crop_of(scene)
+    reached = (x1 - x0) * (y1 - y0) * scene.settings.samples * above_a_plane(reach)
     if reached * each > 16 << 20:
         direction, hits = world.coarse_view()
         camera = world.scene.camera
         left, right, bottom, top = camera.window
         across = abs((right - left) * (top - bottom)) * (depth(camera, hits.P) ** 2 if camera.perspective else 1.0)
         slant = (direction @ -camera.matrix[:3, 2]) / np.maximum(np.abs((direction * hits.Ng).sum(1)), 1e-9)
-        reached = np.minimum(across * slant * reach / s.h**2, reached).sum() / 64**2
-    return Part(reached * each, f"about {reached:,.0f} nodes of light meshes with {lights:,} lights",
-                f"take a larger step than h = {s.h:g}, or fewer lights with soft shadows")
+        reached = np.minimum(across * slant * reach / h**2, reached).sum() / 64**2
+    return float(reached)
 
 
 def check(parts: Sequence[Part]) -> list[str]:

@@ -4,10 +4,11 @@ its reason.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from ..shadows.casters import Casters, smooth_lights, union
 from ..shadows.method import Kind
 from ..shadows.radius import extent
 from ..shadows.registry import KINDS, NONE
-from ..shadows.sized import LEVELS, MORE_RAYS, RAYS
+from ..shadows.sized import LEVELS, RAYS, rays
 from ..support.bits import has
 
 LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that nodes may answer
@@ -31,6 +32,10 @@ class Plan:
 
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
+    blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
+    translucent: bool = False  # light comes through some surfaces scattered
+    frosted: bool = False  # some glass is rough
+    spreads: bool = False  # of which some are bright, and spread rays out
     transparent: bool = False  # rays pass through surfaces
     paths: bool = False  # shadow paths bend (eq. 6)
     uniform_skip: bool = False
@@ -55,10 +60,10 @@ class Plan:
 
 
 def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, ...] = ("Combined",),
-         step: str = "") -> Plan:
+         step: str = "", pinpoints: Mapping[int, float] = MappingProxyType({})) -> Plan:
     """Decide what `scene` needs for `passes`; `glass` says what is transparent in it and `casters` what casts shadows.
 
-    `step` says why the automatic step is not the one that the camera alone gives.
+    `step` says why the automatic step is not the one that the camera alone gives; pinpoints: `Measured.pinpoints`.
     """
     s, p = scene.settings, Plan()
     used = scene.geometry.triangle_materials
@@ -77,8 +82,8 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         values = {0: (f"{words} × 64 bits", "opaque surfaces only"), 1: ("a number a light", "uncoloured glass"),
                   3: ("RGB a light", "coloured glass")}[p.channels]
         p.decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
-    if p.kind.lattice:
-        _lamps_with_a_size(p, scene, casters)
+    if KINDS[s.shadows].lattice and p.shadows != NONE:
+        _lamps_with_a_size(p, scene, casters, pinpoints)
     if s.shadow_rate > 1:
         _shadow_rate(p, scene, casters, passes)
     if p.kind.lattice:
@@ -162,7 +167,8 @@ def _shadow_rate(p: Plan, scene: Scene, casters: Casters, passes: tuple[str, ...
     s = scene.settings
     why_not = ("only light meshes' shadows are smooth" if not p.kind.lattice else
                "each light's shadows are sharp in part" if not smooth_lights(casters, len(scene.lights)).any() else
-               "lamps with a size have narrow penumbrae where shadows touch" if any(_sized(scene, casters)) else
+               "where light comes through surfaces, rays to lamps with a size say it at each sample"
+               if p.channels and any(_sized(scene, casters)) else
                "light that glass has bent may change from pixel to pixel" if p.paths else
                "shadow passes show every sample" if any(n.startswith("Shadow") for n in passes) else "")
     p.shadow_rate = 1 if why_not else s.shadow_rate
@@ -176,7 +182,7 @@ def _sized(scene: Scene, casters: Casters) -> list[str]:
     return [light.name for i, light in enumerate(scene.lights) if light.softness == "SIZE" and has(soft, i)]
 
 
-def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters) -> None:
+def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mapping[int, float]) -> None:
     """How the lamps get their shadows that have those of their own shape, and which have sharp ones."""
     def names(of: list[str]) -> str:
         return ", ".join(f"'{name}'" for name in of[:3]) + (f" and {len(of) - 3} more" if len(of) > 3 else "")
@@ -186,14 +192,20 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters) -> None:
               and any(light.intensity) and not extent(light)]
     if points:
         p.decide("lamps without a size", "sharp", f"{names(points)}: one ray says all of a point")
+    small = [scene.lights[i].name for i in pinpoints if has(union(casters.whole, len(scene.lights)), i)]
+    if small:
+        p.decide("lamps smaller than a pixel", "sharp",
+                 f"{names(small)}: one ray says all, the edges in view are {max(pinpoints.values()):.2g} pixels wide")
     if lamps:
+        first, most = rays(scene.settings.kI, len(lamps))
         how, why = "shares at nodes", (
-            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; {RAYS} rays "
-            f"where it is narrower than r, up to {MORE_RAYS} where something is near")
+            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; {first} rays "
+            f"where it is narrower than r, up to {most} where " +
+            ("something is near" if most > RAYS else "they disagree"))
         if p.paths:
             how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
         elif p.channels:
-            how, why = "rays", f"light comes through surfaces: up to {MORE_RAYS} from each receiver to each lamp"
+            how, why = "rays", f"light comes through surfaces: up to {most} from each receiver to each lamp"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")
 
 
@@ -217,7 +229,8 @@ def _short_rays(p: Plan, scene: Scene) -> None:
 def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Material]) -> None:
     """Decide whether rays are reflected, by `materials` (those in use) or inside glass."""
     s = scene.settings
-    mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt))]
+    lobes = [m.name for m in materials if m.blurred and m.highlight == "GGX" and not m.fresnel]
+    mirrors = [m.name for m in materials if any(m.mirror) or (m.fresnel and any(m.kt)) or m.name in lobes]
     totally = bool(glass.bending.any())  # total internal reflection
     p.reflections = s.mode == "WHITTED" and (bool(mirrors) or totally) and s.max_depth > 0
     if s.mode != "WHITTED":
@@ -228,6 +241,17 @@ def _reflections(p: Plan, scene: Scene, glass: Interfaces, materials: list[Mater
         p.decide("reflected rays", f"up to {s.max_depth}", "total reflection inside glass")
     else:
         p.decide("reflected rays", "no", "no material mirrors")
+    p.frosted = s.refraction != "NONE" and any(
+        any(m.kt) and (m.frosted > 0 or "frosted" in m.program.values) for m in materials)
+    p.translucent = any(any(m.translucent) or "translucent" in m.program.values for m in materials)
+    p.blurred = bool(lobes)
+    p.spreads = p.frosted or (p.blurred and p.reflections and any(
+        m.name in lobes and max(m.metal, m.coat) > 0.1 for m in materials))
+    if p.frosted:
+        p.decide("rough glass", "yes", "what is seen through it is blurred")
+    if lobes:
+        p.decide("rough reflections", "rays" if p.reflections else "the world only",
+                 f"{len(lobes)} materials with lobes of microfacets, '{lobes[0]}' first")
 
 
 def _holes(p: Plan, scene: Scene) -> None:

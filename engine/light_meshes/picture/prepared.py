@@ -13,6 +13,7 @@ from ..rays.camera import filter_offsets
 from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
 from ..support.statistics import Statistics
+from ..surface.seen import SeenLamps
 from . import automatic_step, emitters, everywhere, memory, reuse
 from .lighting import Lighting
 from .measured import Measured
@@ -39,22 +40,26 @@ class Prepared:
         memory.check(parts)
 
         bare = world(scene, view, stats, check, previous.world if previous else None)
-        self.world: World = emitters.lit(bare, stats, check)
-        scene = self.world.scene
+        self.world: World = emitters.lit(bare, scene, stats, check)
+        scene = self.world.scene  # with the lamps that stand for the world's suns, and for surfaces that give light
         measured = Measured(self.world, previous.measured if previous else None)
         step = automatic_step.automatic(self.world, measured)
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)
-        casters = automatic_step.without(self.world.casters, step.sharp, len(scene.lights))
+        casters = automatic_step.without(self.world.casters, step.sharp | measured.pinpoints, len(scene.lights))
         self.scene = dataclasses.replace(self.world.scene, settings=settings, camera=view)  # as it is drawn
-        self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason)
+        self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason, measured.pinpoints)
+        for what, value, why in self.world.sky.decisions():
+            self.plan.decide(what, value, why)
         if self.world.as_lamps is not None:
             self.plan.decide("emitting surfaces", f"{len(scene.lights) - len(bare.scene.lights)} lamps",
                              f"for {np.count_nonzero(self.world.as_lamps):,} triangles that give light")
         before = previous.shadowing if previous else None
         self.shadowing: Shadowing = shadowing(self.world, settings, casters, self.plan, measured, stats, before)
         nodes = self.shadowing.method.nodes
-        if nodes is not None:
-            parts.append(memory.nodes(self.scene, self.world, nodes.lattice.reach, self.plan.channels))
+        self.soft = next((one for one in nodes if not one.points), None)  # nodes of lights of one width
+        if self.soft:
+            parts.append(memory.nodes(self.scene, self.world, self.soft.lattice.reach, self.plan.channels))
+        parts += memory.shares(self.scene, self.world, nodes)
         self.warnings = [*darkness(scene, self.plan), *self.world.lost, *self.world.unread,
                          *automatic_step.drawn_sharp(scene.lights, step), *self.shadowing.warnings,
                          *memory.check(parts)]
@@ -68,12 +73,14 @@ class Prepared:
                 previous.everywhere if previous else None)
             self.lighting.everywhere = self.everywhere.records
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
+        self.lamps = SeenLamps(scene.lights)
         self.numbers = numbers(scene)
         self.sparse = None
-        if self.plan.shadow_rate > 1 and nodes is not None:
-            self.sparse = Sparse(self.world, self.lighting, casters, nodes.lattice, self.offsets, stats)
+        if self.plan.shadow_rate > 1 and nodes:
+            reach = min(settings.kI if one.points else float(one.lattice.reach[0]) for one in nodes)
+            self.sparse = Sparse(self.world, self.lighting, casters, (settings.h, reach), self.offsets, stats)
 
-        self.passes, self.stats, self.soft = tuple(passes), stats, nodes
+        self.passes, self.stats = tuple(passes), stats
         self.measured: Measured = measured
         self.measured_h = measured.h if settings.auto_h else 0.0
         self.surfaces, self.tracer, self.glass = self.world.surfaces, self.world.tracer, self.world.glass

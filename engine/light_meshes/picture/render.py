@@ -18,9 +18,12 @@ from ..scene.description import Camera, Scene
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
+from . import reuse
 from .integrator import radiance
-from .memory import BATCH, LARGER
+from .memory import BATCH, LARGER, SPREAD
 from .prepared import Prepared
+
+SHOWN = 8  # lamps of which the statistics tell one by one how their shadows were found
 
 
 class Cancelled(Exception):  # noqa: N818  (it is no error)
@@ -99,7 +102,7 @@ def draw(
     crop = crop_of(ready.scene)
     threads = threads or processors.count()
     if tile_size is None:
-        batch = BATCH * (LARGER if ready.sparse else 1)
+        batch = BATCH * (LARGER if ready.sparse else 1) // (SPREAD if ready.plan.spreads else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     tiles = _tiles(crop, tile_size)
     lock, done = threading.Lock(), 0
@@ -153,11 +156,27 @@ def measure(scene: Scene) -> dict[str, Any]:
     return {"h": ready.measured.h, "radii": radii}
 
 
+def _lamps(ready: Prepared) -> dict[str, str]:
+    """Return what the plan came to for lamps with a size, as further reasons: a row a lamp, of the first SHOWN."""
+    pairs, rays = (ready.stats.of_lights.get(name) for name in ("lamp_pairs", "ray_pairs"))
+    if pairs is None or rays is None:
+        return {}
+    how = ready.plan.reasons.get("lamps with a size", "").split(":")[0]
+    found = [i for i, n in enumerate(pairs) if n]
+    rows = {f"lamp '{ready.scene.lights[i].name}'": f"{how}: {rays[i] / pairs[i]:.1%} of its receivers took rays"
+            for i in found[:SHOWN]}
+    rest = found[SHOWN:]
+    if rest:
+        share = rays[rest].sum() / pairs[rest].sum()
+        rows["other lamps with a size"] = f"{how}: {share:.1%} of the receivers of these {len(rest)} took rays"
+    return rows
+
+
 def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seconds: float) -> dict[str, Any]:
     """Return the statistics of a finished render."""
     s, counts = ready.scene.settings, ready.stats.counts
     report: dict[str, Any] = {
-        "plan": ready.plan.reasons,
+        "plan": ready.plan.reasons | _lamps(ready),
         "width": frame.width, "height": frame.height, "samples": s.samples,
         "triangles": len(ready.surfaces.triangles), "instances": len(ready.scene.geometry.instance_mesh),
         "lights": len(ready.scene.lights), "materials": len(ready.scene.materials),
@@ -173,19 +192,20 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
     if ready.plan.gathers:
         for name in ("records", "gathered_rays", "gathered_short_rays"):
             report[name] = counts[name]
-    lit = ready.soft
-    if lit is not None:
+    nodes = ready.shadowing.method.nodes
+    if nodes:
         vertices = ready.surfaces.vertices
         finite = np.isfinite(vertices).all(1)[:, None]
         low, high = vertices.min(0, where=finite, initial=1), vertices.max(0, where=finite, initial=-1)
         box = np.maximum(high.astype(np.float64) - low, 0) * ready.surfaces.scale
-        radii = (s.h * lit.lattice.reach).tolist()
+        radii = (s.h * ready.soft.lattice.reach).tolist() if ready.soft else [s.h * s.kI]
+        found = reuse.count(nodes)
         lattice_nodes = float(np.prod((box + 2 * radii[-1]) / s.h))  # all nodes that any receiver can reach
         report |= {
             "h": s.h, "kI": s.kI, "r": s.h * s.kI, "measured_h": ready.measured_h, "radii": radii,
             "receivers": counts["receivers"], "candidates": counts["candidates"],
-            "nodes": lit.store.count, "node_share": lit.store.count / lattice_nodes,
-            "nodes_kept": ready.nodes_kept, "node_bytes": lit.store.bytes,
+            "nodes": found, "node_share": found / lattice_nodes,
+            "nodes_kept": ready.nodes_kept, "node_bytes": sum(one.store.bytes for one in nodes),
             "short_rays": counts["short_rays"], "long_rays": counts["long_rays"],
             "empty_sets": counts["empty_sets"], "uniform_skips": counts["uniform_skips"],
             "certified": counts["certified"], "spared_rays": counts["spared_rays"],

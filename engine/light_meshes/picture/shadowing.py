@@ -25,6 +25,37 @@ from .plan import Plan
 from .world import World
 
 
+class Certify:
+    """Certificates of a picture, by the radius in which nothing but a receiver's own body is near."""
+
+    def __init__(self, world: World, stats: Statistics, old: Certify | None) -> None:
+        """old: of the picture before, whose certificates count where surfaces and casters are the same."""
+        self._world, self._stats, self._old = world, stats, old
+        self._made: dict[float, Certificate | None] = {}
+
+    @cached_property
+    def casts(self) -> NDArray[np.bool_]:
+        """The triangles (T,) that shadow rays may meet."""
+        casts = np.array([o.visible_shadow for o in self._world.scene.objects], np.bool_)
+        return casts[self._world.owner(np.arange(len(self._world.surfaces.triangles), dtype=np.int32))]
+
+    def __call__(self, r: float) -> Certificate | None:
+        """The certificate for this radius; None: there are no bodies."""
+        if r not in self._made:
+            with self._stats.stage("certificate"):
+                self._made[r] = self._taken(r) or certificate(self._world.surfaces, self.casts, r)
+        return self._made[r]
+
+    def _taken(self, r: float) -> Certificate | None:
+        before = self._old._made.get(r) if self._old else None
+        same = before and before.surfaces is self._world.surfaces and np.array_equal(before.casts, self.casts)
+        return before if same else None
+
+    def close(self) -> None:
+        """Forget the picture before: all is made that was wanted of it."""
+        self._old = None
+
+
 @dataclass(frozen=True, eq=False)
 class Shadowing:
     """A shadow method, and what it was made of: the next picture compares its own with that."""
@@ -37,7 +68,8 @@ class Shadowing:
     channels: int  # of values at nodes, as `Plan.channels`
     paths: bool  # shadow paths bend
     refraction: Refraction | None
-    certificate: Certificate | None
+    certificate: Certificate | None  # of lights of one width
+    certify: Certify
     radii: dict[int, float]  # r of lights that have their own
     warnings: list[str]
 
@@ -67,21 +99,23 @@ def shadowing(world: World, settings: Settings, casters: Casters, plan: Plan, me
     targets = world.lights.targets()
     refraction = _refraction(world, settings, casters, targets, old) if plan.paths else None
     through = Through(plan.channels, world.glass.factor, refraction, world.glass.cutouts)
+    certify = Certify(world, stats, old.certify if old else None)
     of_lattice: LatticeSetup | None = None
     radii: dict[int, float] = {}
     warnings: list[str] = []
     if plan.kind.lattice:
-        of_lattice, radii, warnings = _lattice(world, settings, casters, plan, measured, stats, old)
+        of_lattice, radii, warnings = _lattice(world, settings, casters, plan, measured, certify)
     own = plan.kind.own(settings if plan.shadows == settings.shadows else Settings())  # the plan may need no more
     method = plan.kind.make(Setup(world.scene.lights, targets, world.tracer, stats, casters, settings, own, through,
                                   of_lattice))
+    certify.close()
     proof = of_lattice.certificate if of_lattice else None
-    return Shadowing(world, settings, casters, targets, method, plan.channels, plan.paths, refraction, proof, radii,
-                     warnings)
+    return Shadowing(world, settings, casters, targets, method, plan.channels, plan.paths, refraction, proof, certify,
+                     radii, warnings)
 
 
-def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: Measured, stats: Statistics,
-             old: Shadowing | None) -> tuple[LatticeSetup, dict[int, float], list[str]]:
+def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: Measured,
+             certify: Certify) -> tuple[LatticeSetup, dict[int, float], list[str]]:
     """The lattice, with a class of lights a radius; r of lights that have one of their own; and warnings."""
     lights, own = world.scene.lights, measured.own_radii
     soft = union(casters.soft, len(lights))
@@ -91,33 +125,13 @@ def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: 
     # there are none if the plan was forced
     reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])
     nodes = lattice(s.h, reach, s.lattice_rotation, s.lattice_origin)
-    proof, casts = None, None
-    if plan.certificate:
-        casts = _casts(world)
-        proof = _certificate(world, s.h * float(reach[-1]), stats, old)
-        if proof is None:
-            plan.reasons["certificate"] = "off: no object is convex, no surface plane"
-    elif any(light.softness == "SIZE" for light in lights) and plan.certifies_lamps:
-        casts = _casts(world)
+    proof = certify(s.h * float(reach[-1])) if plan.certificate else None
+    if plan.certificate and proof is None:
+        plan.reasons["certificate"] = "off: no object is convex, no surface plane"
     ring = np.searchsorted(reach, np.minimum(steps, reach[-1]))
-    found = LatticeSetup(nodes, classes(ring, s.h * reach, soft), proof, plan.uniform_skip, world.surfaces, casts)
+    found = LatticeSetup(nodes, classes(ring, s.h * reach, soft), proof, plan.uniform_skip, world.surfaces,
+                         certify if plan.certifies_lamps else None)
     return found, radii, warnings
-
-
-def _casts(world: World) -> NDArray[np.bool_]:
-    """The triangles (T,) that shadow rays may meet."""
-    casts = np.array([o.visible_shadow for o in world.scene.objects], np.bool_)
-    return casts[world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))]
-
-
-def _certificate(world: World, r: float, stats: Statistics, old: Shadowing | None) -> Certificate | None:
-    """Where nothing but a receiver's own body is near; None: nowhere."""
-    meets = _casts(world)
-    with stats.stage("certificate"):
-        before = old.certificate if old else None
-        if before and world.surfaces is before.surfaces and before.r == r and np.array_equal(before.casts, meets):
-            return before
-        return certificate(world.surfaces, meets, r)
 
 
 def _refraction(world: World, s: Settings, casters: Casters, targets: Targets,

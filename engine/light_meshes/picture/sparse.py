@@ -13,7 +13,8 @@ between them and multiplied by its own colours, if
 
 Otherwise blocks of half the size are tried, and so on down to a pixel. The remaining samples are computed directly. All
 this depends only on where a sample is in the picture and in the scene, not on tiles, threads or order. Light seen in
-mirrors and through glass is computed at each sample, and so are shadows that are not soft.
+mirrors and through glass is computed at each sample, and so are shadows that are not soft, and lamps whose nodes say
+more than how their light falls off.
 
 The picture's light is the light that a white matt surface would reflect if nothing cast a shadow; a tenth of what the
 camera sees is brighter. So lights of a thousand times the power give the same picture, a thousand times as bright.
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 from ..rays.camera import camera_rays, coarser
 from ..rays.geometry import Hits
 from ..shadows.casters import Casters, smooth_lights
-from ..shadows.meshes.lattice import Lattice, above_a_plane
+from ..shadows.meshes.lattice import above_a_plane
 from ..shadows.method import Check
 from ..shadows.unshadowed import Unshadowed
 from ..support.bits import mask_of
@@ -86,7 +87,7 @@ def typical(world: World, lighting: Lighting) -> float:
     light = np.zeros((len(hits.P), 3))
     surfaces = shading.Lit(world.lights, matt, hits, direction, np.ones_like(light))
     for part, lit, _, S in lighting.lit(surfaces, False, lambda: None, visibility=Unshadowed(lights)):
-        shading.gather(lit, S, light[part])
+        shading.gather(lit, lighting.emitted(lit, S), light[part])
     brightest = light.max(1)
     return float(np.percentile(brightest[brightest > 0], 90)) if brightest.any() else 0.0
 
@@ -109,9 +110,11 @@ def groups(world: World) -> NDArray[np.int64]:
 class Sparse:
     """Interpolates the light of the surfaces that the camera of a prepared scene sees first."""
 
-    def __init__(self, world: World, lighting: Lighting, casters: Casters, lattice: Lattice,
+    def __init__(self, world: World, lighting: Lighting, casters: Casters, ball: tuple[float, float],
                  offsets: NDArray[np.float64], stats: Statistics) -> None:
-        """casters: those of the picture's shadows; lattice: of its nodes; offsets (samples,2): in the pixel filter."""
+        """casters: those of the picture's shadows. ball: h, and the least r of lights in steps. offsets (samples,2): in
+        the pixel filter.
+        """
         self._world, self._lighting, self._stats, self._offsets = world, lighting, stats, offsets
         self._camera = dataclasses.replace(world.camera, crop=None)
         s, m, lights = world.scene.settings, world.materials, len(world.scene.lights)
@@ -120,16 +123,16 @@ class Sparse:
         self._share, self._tint = m.gloss()
         self._gloss = bool((self._share > 0).any())
         self._white = m._replace(kd=np.ones_like(m.kd), ks=np.sign(m.ks), Os=np.ones_like(m.Os))
-        nodes = above_a_plane(lattice.reach[0])  # nodes around a point on a plane; each changes S by a step of 1/nodes
+        nodes = above_a_plane(ball[1])  # nodes around a point on a plane; each changes S by a step of 1/nodes
         self._jump, uniform = max(JUMP[s.weights], 1 / nodes), s.weights == "UNIFORM"
         self._step = 1 / nodes if uniform else 0.0
-        self._lights = smooth_lights(casters, lights)
+        self._lights = smooth_lights(casters, lights) & ~world.lamps.varied
         self._sharp = mask_of(range(lights), lights) & ~self._lights
         self._receives = casters.receives
         # A node above a block's middle may be in the ball of no corner. With smooth weights and a small block its
         # weight is small.
         share = 1.0 if uniform else min(1.0, np.sqrt(nodes / 40))
-        self._largest = float(lattice.h * lattice.reach[0]) * share
+        self._largest = ball[0] * ball[1] * share
         self.light, self._together = typical(world, lighting), groups(world)
         self._reach = float(np.abs(offsets).max()) + 0.01 + BLUR * (self._camera.lens_radius > 0)
 
@@ -212,18 +215,24 @@ class Sparse:
         turned = np.empty_like(direction)
         shading.mirrored(direction, hits.Ng, hits.Ns, turned)
         return Corners(step, x0, y0, row, hits.P, hits.Ng, hits.Ns, hits.material,
-                       self._world.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, check))
+                       self._world.surfaces.instance[hits.triangle], turned, *self._light(hits, direction, step, check))
 
-    def _light(self, hits: Hits, direction: NDArray, check: Check) -> tuple[NDArray, NDArray]:
-        """Compute Corners.light and Corners.rough."""
+    def _light(self, hits: Hits, direction: NDArray, step: int, check: Check) -> tuple[NDArray, NDArray]:
+        """Compute Corners.light and Corners.rough.
+
+        Lamps with a size have edges narrower than r where shadows touch: no block of more than a pixel bridges them.
+        """
         n = len(hits.P)
         white, light, rough = np.ones((n, 3)), np.zeros((n, 6 if self._gloss else 3)), np.zeros((2, n))
         both, matt, gloss = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
         surfaces = shading.Lit(self._world.lights, self._white, hits, direction, white)
-        for part, lit, _, S in self._lighting.lit(surfaces, False, check, None, self._lights):
+        narrow = None if step == 1 else np.zeros((n, len(self._lights)), np.uint64)
+        for part, lit, _, S in self._lighting.lit(surfaces, False, check, None, self._lights, None, narrow):
             with self._stats.stage("shading"):
+                S = self._lighting.emitted(lit, S)
                 shading.gather(lit, S, both[part], matt[part], gloss[part])
-                shading.steps(lit, S, self._together, self._jump, self._step, *rough[:, part])
+                rows = None if narrow is None else narrow[part]
+                shading.steps(lit, S, self._together, rows, self._jump, self._step, *rough[:, part])
         light[:, :3] = matt
         if self._gloss:
             light[:, 3:] = gloss

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,9 @@ class Rays(NamedTuple):
     clear: NDArray[np.bool_] | None = None  # (n,) straight through all surfaces so far
     media: NDArray[np.int32] | None = None  # (n,m) the bodies that it is in, −1: none
     mirrored: NDArray[np.int16] | None = None  # (n,) of its bends those at mirrors
+    # Where surfaces have lobes of microfacets (`blurred`):
+    fan: NDArray[np.int32] | None = None  # (n,) −1 − the sample of its pixel; its number ≥ 0 after it was spread out
+    blur: NDArray[np.float64] | None = None  # (n,) the largest roughness of these surfaces so far, 0 where smooth
     # Where surfaces lie in one place:
     start: NDArray[np.float64] | None = None  # (n,3) where it began to go straight on
     last: NDArray[np.int32] | None = None  # (n,) the triangle that it met last, −1: none
@@ -32,6 +36,19 @@ class Rays(NamedTuple):
         """The rays of these rows, or where a mask (n,) is set."""
         index = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
         return Rays._make(a if a is None else a.take(index, axis=0) for a in self)
+
+    def pieces(self, most: int) -> Iterator[Rays]:
+        """These rays, about `most` of them at a time, but all of a sample at once: what they find is added up in one
+        order, wherever the others are.
+        """
+        if len(self.pixel) <= most:
+            yield self
+            return
+        order = np.argsort(self.pixel, kind="stable")
+        first = np.flatnonzero(np.diff(self.pixel[order], prepend=-1))  # row of each sample
+        cuts = np.unique(first[np.searchsorted(first, np.arange(0, len(order), most), "right") - 1])
+        for i, j in zip(cuts, [*cuts[1:], len(order)], strict=True):
+            yield self.at(order[i:j])
 
     def seen_as(self, part: int) -> Rays:
         """Rays that go on as `part`, if they have not been one yet."""

@@ -13,12 +13,13 @@ from ..glass.interfaces import Interfaces
 from ..rays.camera import camera_rays
 from ..rays.geometry import Hits, Surfaces, flatten, same_frame, surface
 from ..rays.tracer import Tracer
-from ..scene.description import Camera, Scene, same
+from ..scene.description import Camera, Light, Scene, same
 from ..shadows.casters import Casters, casters
 from ..shadows.registry import KINDS
 from ..support import processors
 from ..support.statistics import Statistics
 from ..surface import shading, textures
+from ..surface.lamps import Lamps
 from ..surface.looks import Looks
 from ..surface.sky import Sky
 
@@ -29,7 +30,9 @@ COARSE = 64  # rays along each side of the coarse view
 class World:
     """A scene's surfaces, lights and materials as arrays, and the tracer that finds them."""
 
-    scene: Scene  # as it was described: the coarse view is that of its own camera
+    # As it was described, so that the coarse view is that of its own camera; with the lamps that stand for the suns of
+    # its world, and its mean as world colour.
+    scene: Scene
     camera: Camera  # of the picture
     surfaces: Surfaces
     lost: list[str]  # a sentence for each object with triangles that cannot be drawn
@@ -41,6 +44,7 @@ class World:
     lights: shading.Lights
     materials: shading.Materials
     looks: Looks
+    lamps: Lamps
     sky: Sky
     as_lamps: NDArray[np.bool_] | None = None  # (T,) triangles whose light comes from lamps in their place; None: none
 
@@ -76,10 +80,12 @@ class World:
         return direction[hit], hits
 
 
-def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], None], old: World | None) -> World:
+def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], None], old: World | None,
+          lamps: tuple[Light, ...] = ()) -> World:
     """The world of `scene` for a picture by `camera`.
 
     old: that of the picture before, of which all is taken over that is still right. check() raises to give up.
+    lamps: more lights than the scene has.
     """
     with stats.stage("geometry"):
         if old and same(scene.geometry, old.scene.geometry):  # one copy in memory, and known to be equal
@@ -89,6 +95,12 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
     with stats.stage("textures"):
         images, unread = textures.load(scene.images, textures.alphas(scene), processors.count(),
                                        old.textures if old else [])
+    check()
+    with stats.stage("sky"):
+        sky = Sky(scene, images, camera, old.sky if old else None, check)
+        if sky.varies:
+            scene = dataclasses.replace(scene, lights=(*scene.lights, *sky.suns), world_color=tuple(sky.mean.tolist()))
+        scene = dataclasses.replace(scene, lights=(*scene.lights, *lamps)) if lamps else scene
     looks = Looks(scene, surfaces, images, camera)
     alike = old if old and surfaces is old.surfaces else None
     if alike and _interfaces_key(scene, images, camera) == _interfaces_key(alike.scene, alike.textures, alike.camera):
@@ -104,7 +116,7 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
                         alike.tracer if alike else None, glass.stacks)
     check()
     return World(scene, camera, surfaces, lost, images, unread, glass, who, tracer, shading.light_arrays(scene.lights),
-                 shading.material_arrays(scene.materials), looks, Sky(scene))
+                 shading.material_arrays(scene.materials), looks, Lamps(scene, images, camera), sky)
 
 
 def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:

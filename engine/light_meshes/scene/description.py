@@ -21,6 +21,8 @@ from .material import HIGHLIGHTS as HIGHLIGHTS
 from .material import RGB as RGB
 from .material import Material as Material
 from .mesh import Mesh, at_least, numbers
+from .profile import Profile
+from .programs import NO_PROGRAM, Program
 
 MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
@@ -36,6 +38,7 @@ COLORSPACES = ("sRGB", "LINEAR")  # and those of an OpenColorIO configuration
 IMAGE_ALPHAS = ("KEEP", "MULTIPLIED", "STRAIGHT", "IGNORED")
 STORED_ALPHAS = ("FILE", "MULTIPLIED", "STRAIGHT")
 Scalar = bool | int | float | str
+Row = tuple[float, float, float, float]
 IDENTITY: tuple[RGB, RGB, RGB] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -161,6 +164,10 @@ class Light:
     area_v: RGB = (0.0, 0.0, 0.0)
     area_ellipse: bool = False
     facing_disc: bool = False  # POINT and SPOT with SIZE: lights as a disc that turns to each receiver, not a sphere
+    # With SIZE, which rays see the lamp itself:
+    seen_by_camera: bool = False
+    seen_in_mirrors: bool = False
+    seen_in_glass: bool = False
     soft_shadows: bool = True  # False: sharp even under LIGHT_MESHES and AREA_SAMPLING
     cast_shadow: bool = True  # False: shines through everything
     # Whose soft shadow it casts. One of the same width everywhere, r: SCENE h·kI, RADIUS soft_radius, LIGHT_SIZE
@@ -173,6 +180,9 @@ class Light:
     receivers: tuple[int, ...] | None = None  # objects that it lights; None: all
     blockers: tuple[int, ...] | None = None  # objects that cast shadows in its light; None: all
     shadow_pass: int = -1  # the pass "Shadow N" shows the visibility of the lights that have this N; -1: no pass
+    program: Program = NO_PROGRAM  # its nodes: by what `intensity` is multiplied for a point that it lights
+    # From the lamp's own space, in which programs see it, to the world; None: x, y and z are those of the world.
+    matrix: tuple[Row, Row, Row] | None = None
 
 
 @dataclass(frozen=True)
@@ -307,8 +317,12 @@ class Scene:
     lights: tuple[Light, ...] = ()
     materials: tuple[Material, ...] = (Material("default"),)
     images: tuple[Image, ...] = ()
+    profiles: tuple[Profile, ...] = ()  # of IES files
     objects: tuple[Object, ...] = ()
     world_color: RGB = (0.0, 0.0, 0.0)  # radiance, for background and ambient light Ia
+    # What the world is by direction, where it is not `world_color` in all: it sets "emission", the radiance that comes
+    # from where "position" is, a unit vector. `world_color` has then no meaning.
+    world: Program = NO_PROGRAM
     settings: Settings = field(default_factory=Settings)
     to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # from the scene's linear light to that of sRGB, which PNGs use
     warnings: tuple[str, ...] = ()  # one sentence for each thing that the exporter could not translate

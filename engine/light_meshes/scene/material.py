@@ -32,6 +32,8 @@ class Material:
     ior: float = 1.0  # acts only at closed meshes; an open sheet does not bend rays
     priority: int = 0  # where media overlap, the one with the highest priority counts
     fresnel: bool = False  # compute mirror and kt from Fresnel's equations
+    translucent: RGB = (0.0, 0.0, 0.0)  # share of the light on the other side that comes through, scattered
+    frosted: float = 0.0  # roughness of glass: how much what it mirrors and what passes is blurred
     alpha: float = 1.0  # the share of the surface that is there; the rest is a hole that neither bends nor shades
     alpha_image: int = -1  # index of the image whose alpha channel multiplies alpha; -1: none
     transparent_shadow: bool = True  # False: casts the shadow of an opaque surface
@@ -42,6 +44,7 @@ class Material:
     cryptomatte: int = 0  # the number of its name for Cryptomatte
     program: Program = NO_PROGRAM  # computes some of all these values point by point, from the material's nodes
     highlight: str = "PHONG"  # or GGX, for which all that follows is
+    blurred: bool = False  # its lobes show what is around, more or less sharp; `mirror` does not count then
     roughness: float = 0.5  # α is its square
     metal: float = 0.0  # weight of the metal's lobe, and what it reflects
     F0: RGB = (1.0, 1.0, 1.0)  # at normal incidence,
@@ -52,6 +55,7 @@ class Material:
     dielectric_tint: RGB = (1.0, 1.0, 1.0)  # and what colours it at normal incidence
     layered: float = 0.0  # share of the diffuse light that is below the dielectric, and dimmed by what that reflects
     compensation: float = 1.0  # share of the light that microfacets reflect several times which counts
+    diffuse_roughness: float = 0.0  # of the diffuse part; also without GGX
     coat: float = 0.0  # weight of a clear coat, which has a lobe of its own and dims all below but emission
     coat_roughness: float = 0.0
     coat_ior: float = 1.5

@@ -1,4 +1,5 @@
-"""A material's program: what its nodes compute for each point of a surface, as a list of operations.
+"""Programs: what the nodes of a material compute for each point of a surface, or those of a lamp for each point that
+it lights, as a list of operations.
 
 An operation is [name, argument …]. Its outputs are registers, numbered through the whole program from 0; an argument
 is a number, the register [n] of an operation before, or, of a `table`, a list of numbers. Every register is one number
@@ -25,8 +26,8 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     "backfacing": (0, 1), "uv": (0, 2), "image": (3, 4), "where": (3, 1), "table": (4, 1),
     "noise": (13, 4), "white_noise": (5, 4), "bend": (5, 1), "magic": (5, 3), "brick": (11, 2),
     "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
-    "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2),
-    "bump": (9, 3), "object_scale": (0, 1), "box": (1, 3), "parametric": (0, 2),
+    "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2), "sky": (13, 3),
+    "bump": (9, 3), "object_scale": (0, 1), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
     **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
@@ -34,18 +35,26 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     **dict.fromkeys(("add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "greater", "less",
                      "modulo", "arctan2"), (2, 1)),
 }
+OF_LAMPS = {"ray_length", "ies"}  # only a lamp's program may have these
+OF_SURFACES = {"attribute", "instance", "corner_normal", "bump"}  # only a material's
 # These may have two more arguments, for bumps: they are taken one step beside the point, along the first (1) or the
 # second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
 SHIFTED = {"uv", "position", "object", "generated", "attribute"}
+# What only a point of a surface has: a world's program must not ask for it.
+NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump", "box",
+               "to_world_normal", "corner_normal", "object_scale", "parametric"}
 # Parameters of a Material that a program may set: (channels, smallest, largest value).
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),
     "nShiny": (1, 0.0, 1e9), "mirror": (3, 0.0, 1e30), "emission": (3, 0.0, 1e30), "kt": (3, 0.0, 1e30),
-    "ior": (1, 0.01, 100.0), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
+    "ior": (1, 0.01, 100.0), "frosted": (1, 0.0, 1.0), "diffuse_roughness": (1, 0.0, 1.0),
+    "translucent": (3, 0.0, 1e30), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
     "metal": (1, 0.0, 1e30), "F0": (3, 0.0, 1.0), "F90": (3, 0.0, 1.0), "F82": (3, 0.0, 1.0),
     "dielectric": (1, 0.0, 1e30), "dielectric_ior": (1, 1e-5, 1000.0), "dielectric_tint": (3, 0.0, 1e30),
     "layered": (1, 0.0, 1.0), "compensation": (1, 0.0, 1.0), "coat": (1, 0.0, 1.0), "coat_roughness": (1, 0.0, 1.0),
     "coat_ior": (1, 1.0, 1000.0), "coat_tint": (3, 0.0, 1.0)}
+# What a lamp's program sets: by how much its intensity is multiplied.
+OF_LIGHT = ("emission",)
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,7 @@ class Operation:
 
 @dataclass(frozen=True)
 class Program:
-    """A checked program. Empty: the material is the same everywhere."""
+    """A checked program. Empty: the material, or the lamp's light, is the same everywhere."""
 
     operations: tuple[Operation, ...] = ()
     values: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # parameter → a number or register a channel
@@ -69,8 +78,8 @@ class Program:
     def __hash__(self) -> int:
         return hash((self.operations, tuple(self.values.items())))
 
-    def needed(self, names: Collection[str]) -> list[bool]:
-        """Which operations the parameters of these names need."""
+    def needed(self, names: Collection[str]) -> tuple[list[bool], set[int]]:
+        """Which operations the parameters of these names need, and which registers."""
         starts = [0]
         for operation in self.operations:
             starts.append(starts[-1] + OPERATIONS[operation.name][1])
@@ -81,11 +90,23 @@ class Program:
             needs[i] = any(register in asked for register in range(starts[i], starts[i + 1]))
             if needs[i]:
                 asked.update(a[0] for a in self.operations[i].arguments if isinstance(a, tuple) and len(a) == 1)
-        return needs
+        return needs, asked
 
     def images(self) -> set[int]:
         """The images that it looks at."""
         return {int(o.arguments[0]) for o in self.operations if o.name == "image"}
+
+    def profiles(self) -> set[int]:
+        """The profiles that it looks at."""
+        return {int(o.arguments[0]) for o in self.operations if o.name == "ies"}
+
+    def asks(self) -> set[str]:
+        """The names of its operations."""
+        return {o.name for o in self.operations}
+
+    def sees(self, *names: str) -> bool:
+        """Whether it has an operation of one of these names."""
+        return any(o.name in names for o in self.operations)
 
     def sees_camera(self) -> bool:
         """Whether what it gives depends on where the camera is."""
@@ -104,8 +125,19 @@ def plain(program: Program) -> dict[str, Any]:
             "values": {name: [argument(a) for a in refs] for name, refs in program.values.items()}}
 
 
-def program(data: Any, where: str) -> Program:
-    """The checked program of a JSON object. Raises SceneError, which says where; `where`: of which material."""
+def of_lamp(data: Any, where: str) -> Program:
+    """The checked program of a lamp, of a JSON object. Raises SceneError; `where`: of which lamp."""
+    made = program(data, where, OF_LIGHT, OF_SURFACES)
+    if any(o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0] for o in made.operations):
+        raise SceneError(f"{where}: its program takes a value beside a point, which lamps have not")
+    return made
+
+
+def program(data: Any, where: str, names: Collection[str] = PARAMETERS, without: Collection[str] = OF_LAMPS) -> Program:
+    """The checked program of a JSON object. Raises SceneError, which says where; `where`: of which material.
+
+    names: of what it may set; without: which operations it may not have.
+    """
     if not isinstance(data, dict) or set(data) - {"operations", "values"} or not isinstance(
             data.get("operations"), list) or not isinstance(data.get("values"), dict):
         raise SceneError(f"{where}: program must be an object of operations and values")
@@ -118,6 +150,8 @@ def program(data: Any, where: str) -> Program:
         if not isinstance(item, list) or not item or not isinstance(item[0], str) or item[0] not in OPERATIONS:
             raise SceneError(f"{at} is {quoted(item)}; the engine does not know it")
         name, given = item[0], item[1:]
+        if name in without:
+            raise SceneError(f"{at} is {quoted(name)}, which means nothing there")
         wanted, outputs = OPERATIONS[name]
         if len(given) not in (wanted, wanted + 2 * (name in SHIFTED)):
             raise SceneError(f"{at} ({name}) has {len(given)} arguments; it takes {wanted}")
@@ -133,7 +167,7 @@ def program(data: Any, where: str) -> Program:
         count += outputs
     values = {}
     for name, refs in data["values"].items():
-        if name not in PARAMETERS:
+        if name not in names:
             raise SceneError(f"{where}: its program sets {quoted(name)}, which is no parameter")
         channels = refs if PARAMETERS[name][0] == 3 else [refs]
         if refs and isinstance(refs, list) and PARAMETERS[name][0] == 1 and isinstance(refs[0], list):
@@ -145,16 +179,20 @@ def program(data: Any, where: str) -> Program:
 
 
 # Arguments that are choices, not registers: operation → (place, smallest, largest); None: any number.
-_CHOICES: dict[str, tuple[tuple[int, float, float], ...]] = {
-    "image": ((0, 0, 1e9),), "table": ((2, 0, 1), (3, 0, 1)), "noise": ((0, 1, 4), (1, 0, 4), (2, 0, 1)),
-    "white_noise": ((0, 1, 4),), "magic": ((4, 0, 10),),
-    "attribute": ((0, 0, 1e6),), "instance": ((0, 0, 1e6),), "ray": ((0, 0, 3),),
+CHOICES: dict[str, tuple[tuple[int, float, float], ...]] = {
+    "image": ((0, 0, 1e9),), "ies": ((0, 0, 1e9),), "table": ((2, 0, 1), (3, 0, 1)),
+    "noise": ((0, 1, 4), (1, 0, 4), (2, 0, 1)), "white_noise": ((0, 1, 4),), "magic": ((4, 0, 10),),
+    "attribute": ((0, 0, 1e6),), "instance": ((0, 0, 1e6),), "ray": ((0, 0, 4),),
     "voronoi": ((0, 1, 4), (1, 0, 4), (2, 0, 3), (3, 0, 1), (4, 0, 1)), "brick": ((1, 0, 99), (3, 0, 99))}
+
+
+# The bounds of what a sky depends on, in the order of `surface.atmosphere.Weather`.
+_SKY = ((0, 2), (-1.6, 1.6), (-1e6, 1e6), (0, 1e5), (0, 100), (0, 100), (0, 100), (0, 3.2), (0, 1e9), (0, 1e3))
 
 
 def _check_choices(name: str, arguments: list[Any], where: str) -> None:
     """Raise SceneError unless arguments that choose something are whole numbers in their bounds."""
-    for place, low, high in _CHOICES.get(name, ()):
+    for place, low, high in CHOICES.get(name, ()):
         value = arguments[place]
         if not (isinstance(value, float) and value.is_integer() and low <= value <= high):
             raise SceneError(f"{where} ({name}): its argument {place} must be a whole number from {low:g} to {high:g}")
@@ -163,6 +201,10 @@ def _check_choices(name: str, arguments: list[Any], where: str) -> None:
         raise SceneError(f"{where} ({name}): a shift must be 0, 1 or 2, and its width a positive number")
     if name == "bump" and not (isinstance(arguments[8], float) and 0 < arguments[8] <= 1e6):
         raise SceneError(f"{where} (bump): its width must be a positive number")
+    if name == "sky":
+        for value, low, high in zip(arguments, *zip(*_SKY, strict=True), strict=False):
+            if not (isinstance(value, float) and low <= value <= high):
+                raise SceneError(f"{where} (sky): {value!r} must be a number from {low:g} to {high:g}")
     if name == "brick" and not (isinstance(arguments[0], float) and isinstance(arguments[2], float)):
         raise SceneError(f"{where} (brick): offset and squash must be numbers")
 
@@ -174,6 +216,15 @@ def _reference(argument: Any, count: int, where: str) -> Any:
     if isinstance(argument, int | float) and not isinstance(argument, bool) and abs(argument) <= 1e300:
         return float(argument)
     raise SceneError(f"{where} has {quoted(argument)} where a finite number or an earlier register must stand")
+
+
+def check_world(world: Program, where: str) -> None:
+    """Raise SceneError unless `world` is what a scene's world may be: a radiance that needs no surface."""
+    if other := set(world.values) - {"emission"}:
+        raise SceneError(f"{where}: its program sets {quoted(min(other))}; a world has an emission only")
+    for operation in world.operations:
+        if operation.name in NOT_OF_WORLDS or len(operation.arguments) > OPERATIONS[operation.name][0]:
+            raise SceneError(f"{where}: its program has {quoted(operation.name)} of surfaces; a world has none")
 
 
 def _table(argument: Any, where: str, total: int) -> tuple[float, ...]:

@@ -45,6 +45,7 @@ from .description import (
     names_of,
 )
 from .errors import SceneError
+from .profile import Profile, profile
 from .programs import PARAMETERS
 from .values import bounded, typed
 
@@ -108,8 +109,8 @@ _RANGES = {
     (Material, "alpha"): (0.0, 1.0),
 }
 _RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
-    "roughness", "metal", "F0", "F90", "F82", "dielectric", "dielectric_ior", "dielectric_tint", "layered",
-    "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
+    "diffuse_roughness", "frosted", "translucent", "roughness", "metal", "F0", "F90", "F82", "dielectric",
+    "dielectric_ior", "dielectric_tint", "layered", "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
 
 
 def write(scene: Scene, folder: Path) -> None:
@@ -124,7 +125,9 @@ def write(scene: Scene, folder: Path) -> None:
         value = getattr(scene, f.name)
         if f.name == "geometry":
             continue
-        if dataclasses.is_dataclass(value):
+        if isinstance(value, programs.Program):
+            data[f.name] = programs.plain(value)
+        elif dataclasses.is_dataclass(value):
             data[f.name] = _plain(value)
         elif value and dataclasses.is_dataclass(value[0]):
             data[f.name] = [_plain(v) for v in value]
@@ -178,8 +181,10 @@ def read(path: Path, mapped: bool = True) -> Scene:
         lights=_many(Light, data, "lights"),
         materials=_many(Material, data, "materials"),
         images=images,
+        profiles=profiles(data.get("profiles", [])),
         objects=_many(Object, data, "objects"),
         world_color=world,
+        world=programs.program(data["world"], "world") if "world" in data else programs.NO_PROGRAM,
         settings=built(Settings, data.get("settings", {}), "settings"),
         to_rec709=to_rec709,
         warnings=tuple(warnings),
@@ -189,6 +194,13 @@ def read(path: Path, mapped: bool = True) -> Scene:
         scene, images=tuple(dataclasses.replace(i, path=str(folder / i.path), ocio=i.ocio and str(folder / i.ocio))
                             for i in scene.images)
     )
+
+
+def profiles(items: Any) -> tuple[Profile, ...]:
+    """The checked profiles of a JSON list. Raises SceneError."""
+    if not isinstance(items, list | tuple):
+        raise SceneError("scene.json: profiles must be a list")
+    return tuple(profile(item, f"profile {n}") for n, item in enumerate(items))
 
 
 def camera(data: Any) -> Camera:
@@ -270,6 +282,7 @@ _SAMPLES: dict[tuple[type, str], Any] = {  # an example value for fields without
     (Camera, "crop"): (0, 0, 0, 0),
     (Light, "intensity"): (0.0,) * 3,
     (Light, "axes"): ((0.0,) * 3,) * 3,
+    (Light, "matrix"): ((0.0,) * 4,) * 3,
 }
 
 
@@ -288,8 +301,8 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
         if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
             raise SceneError(f"{where}: its matrix is flat: a scale of 0 leaves nothing to see")
         return matrix
-    if (cls, name) == (Material, "program"):
-        return programs.program(value, where)
+    if name == "program":
+        return programs.of_lamp(value, where) if cls is Light else programs.program(value, where)
     if value is None and default is None:
         return None
     if (cls, name) == (Settings, "method"):
@@ -309,6 +322,9 @@ def check(scene: Scene) -> None:
     """Raise SceneError unless all indices of `scene` are valid. The values of vertices are not checked."""
     g = scene.geometry
     check_geometry(g, len(scene.objects), len(scene.materials))
+    programs.check_world(scene.world, "world")
+    if not all(0 <= image < len(scene.images) for image in scene.world.images()):
+        raise SceneError("world: its program looks at an image that does not exist")
     for material in scene.materials:
         if not all(0 <= image < len(scene.images) for image in material.program.images()):
             raise SceneError(f"material {quoted(material.name)}: its program looks at an image that does not exist")
@@ -322,6 +338,10 @@ def check(scene: Scene) -> None:
             raise SceneError(f"image {quoted(picture.name)}: colorspace is {quoted(picture.colorspace)}; choose one of "
                              f"{', '.join(COLORSPACES)}, or say in ocio whose it is")
     for light in scene.lights:
+        for what, asked, count in (("an image", light.program.images(), len(scene.images)),
+                                   ("a profile", light.program.profiles(), len(scene.profiles))):
+            if asked and max(asked) >= count:
+                raise SceneError(f"light {quoted(light.name)}: its program looks at {what} that does not exist")
         for what, named in (("receiver", light.receivers), ("blocker", light.blockers)):
             if named and not (min(named) >= 0 and max(named) < len(scene.objects)):
                 raise SceneError(f"light {quoted(light.name)} has a {what} that does not exist")

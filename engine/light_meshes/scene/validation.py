@@ -10,8 +10,9 @@ import numpy as np
 from .arrays import ARRAYS, fits, shape_of
 from .description import IDENTITY, Camera, Geometry, Image, Light, Material, Object, Scene, Settings
 from .errors import SceneError
-from .programs import Program, plain
-from .snapshot import built, camera, check, checked_value
+from .profile import Profile
+from .programs import Program, plain, program
+from .snapshot import built, camera, check, checked_value, profiles
 
 _MANY = {"lights": Light, "materials": Material, "images": Image, "objects": Object}
 _ONE = {"camera": Camera, "geometry": Geometry, "settings": Settings}
@@ -38,6 +39,11 @@ def checked(scene: Scene) -> Scene:
         many[name] = tuple(built(kind, _values(item), place) for item, place in zip(items, where, strict=True))
     one = {name: checked_value(Scene, name, default, _plain(getattr(scene, name)), "scene")
            for name, default in (("world_color", (0.0, 0.0, 0.0)), ("to_rec709", IDENTITY))}
+    for n, item in enumerate(scene.profiles):
+        _check_kind(item, Profile, f"profile {n}")
+    many["profiles"] = profiles([_values(item) for item in scene.profiles])
+    _check_kind(scene.world, Program, "scene: world")
+    one["world"] = program(plain(scene.world), "world")
     made = dataclasses.replace(scene, camera=camera(_values(scene.camera)), warnings=tuple(scene.warnings),
                                settings=built(Settings, _values(scene.settings), "settings"), **many, **one)
     check(made)

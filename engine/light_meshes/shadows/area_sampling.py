@@ -88,12 +88,13 @@ class AreaSampling(Method):
         target, weight = np.empty((len(row), 3)), np.empty(len(row))
         directional = self._targets.directional[light]
         order = np.arange(len(row), dtype=np.int32)
-        origin, normal, of = starts(at.lift, at.P, at.N, self._targets, row, light)
         facing = at.normals() if at.lift is None else at.lift.side
         for s in range(self._samples):
             check()
             _sized_sample(s, self._samples, self._seed, at.P, facing, row, *self._lamps, light, target, weight)
-            visible = self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
+            to = Targets(target, directional)
+            origin, normal, of = starts(at.lift, at.P, at.N, to, row, order)
+            visible = self._sharp.segments(origin, of, to, order, normal, casters)
             clear += visible * weight[:, None]
             everything += weight[:, None]
         self._stats.add(shadow_rays=len(row) * self._samples)

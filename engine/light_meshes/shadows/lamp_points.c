@@ -24,18 +24,19 @@ static f64 reversed(i64 i) { return (f64)((i & 1) << 3 | (i & 2) << 1 | (i & 4) 
 static f64 part(f64 x) { return x - floor(x); }
 
 /* Points first..first+count of the lamp of each pair, as origin[row] has them: its pattern is turned (on the torus) by
-   turn[row]. shape: FREE a sphere or a sun, of which the origin sees a disc of radius `size`; else half-axes u, v. */
+   turn[row], and for each lamp in another way, by `own`. shape: FREE a sphere or a sun, of which the origin sees a disc
+   of radius `size`; else half-axes u, v. */
 KERNEL(lamp_points,
        "first i64  count i64  origin f64[m,3]  turn f64[m,2]  row i32[k]  light i32[k]  position f64[L,3]  "
-       "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  out f64[p,3]!")
+       "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!")
 i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i32 *row,
                 const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
-                const f64 *u, const f64 *v, f64 *out) {
+                const f64 *u, const f64 *v, const u64 *own, f64 *out) {
     (void)m, (void)L;
     if (p != k * count) return 1;
     for (i64 at = 0; at < k; at++) {
         i64 i = light[at];
-        const f64 *from = origin + 3 * (i64)row[at], *own = turn + 2 * (i64)row[at], *c = position + 3 * i;
+        const f64 *from = origin + 3 * (i64)row[at], *mine = turn + 2 * (i64)row[at], *c = position + 3 * i;
         f64 e[3], f[3];
         if (shape[i] == FREE) {
             f64 d[3] = {c[0], c[1], c[2]};
@@ -51,16 +52,43 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
             memcpy(e, u + 3 * i, sizeof e), memcpy(f, v + 3 * i, sizeof f);
         }
         u64 key;
-        memcpy(&key, own + 1, sizeof key);
-        key = mixed(key + (u64)i * 0x9E3779B97F4A7C15u);
+        memcpy(&key, mine + 1, sizeof key);
+        key = mixed(key + own[i]);
+        f64 shift = mine[0] + random_of(own[i]);
         for (i64 n = first; n < first + count; n++) {
             f64 *point = out + 3 * (at * count + n - first);
             i64 j = stratum(n & 15) ^ (i64)(mixed(key + (u64)(n >> 4)) & 15);
-            f64 turned = own[0] + 0.7548776662466927 * (f64)i + 0.5698402909980532 * (f64)(n >> 4);
+            f64 turned = shift + 0.5698402909980532 * (f64)(n >> 4);
             f64 a = ((f64)j + random_of(key ^ (u64)(256 + n - (n & 15) + j))) / 16.0, b = part(reversed(j) + turned);
             f64 x = 2.0 * a - 1.0, y = 2.0 * b - 1.0;
             if (shape[i] != RECTANGLE) x = sqrt(a) * cos(2 * PI * b), y = sqrt(a) * sin(2 * PI * b);
             for (int j = 0; j < 3; j++) point[j] = c[j] + x * e[j] + y * f[j];
+        }
+    }
+    return 0;
+}
+
+/* Adds up what `count` points of the lamp of each pair give a matt surface at P[row], and what of it gets through to
+   there: `visible` of each point. Up to a constant of the pair; facing: the normals of lamps that have a face. */
+KERNEL(lamp_sums,
+       "count i64  P f64[n,3]  N f64[n,3]  row i32[k]  light i32[k]  directional bool[L]  shape u8[L]  facing f64[L,3]  "
+       "point f64[p,3]  visible f32[p,C]  clear f64[k,C]!  whole f64[k]!")
+i64 lamp_sums(i64 n, i64 k, i64 L, i64 p, i64 C, i64 count, const f64 *P, const f64 *N, const i32 *row,
+              const i32 *light, const u8 *directional, const u8 *shape, const f64 *facing, const f64 *point,
+              const f32 *visible, f64 *clear, f64 *whole) {
+    (void)n, (void)L;
+    if (p != k * count) return 1;
+    for (i64 at = 0; at < k; at++) {
+        i64 i = light[at];
+        const f64 *from = P + 3 * (i64)row[at], *normal = N + 3 * (i64)row[at];
+        for (i64 q = at * count; q < (at + 1) * count; q++) {
+            f64 way[3];
+            for (int j = 0; j < 3; j++) way[j] = point[3 * q + j] - (directional[i] ? 0.0 : from[j]);
+            f64 square = dot(way, way), length = sqrt(square), weight = dot(way, normal) / length;
+            if (!(weight > 0.0)) continue;
+            if (shape[i] != FREE) weight *= fabs(dot(way, facing + 3 * i)) / (square * length);
+            for (i64 c = 0; c < C; c++) clear[C * at + c] += weight * visible[C * q + c];
+            whole[at] += weight;
         }
     }
     return 0;

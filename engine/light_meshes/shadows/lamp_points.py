@@ -9,6 +9,8 @@ They depend on nothing else: the same for any tiles, threads and order.
 
 from __future__ import annotations
 
+import hashlib
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +33,11 @@ class Shapes(NamedTuple):
     size: NDArray[np.float64]  # (L,) FREE: the radius, of a sun that at distance 1
     u: NDArray[np.float64]  # (L,3) half-axes of the others, world
     v: NDArray[np.float64]  # (L,3)
+    own: NDArray[np.uint64]  # (L,) by which each lamp's pattern differs from the others'
+
+    def alike(self, i: int) -> tuple:
+        """Return what else than its place the points of lamp i depend on."""
+        return tuple(a[i].tobytes() for a in self)
 
 
 def shapes(lights: tuple[Light, ...]) -> Shapes:
@@ -39,13 +46,30 @@ def shapes(lights: tuple[Light, ...]) -> Shapes:
     kinds = [FREE if not shape.face else RECTANGLE if shape.rectangle else ELLIPSE for shape in found]
     return Shapes(np.array(kinds, np.uint8), np.array([shape.disc for shape in found], np.float64),
                   np.array([shape.u for shape in found], np.float64).reshape(-1, 3),
-                  np.array([shape.v for shape in found], np.float64).reshape(-1, 3))
+                  np.array([shape.v for shape in found], np.float64).reshape(-1, 3), _own(lights))
+
+
+def _own(lights: tuple[Light, ...]) -> NDArray[np.uint64]:
+    """A number a lamp, by its name, and its place among those of the same name: it stays when others come and go."""
+    met: Counter[str] = Counter()
+    out = np.empty(len(lights), np.uint64)
+    for i, light in enumerate(lights):
+        name = f"{met[light.name]} {light.name}".encode()
+        out[i] = int.from_bytes(hashlib.blake2b(name, digest_size=8).digest(), "little")
+        met[light.name] += 1
+    return out
 
 
 def narrowest(shapes: Shapes) -> NDArray[np.float64]:
     """Half of each lamp's least width (L,), by which its narrowest penumbra goes: scene units; of a sun at distance 1.
     """
     sides = np.minimum(np.sqrt((shapes.u**2).sum(1)), np.sqrt((shapes.v**2).sum(1)))
+    return np.where(shapes.shape == FREE, shapes.size, sides)
+
+
+def reaches(shapes: Shapes) -> NDArray[np.float64]:
+    """How far from each lamp's middle its points may be (L,): scene units; of a sun at distance 1."""
+    sides = np.sqrt((shapes.u**2).sum(1)) + np.sqrt((shapes.v**2).sum(1))
     return np.where(shapes.shape == FREE, shapes.size, sides)
 
 

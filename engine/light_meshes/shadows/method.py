@@ -20,6 +20,7 @@ from ..scene.description import Light, Scalar, Settings
 from ..scene.values import checked_mapping
 from ..support.statistics import Statistics
 from .casters import Casters
+from .lamp_points import Shapes
 from .meshes.averaging import Classes
 from .meshes.certificate import Certificate
 from .meshes.lattice import Lattice
@@ -40,6 +41,8 @@ class Receivers(NamedTuple):
     # (n,) triangles on which P is; None: on surfaces that receive soft shadows
     triangle: NDArray[np.int32] | None = None
     lift: Lift | None = None  # where light grazes smooth surfaces, rays start above their facets; None: nowhere
+    # (n,W) bits that the method sets of lights whose S may change within less than r; None: nobody wants to know
+    narrow: NDArray[np.uint64] | None = None
 
     def normals(self) -> NDArray[np.float64]:
         """Return N; only for receivers that are on surfaces."""
@@ -48,11 +51,13 @@ class Receivers(NamedTuple):
 
 
 class Nodes(Protocol):
-    """The interface of methods that keep values at lattice nodes, which may be valid in the next picture too."""
+    """The interface of what keeps values at lattice nodes, which may be valid in the next picture too."""
 
     lattice: Lattice
     store: NodeStore
     paths: PathTable | None  # the refracted paths of all nodes, if they are stored separately
+    points: int  # of a lamp that a value is of; 0: its centre only
+    lamps: Shapes | None  # whose points these are
 
     def take(self, old: Nodes) -> None:
         """Take over the nodes of `old`, which must all be valid here."""
@@ -64,7 +69,7 @@ class Method(Protocol):
     The answer must not depend on batches, tiles, threads or order.
     """
 
-    nodes: Nodes | None = None  # for kinds with the flag `lattice`
+    nodes: tuple[Nodes, ...] = ()  # for kinds with the flag `lattice`
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray[np.float64] | None = None) -> NDArray[np.float32]:
         """Return S (n,L,C) float32, 0 where not active; C = 1, or 3 if light comes through coloured glass.
@@ -121,7 +126,8 @@ class LatticeSetup(NamedTuple):
     certificate: Certificate | None  # where no short rays are needed
     uniform_skip: bool
     surfaces: Surfaces
-    casts: NDArray[np.bool_] | None  # (T,) what shadow rays may meet; None: certificates cost more than they save
+    # makes a certificate for another radius, or takes that of the picture before; None: they cost more than they save
+    certify: Callable[[float], Certificate | None] | None
 
 
 class Setup(NamedTuple):

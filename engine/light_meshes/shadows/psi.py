@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..rays.tracer import points
 from . import pairs
 from .casters import union
+from .lamp_points import Shapes
 from .meshes import averaging
 from .meshes.averaging import Neighbourhood
 from .meshes.certificate import MARGIN
@@ -22,6 +23,7 @@ from .sharp import dim, sharp
 from .terminator import merge, split
 
 CANDIDATES = 1 << 20  # about the largest number of candidates that are held at once
+
 
 
 class Answer(NamedTuple):
@@ -37,11 +39,14 @@ class Answer(NamedTuple):
 class LightMeshes(Method):
     """Ψ if all surfaces are opaque: the value of a node for a light is one bit."""
 
-    nodes: Nodes
+    nodes: tuple[Nodes, ...]
+    points = 0  # nodes know what they see of lamps' centres
+    lamps: Shapes | None = None
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         casters = setup.casters
-        self.nodes, self.lattice, self.classes, self.certificate = self, nodes.lattice, nodes.classes, nodes.certificate
+        self.lattice, self.classes, self.certificate = nodes.lattice, nodes.classes, nodes.certificate
+        self.nodes = (self,)
         self._tracer, self._stats, self._targets = setup.tracer, setup.stats, setup.targets
         self._uniform_skip, self._smooth = nodes.uniform_skip, setup.settings.weights == "SMOOTH"
         self._margin = MARGIN * setup.tracer.scale

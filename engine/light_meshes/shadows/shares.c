@@ -96,35 +96,32 @@ i64 shares_grazing(i64 g, i64 n, i64 L, i64 W, const f64 *place, const f64 *N, c
     return 0;
 }
 
-/* What a group's candidates say of the lights it asks for: `seen` by all with all their `points` points, or `mixed`;
-   of the others by none. seen_points (u,L): how many of them each sees. */
+/* What a group's candidates say of the lights it asks for: `seen` by all with all their `points`, or `mixed`; of the
+   others by none. points: as bits; seen_points (u,L): which of them each sees. */
 KERNEL(shares_sorted,
        "start i64[g,s]  candidate i32[c]  points i64  seen_points u8[u,L]  lit u64[g,W]  seen u64[g,W]!  mixed u64[g,W]!")
 i64 shares_sorted(i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, const i64 *start, const i32 *candidate, i64 points,
                   const u8 *seen_points, const u64 *lit, u64 *seen, u64 *mixed) {
-    u8 *least = malloc((size_t)(2 * L)), *most = least + L;
+    u8 *every = malloc((size_t)(2 * L)), *some = every + L;
     (void)c, (void)u;
-    if (!least) return 1;
+    if (!every) return 1;
     for (i64 p = 0; p < g; p++) {
         i64 begin = start[p * s], end = start[p * s + s - 1];
-        memset(least, 255, (size_t)L), memset(most, 0, (size_t)L);
+        memset(every, 255, (size_t)L), memset(some, 0, (size_t)L);
         for (i64 at = begin; at < end; at++) {
             const u8 *row = seen_points + (i64)candidate[at] * L;
-            for (i64 i = 0; i < L; i++) {
-                least[i] = row[i] < least[i] ? row[i] : least[i];
-                most[i] = row[i] > most[i] ? row[i] : most[i];
-            }
+            for (i64 i = 0; i < L; i++) every[i] &= row[i], some[i] |= row[i];
         }
         memset(seen + W * p, 0, (size_t)W * sizeof *seen), memset(mixed + W * p, 0, (size_t)W * sizeof *mixed);
         for (i64 i = 0; i < L; i++) {
             if (!has(lit + W * p, i)) continue;
-            if (begin == end || (least[i] != most[i] || (least[i] && least[i] != points)))
+            if (begin == end || (some[i] && every[i] != points))
                 mixed[W * p + (i >> 6)] |= bit(i);
-            else if (least[i])
+            else if (some[i])
                 seen[W * p + (i >> 6)] |= bit(i);
         }
     }
-    free(least);
+    free(every);
     return 0;
 }
 

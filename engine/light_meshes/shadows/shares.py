@@ -24,12 +24,12 @@ from . import pairs
 from .lamp_points import Shapes, points, turns_of_nodes
 from .meshes.averaging import ask
 from .meshes.certificate import Certificate
-from .meshes.lattice import candidates, lattice
+from .meshes.lattice import Lattice, candidates, lattice
 from .meshes.node_store import NodeStore
-from .method import Check, Receivers, Setup
+from .method import Check, Nodes, Receivers, Setup
 
-FIRST = 4  # points of a lamp that every node traces
-POINTS = 16  # that nodes near penumbrae trace
+FIRST = 2  # points of a lamp that every node traces
+HALF, POINTS = 8, 16  # that nodes near penumbrae trace, all where the first half disagrees
 ACROSS = 0.8661  # steps: from the middle of a cell to what is farthest in it
 PAIRS = 1 << 15  # of node and lamp traced at once
 
@@ -59,6 +59,19 @@ class Lamps(NamedTuple):
     facing: NDArray[np.float64]  # (L,3) the normal of AREA lamps, 0 of others, which look the same from everywhere
 
 
+class LampNodes(Nodes):
+    """Values of nodes of one lattice that are of several points of each lamp."""
+
+    def __init__(self, of: Lattice, lamps: Shapes, points: int, numbers: int) -> None:
+        """points: of each lamp that a value is of. numbers: bytes of a value."""
+        self.lattice, self.lamps, self.points, self.paths = of, lamps, points, None
+        self.store = NodeStore(len(lamps.shape), numbers, np.uint8)
+
+    def take(self, old: Nodes) -> None:
+        """Take over the nodes of `old`, see `Nodes`."""
+        self.store = old.store
+
+
 class Shares:
     """One lattice of such nodes."""
 
@@ -71,8 +84,9 @@ class Shares:
         self._lamps, self._tracer, self._stats = lamps, setup.tracer, setup.stats
         self._surfaces = setup.lattice.surfaces
         self._casters = setup.casters.soft
-        self._first = NodeStore(self.count, 1, np.uint8)
-        self._all = NodeStore(self.count, 2, np.uint8)
+        self._first, self._all = (LampNodes(self.lattice, lamps.shapes, *kind)
+                                  for kind in ((FIRST, 1), (POINTS, 2)))
+        self.nodes = (self._first, self._all)
         self._every = np.stack([mask_of(range(self.count), self.count)])
         self.certificate: Certificate | None = None
 
@@ -80,16 +94,6 @@ class Shares:
     def reach(self) -> float:
         """How far from a receiver its group's candidates may be, world."""
         return self.h * (float(self.lattice.reach[-1]) + ACROSS)
-
-    @property
-    def nodes(self) -> int:
-        """How many nodes there are."""
-        return max(self._first.count, self._all.count)
-
-    @property
-    def bytes(self) -> int:
-        """Memory of the nodes."""
-        return self._first.bytes + self._all.bytes
 
     def groups(self, at: Receivers) -> Groups:
         """The groups of receivers, which ask for the lights in at.active."""
@@ -106,21 +110,21 @@ class Shares:
     def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
         """Lights that all candidates of each group see (g,W), and those that they do not agree on."""
         need = self._need(g, g.lit)
-        seen_points = self._first.values(g.nodes, need, lambda nodes, todo: self._trace_first(nodes, todo, check))
+        seen_points = self._first.store.values(g.nodes, need, lambda nodes, todo: self._trace_first(nodes, todo, check))
         seen, mixed = np.empty_like(g.lit), np.empty_like(g.lit)
-        needs_memory(_sorted(g.start, g.candidate, FIRST, seen_points, g.lit, seen, mixed))
+        needs_memory(_sorted(g.start, g.candidate, (1 << FIRST) - 1, seen_points, g.lit, seen, mixed))
         return seen, mixed
 
     def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:
         """Lamps (g,W) that the plane of a group may cut."""
         out = np.empty_like(g.lit)
-        _grazing(g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes, g.lit, out)
+        _grazing(g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes[:4], g.lit, out)
         return out
 
     def shares(self, g: Groups, lights: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
         """Shares and distances (u,2L) of the nodes of groups, right for `lights` (g,W)."""
-        found: NDArray[np.uint8] = self._all.values(g.nodes, self._need(g, lights),
-                                                    lambda nodes, todo: self._trace_all(nodes, todo, check))
+        found: NDArray[np.uint8] = self._all.store.values(g.nodes, self._need(g, lights),
+                                                          lambda nodes, todo: self._trace_all(nodes, todo, check))
         return found
 
     def mean(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], g: Groups,
@@ -148,34 +152,54 @@ class Shares:
                         yield row[k:k + PAIRS] + np.int32(i), light[k:k + PAIRS], casters.casters
 
     def _trace_first(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
-        """How many of the FIRST points nodes (n,3) see, of the lights in todo (n,W): (n,L)."""
+        """Which of the FIRST points nodes (n,3) see, as bits, of the lights in todo (n,W): (n,L)."""
         found = np.zeros((len(nodes), self.count), np.uint8)
         x, turn = self.lattice.position(nodes), turns_of_nodes(nodes)
         for row, light, casters in self._pairs(todo, check):
-            target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, 0, FIRST)
-            of = np.repeat(row, FIRST)
-            blocked = self._tracer.occluded(x, of, target, np.arange(len(of), dtype=np.int32), None, closed=False,
-                                            kind="opaque", casters=casters)
-            found[row, light] = FIRST - blocked.reshape(-1, FIRST).sum(1, dtype=np.uint8)
-            self._stats.add(long_rays=len(of))
+            blocked = self._blocked(x, turn, row, light, 0, FIRST, casters)
+            found[row, light] = np.packbits(~blocked, axis=1, bitorder="little")[:, 0]
         return found
 
     def _trace_all(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
-        """How many of all POINTS they see, and how far away something in the way is, as 8 bits or 0: (n,2L)."""
+        """How many of all POINTS they see, and how far away something in the way is, as 8 bits or 0: (n,2L).
+
+        What half of the points agree on is said of all.
+        """
         found = np.zeros((len(nodes), self.count, 2), np.uint8)
+        first = self._first.store.values(nodes, todo, lambda some, wanted: self._trace_first(some, wanted, check))
         x, turn = self.lattice.position(nodes), turns_of_nodes(nodes)
         for row, light, casters in self._pairs(todo, check):
-            target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, 0, POINTS)
-            of, order = np.repeat(row, POINTS), np.arange(len(row) * POINTS, dtype=np.int32)
-            blocked = self._tracer.occluded(x, of, target, order, None, closed=False, kind="opaque",
-                                            casters=casters).reshape(-1, POINTS)
+            blocked = np.empty((len(row), POINTS), np.bool_)
+            blocked[:, :FIRST] = np.unpackbits(first[row, light][:, None], axis=1, count=FIRST, bitorder="little") == 0
+            blocked[:, FIRST:HALF] = self._blocked(x, turn, row, light, FIRST, HALF - FIRST, casters)
+            blocked[:, HALF:] = blocked[:, :1]
+            seen = HALF - blocked[:, :HALF].sum(1)
+            more = np.flatnonzero((seen > 0) & (seen < HALF))
+            blocked[more, HALF:] = self._blocked(x, turn, row[more], light[more], HALF, POINTS - HALF, casters)
             found[row, light, 0] = POINTS - blocked.sum(1, dtype=np.uint8)
-            some = np.flatnonzero(blocked.any(1))
-            ends = blocked[some].argmax(1), POINTS - 1 - blocked[some, ::-1].argmax(1)  # the first and last of them
-            a, b = (self._distance(x[row[some]], target, some * POINTS + end, casters) for end in ends)
-            found[row[some], light[some], 1] = np.minimum(np.where(a > 0, a, 255), np.where(b > 0, b, 255))
-            self._stats.add(long_rays=len(of) + 2 * len(some))
+            found[row, light, 1] = self._nearest(x, turn, row, light, blocked, casters)
         return found.reshape(len(nodes), -1)
+
+    def _blocked(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
+                 light: NDArray[np.int32], first: int, count: int, casters: int) -> NDArray[np.bool_]:
+        """Whether something is between x[row] and points first..first+count of light: (k,count)."""
+        target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, first, count)
+        order = np.arange(len(row) * count, dtype=np.int32)
+        self._stats.add(long_rays=len(order))
+        return self._tracer.occluded(x, np.repeat(row, count), target, order, None, closed=False, kind="opaque",
+                                     casters=casters).reshape(-1, count)
+
+    def _nearest(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
+                 light: NDArray[np.int32], blocked: NDArray[np.bool_], casters: int) -> NDArray[np.uint8]:
+        """How far away the nearer is of what blocks the first and the last of the blocked points (k,POINTS)."""
+        out, some = np.zeros(len(row), np.uint8), np.flatnonzero(blocked.any(1))
+        at, to = x[row[some]], (self._lamps.shapes, self._lamps.targets, x, turn, row[some], light[some])
+        target = points(*to, 0, POINTS)
+        ends = blocked[some].argmax(1), POINTS - 1 - blocked[some, ::-1].argmax(1)
+        a, b = (self._distance(at, target, np.arange(len(some)) * POINTS + end, casters) for end in ends)
+        out[some] = np.minimum(np.where(a > 0, a, 255), np.where(b > 0, b, 255))
+        self._stats.add(long_rays=2 * len(some))
+        return out
 
     def _distance(self, origin: NDArray[np.float64], targets: Targets, target: NDArray[np.intp],
                   casters: int) -> NDArray[np.uint8]:

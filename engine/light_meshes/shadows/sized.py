@@ -13,39 +13,47 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..rays.tracer import Targets
 from ..rays.tracer import points as places
+from ..support.bits import has
+from ..support.native import kernel
 from . import pairs
 from .casters import union
-from .lamp_points import FREE, narrowest, points, shapes, turns_of_points
-from .meshes.certificate import certificate
+from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
 from .method import Check, Method, Receivers, Setup
 from .shares import Groups, Lamps, Shares
 from .sharp import dim, sharp
-from .terminator import Lift, split, starts
+from .terminator import starts, touched
 
 LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
 # Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
-RAYS = 16  # from a receiver to a lamp where the penumbra is narrow,
-MORE_RAYS = 32  # and where no node may answer and they disagree
+FEW, FINE = 4, 4.0  # so many lamps, or from that kI on: RAYS from a receiver to a lamp where the penumbra is narrow,
+RAYS, MORE_RAYS = 16, 32  # and more where no node may answer and they disagree
+FEWER_RAYS = 8  # with more lamps, whose errors are smaller parts of the light: RAYS where these disagree
 BATCH = 1 << 15  # receivers at once
+RAYS_AT_ONCE = 1 << 18
+
+_sums = kernel("lamp_sums")
 
 
 class Batch(NamedTuple):
     """Receivers whose lights nodes may answer for, and where their answers go."""
 
     at: Receivers
-    rows: NDArray[np.intp]  # (n,) of S
+    rows: NDArray[np.intp]  # (n,) of S and rest
     S: NDArray[np.float32]  # (…,L,C)
+    rest: NDArray[np.float32]  # (…,L) by how much what rays say of a pair counts
     check: Check
+    narrow: NDArray[np.uint64] | None  # see Receivers
+    probe: NDArray[np.float64] | None  # see Method
 
-    def of(self, rows: NDArray[np.integer], active: NDArray[np.uint64]) -> Receivers:
+    def of(self, rows: NDArray[np.integer], active: NDArray[np.uint64]) -> Batch:
         """Some of the receivers, asked for other lights."""
         on = self.at.triangle
-        return Receivers(self.at.P[rows], self.at.normals()[rows], active, None if on is None else on[rows])
+        at = Receivers(self.at.P[rows], self.at.normals()[rows], active, None if on is None else on[rows])
+        return self._replace(at=at, rows=self.rows[rows])
 
 
 class SizedLamps(Method):
@@ -56,7 +64,7 @@ class SizedLamps(Method):
         surfaces that take no soft shadows."""
         assert setup.lattice is not None
         casters = setup.casters
-        self.nodes, self._others = others.nodes, others
+        self._others = others
         self._count, self._channels = len(setup.lights), max(1, setup.through.channels)
         self._tracer, self._stats = setup.tracer, setup.stats
         self._groups, self._soft = casters.soft, union(casters.soft, self._count)
@@ -64,15 +72,17 @@ class SizedLamps(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
+        self._reaches = reaches(self._lamps.shapes)
+        self._rays = rays(setup.settings.kI, sum(has(self._soft, i) for i in range(self._count)))
         # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
         self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
+        self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
         assert setup.lattice is not None
         level = Shares(self._lamps, setup, setup.settings.h * coarser)
-        if setup.lattice.casts is not None:
-            with self._stats.stage("certificate"):
-                level.certificate = certificate(setup.lattice.surfaces, setup.lattice.casts, level.reach)
+        if setup.lattice.certify is not None:
+            level.certificate = setup.lattice.certify(level.reach)
         return level
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
@@ -83,31 +93,39 @@ class SizedLamps(Method):
             soft[~self._receives[at.triangle]] = 0
         asked, lifted = soft.copy(), np.zeros_like(soft)
         if at.lift is not None:
-            split(*at.lift, at.P, at.N, *self._lamps.targets, asked, lifted)
+            touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, asked, lifted)
         asked &= ~lifted
         if not self.levels:
             asked[:] = 0
-        by_rays = soft & ~asked
+        if at.narrow is not None:
+            at.narrow[:] |= soft & ~asked
+        by_rays, rest = soft & ~asked, np.ones(S.shape[:2], np.float32)
+        own = None if probe is None else np.zeros_like(probe)
         lit = np.flatnonzero(asked.any(1))
         for i in range(0, len(lit), BATCH):
             check()
             rows = lit[i:i + BATCH]
             on = None if at.triangle is None else at.triangle[rows]
             some = Receivers(at.P[rows], at.normals()[rows], asked[rows], on)
-            by_rays[rows] |= self._ask(Batch(some, rows, S, check))
-        self._stats.add(lamp_pairs=_count(soft))
+            by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow, own))
+        for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays)):
+            self._stats.add_each(name, _each(pairs_of, self._count))
         for row, light in pairs.blocks(by_rays, self._count):
-            S[row, light] = self._by_rays(at, row, light, np.ones(len(row), np.bool_), check)
+            share = rest[row, light]
+            S[row, light] += share[:, None] * self._by_rays(at, row, light, share == 1, check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0
         left = at.active & ~soft
         if left.any():
             S += self._others(at._replace(active=left), check, probe)  # S is 0 there so far
+        if probe is not None and own is not None:
+            own[:, 2] = by_rays.any(1)
+            probe += own
         return S
 
     def _ask(self, batch: Batch) -> NDArray[np.uint64]:
-        """Fill S from nodes; returns the lights (n,W) that rays must answer for."""
+        """Add to S what nodes say; returns the lights (n,W) that rays must answer for."""
         at, level, stats = batch.at, self.levels[0], self._stats
         with stats.stage("candidates"):
             g = level.groups(at)
@@ -125,18 +143,32 @@ class SizedLamps(Method):
         by_rays[hidden] |= agreed[hidden]
         agreed[hidden] = 0
         with stats.stage("average"):
-            batch.S[batch.rows] += pairs.seen(agreed & seen[g.group], self._count)
+            for row, light in pairs.blocks(agreed & seen[g.group], self._count):
+                to = batch.rows[row]
+                batch.S[to, light, 0] += batch.rest[to, light]
         mixed &= ~unsure
         todo = mixed[g.group] & soft
-        stats.add(receivers=len(at.P), mixed_pairs=_count(todo | by_rays))
+        stats.add(receivers=len(at.P), mixed_pairs=int(_each(todo | by_rays, self._count).sum()))
         if todo.any():
             with stats.stage("nodes"):
                 shares = level.shares(g, mixed, batch.check)
             for row, light in pairs.blocks(todo, self._count):
                 with stats.stage("average"):
                     value, width = level.mean(at, row, light, g, shares)
-                self._refine(batch, row, light, value, width)
-                batch.S[batch.rows[row], light, 0] = value
+                self._coarsen(batch, row, light, value, width)
+                trust, to = _trust(width, WIDE), batch.rows[row]
+                batch.S[to, light, 0] += batch.rest[to, light] * trust * value
+                batch.rest[to, light] *= 1 - trust
+                near = trust < 1
+                np.bitwise_or.at(by_rays, (row[near], light[near] >> 6),
+                                 np.uint64(1) << (light[near] & 63).astype(np.uint64))
+        if batch.narrow is not None:
+            batch.narrow[batch.rows] |= by_rays
+        if batch.probe is not None:
+            count = (g.start[:, -1] - g.start[:, 0])[g.group]
+            none = np.zeros(len(count))  # sets that are empty, which rays stand for: known at the end
+            batch.probe[batch.rows] = np.stack([count, np.where(todo.any(1), count, 0), none,
+                                                ~(todo | by_rays).any(1)], axis=1)
         return by_rays
 
     def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -146,15 +178,10 @@ class SizedLamps(Method):
             self._stats.add(short_rays=len(rows))
             return rows[self._tracer.occluded(at.P, rows, places(g.position), nearest, at.N, closed=True)]
 
-    def _refine(self, batch: Batch, row: NDArray[np.int32], light: NDArray[np.int32], value: NDArray[np.float32],
-                width: NDArray[np.float32]) -> None:
-        """Make the finest level's `value` (k,) of pairs, whose penumbrae are `width` r wide, that of rays where it is
-        too coarse for them, and of coarser levels where these do."""
-        trust = _trust(width, WIDE)
-        near = np.flatnonzero(trust < 1)
-        if len(near):
-            rays = self._by_rays(batch.at, row[near], light[near], width[near] == 0, batch.check)[:, 0]
-            value[near] = trust[near] * value[near] + (1 - trust[near]) * rays
+    def _coarsen(self, batch: Batch, row: NDArray[np.int32], light: NDArray[np.int32], value: NDArray[np.float32],
+                 width: NDArray[np.float32]) -> None:
+        """Make the `value` (k,) of pairs, by the lattice of h, whose penumbrae are `width` r wide, that of coarser ones
+        where these do."""
         rest = np.flatnonzero(width >= 2 * WIDER)
         for level in self.levels[1:]:
             if not len(rest):
@@ -170,7 +197,7 @@ class SizedLamps(Method):
         some, of = np.unique(row, return_inverse=True)
         soft = np.zeros((len(some), batch.at.active.shape[1]), np.uint64)
         np.bitwise_or.at(soft, (of, light >> 6), np.uint64(1) << (light & 63).astype(np.uint64))
-        at = batch.of(some, soft)
+        at = batch.of(some, soft).at
         with self._stats.stage("candidates"):
             g = level.groups(at)
         certified = self._certified(level, at, g)
@@ -192,47 +219,43 @@ class SizedLamps(Method):
     def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], alone: NDArray[np.bool_],
                  check: Check) -> NDArray[np.float32]:
         """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
-        self._stats.add(ray_pairs=len(row))
         with self._stats.stage("rays near contact"):
-            clear, whole = self._clear(at, row, light, 0, RAYS, check)
-            more = np.flatnonzero(alone & ((clear > 0) & (clear < whole)).any(1))
-            found, further = self._clear(at, row[more], light[more], RAYS, MORE_RAYS - RAYS, check)
+            few, many = self._rays
+            clear, whole = self._clear(at, row, light, 0, few, check)
+            more = np.flatnonzero((alone | (few < RAYS)) & ((clear > 0) & (clear < whole[:, None])).any(1))
+            found, further = self._clear(at, row[more], light[more], few, many - few, check)
             clear[more] += found
             whole[more] += further
-        return (clear / np.maximum(whole, 1e-300)).astype(np.float32)
+        return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
     def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
                check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what points first..first+count of light[k] give P[row[k]], added up: what gets through (k,C), and what
-        would if nothing stood between (k,1). Ω is that of the lamp above the horizon, so the points below do not count.
+        would if nothing stood between (k,). Ω is that of the lamp above the horizon, so the points below do not count.
         """
-        clear, whole = np.zeros((len(row), self._channels)), np.zeros((len(row), 1))
+        clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
         facing = at.normals() if at.lift is None else at.lift.side
-        turn = turns_of_points(at.P)
-        targets = self._lamps.targets
-        lift: Lift | None = at.lift
-        origin, normal, of = starts(lift, at.P, at.N, targets, row, light)
+        turn, targets, shapes = turns_of_points(at.P), self._lamps.targets, self._lamps.shapes
         for group in self._groups:
             mine = np.flatnonzero(_in(group.lights, light))
-            order = np.arange(len(mine), dtype=np.int32)
-            for j in range(first, first + count if len(mine) else first):
+            for i in range(0, len(mine), RAYS_AT_ONCE // count):
                 check()
-                to = points(self._lamps.shapes, targets, at.P, turn, row[mine], light[mine], j, 1)
-                weight = self._weight(at.P[row[mine]], facing[row[mine]], to, light[mine])
-                clear[mine] += weight * self._sharp.segments(origin, of[mine], to, order, normal, group.casters)
-                whole[mine] += weight
+                part = mine[i:i + RAYS_AT_ONCE // count]
+                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count)
+                order = np.arange(len(to.position), dtype=np.int32)
+                origin, normal, of = starts(at.lift, at.P, at.N, to, np.repeat(row[part], count), order)
+                visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
+                some, all_of_it = np.zeros((len(part), self._channels)), np.zeros(len(part))
+                _sums(count, at.P, facing, row[part], light[part], targets.directional, shapes.shape,
+                      self._lamps.facing, to.position, visible.astype(np.float32), some, all_of_it)
+                clear[part], whole[part] = some, all_of_it
         self._stats.add(shadow_rays=len(row) * count)
         return clear, whole
 
-    def _weight(self, P: NDArray[np.float64], N: NDArray[np.float64], to: Targets,
-                light: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return how much (k,1) matt surfaces at P get from these points of lamps, up to a constant of the pair."""
-        way = to.position - np.where(to.directional[:, None], 0.0, P)
-        square = np.einsum("ij,ij->i", way, way)
-        cosine = np.einsum("ij,ij->i", way, N) / np.sqrt(square)
-        side = np.abs(np.einsum("ij,ij->i", way, self._lamps.facing[light]))  # of a face; 0 of what turns to P
-        weight = np.maximum(cosine, 0) * np.where(self._lamps.shapes.shape[light] == FREE, 1.0, side / square**1.5)
-        return weight[:, None]
+
+def rays(kI: float, lamps: int) -> tuple[int, int]:
+    """Return how many rays go from a receiver to one of so many lamps with a size, and how many at most."""
+    return (RAYS, MORE_RAYS) if lamps <= FEW or kI >= FINE else (FEWER_RAYS, RAYS)
 
 
 def lamps(setup: Setup) -> Lamps:
@@ -255,6 +278,7 @@ def _in(words: NDArray[np.uint64], light: NDArray[np.int32]) -> NDArray[np.bool_
     return found
 
 
-def _count(mask: NDArray[np.uint64]) -> int:
-    """How many bits are set."""
-    return int(np.unpackbits(mask.view(np.uint8)).sum())
+def _each(mask: NDArray[np.uint64], lights: int) -> NDArray[np.int64]:
+    """How many rows of mask (n,W) have the bit of each light: (L,)."""
+    bits = np.unpackbits(np.ascontiguousarray(mask).view(np.uint8), axis=1, count=lights, bitorder="little")
+    return bits.sum(0, dtype=np.int64)

@@ -115,10 +115,22 @@ static f64 amount(const Lifts *l, i64 p, i64 i) {
     return clamped(most, 0.0, 1.0);
 }
 
-/* Lists the receivers that some active light lifts; returns how many. */
-KERNEL(terminator_grazing, LIFT "active u64[n,W]  rows i64[n]!")
+/* Returns whether receiver p may be lifted for some point of light i, none of which is further than `size` from its
+   middle. */
+static int may_lift(const Lifts *l, i64 p, i64 i, f64 size) {
+    f64 cutoff = l->cutoff[p], way[3];
+    if (!(size > 0.0)) return amount(l, p, i) > 0.0;
+    if (cutoff == 0.0) return 0;
+    way_to(&l->targets, i, l->P + 3 * p, way);
+    f64 toward = dot(way, l->N + 3 * p), over = dot(way, l->side + 3 * p);
+    return (toward < over ? toward : over) - size < cutoff * (sqrt(dot(way, way)) + size);
+}
+
+/* Lists the receivers that some active light lifts, or some point of it; returns how many. size: see `may_lift`. */
+KERNEL(terminator_grazing, LIFT "size f64[L]  active u64[n,W]  rows i64[n]!")
 i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
-                       const f64 *N, const f64 *position, const u8 *directional, const u64 *active, i64 *rows) {
+                       const f64 *N, const f64 *position, const u8 *directional, const f64 *size, const u64 *active,
+                       i64 *rows) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
     i64 count = 0;
     (void)above, (void)L;
@@ -126,7 +138,7 @@ i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, c
         int some = 0;
         for (i64 w = 0; cutoff[p] > 0.0 && w < W && !some; w++)
             for (u64 left = active[p * W + w]; left && !some; left &= left - 1)
-                some = amount(&lifts, p, 64 * w + lowest(left)) > 0.0;
+                some = may_lift(&lifts, p, 64 * w + lowest(left), size[64 * w + lowest(left)]);
         if (some) rows[count++] = p;
     }
     return count;
@@ -145,6 +157,22 @@ i64 terminator_starts(i64 n, i64 L, i64 k, const f64 *above, const f64 *side, co
         for (int j = 0; j < 3; j++)
             origin[3 * at + j] = share > 0.0 ? P[3 * p + j] + share * above[3 * p + j] : P[3 * p + j];
     }
+    return 0;
+}
+
+/* Sets in lifted the lights of soft for which P may be lifted for some of their points. size: see `may_lift`. */
+KERNEL(terminator_touched, LIFT "size f64[L]  soft u64[n,W]  lifted u64[n,W]!")
+i64 terminator_touched(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
+                       const f64 *N, const f64 *position, const u8 *directional, const f64 *size, const u64 *soft,
+                       u64 *lifted) {
+    Lifts lifts = {side, cutoff, P, N, {position, directional}};
+    (void)above, (void)L;
+    for (i64 p = 0; p < n; p++)
+        for (i64 w = 0; cutoff[p] > 0.0 && w < W; w++)
+            for (u64 left = soft[p * W + w]; left; left &= left - 1) {
+                i64 i = 64 * w + lowest(left);
+                if (may_lift(&lifts, p, i, size[i])) set_bit(lifted + p * W, i);
+            }
     return 0;
 }
 

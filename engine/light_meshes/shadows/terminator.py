@@ -4,7 +4,7 @@ At grazing light, such a surface has facets that turn away from the light althou
 facets in the shadow of their neighbours; they would be black. The surface that the normals describe lies above the
 facets. So a light counts there if the shading normal faces it, and its visibility is tested from a point above the
 facet (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021), under the same conditions and by the same
-distance as in Cycles.
+distance as in Cycles. Of a lamp with a size this goes for each point of it on its own.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from ..rays.geometry import Hits, Surfaces
 from ..rays.tracer import Targets
 from ..scene.description import Scene
 from ..support.native import kernel
+from .lamp_points import reaches, shapes
 
 _lift, _grazing, _starts = kernel("terminator_lift"), kernel("terminator_grazing"), kernel("terminator_starts")
 split, merge, _fade = kernel("terminator_split"), kernel("terminator_merge"), kernel("terminator_fade")
+touched = kernel("terminator_touched")
 
 
 class Lift(NamedTuple):
@@ -40,6 +42,8 @@ class Terminator:
         self._geometry, self._normal, shading = (
             np.array([getattr(o, f"shadow_terminator_{what}_offset") for o in scene.objects], np.float64)
             for what in ("geometry", "normal", "shading"))
+        whole = np.array([light.softness == "SIZE" for light in scene.lights], np.bool_)
+        self._size = np.where(whole, reaches(shapes(scene.lights)), 0.0)
         corners = surfaces.corner_normals
         self._smooth = np.zeros(len(corners), np.bool_)
         if self._geometry.any():
@@ -67,7 +71,7 @@ class Terminator:
         closest: traces, as `World.closest`.
         """
         rows = np.empty(len(hits.P), np.int64)
-        rows = rows[:_grazing(*lift, hits.P, hits.Ng, *targets, active, rows)]
+        rows = rows[:_grazing(*lift, hits.P, hits.Ng, *targets, self._size, active, rows)]
         length = np.sqrt((lift.above[rows] ** 2).sum(1))
         rows, length = rows[length > 0], length[length > 0]
         if len(rows):

@@ -10,6 +10,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 class Statistics:
     """Thread-safe sums. Stage times are thread seconds: two busy threads count double."""
@@ -18,12 +21,19 @@ class Statistics:
         self._lock = threading.Lock()
         self.counts: Counter[str] = Counter()
         self.seconds: defaultdict[str, float] = defaultdict(float)
+        self.of_lights: dict[str, NDArray[np.int64]] = {}  # counts (L,) of each light
 
     def add(self, **counts: int) -> None:
         """Add to the named counts."""
         with self._lock:
             for name, n in counts.items():
                 self.counts[name] += int(n)
+
+    def add_each(self, name: str, count: NDArray[np.int64]) -> None:
+        """Add to a count (L,) of each light, and to their sum, which has the same name."""
+        with self._lock:
+            self.of_lights[name] = self.of_lights.get(name, 0) + count
+            self.counts[name] += int(count.sum())
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

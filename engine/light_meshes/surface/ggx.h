@@ -17,7 +17,7 @@
 /* A material's numbers, a row of shading.py's `ggx_rows`. */
 enum { G_ON, G_ROUGHNESS, G_METAL, G_F0, G_F90 = G_F0 + 3, G_F82 = G_F90 + 3, G_DIELECTRIC = G_F82 + 3, G_IOR, G_TINT,
        G_LAYERED = G_TINT + 3, G_COMPENSATION, G_COAT, G_COAT_ROUGHNESS, G_COAT_IOR, G_COAT_TINT,
-       G_COLUMNS = G_COAT_TINT + 3 };
+       G_SIGMA = G_COAT_TINT + 3, G_COLUMNS };
 
 /* Tables, one behind the other: E(roughness, cosine of the eye), its mean over cosines, s(ior, roughness, cosine). */
 enum { G_FINE = 32, G_COARSE = 16, G_MEAN = G_FINE * G_FINE, G_SHARE = G_MEAN + G_FINE,
@@ -140,9 +140,9 @@ static inline int facets_shine(const f64 *m, int j) {
     return m[G_COAT] > 0.0 || (m[G_METAL] > 0.0 && (m[G_F0 + j] > 0.0 || m[G_F90 + j] > 0.0)) || (m[G_DIELECTRIC] > 0.0 && m[G_IOR] != 1.0);
 }
 
-/* What a material of the row m reflects to an eye at the cosine `facing`. */
-static inline Gloss gloss_row(const f64 *m, const f64 *tables, f64 facing) {
-    f64 roughness = held(m[G_ROUGHNESS], SMOOTHEST, 1.0), alpha = square(roughness), E_mean;
+/* What a material of the row m would reflect to an eye at the cosine `facing` if it had this roughness. */
+static inline Gloss gloss_at(const f64 *m, const f64 *tables, f64 facing, f64 roughness) {
+    f64 alpha = square(roughness), E_mean;
     Gloss g = {.alpha2 = square(alpha), .sight = held(facing, LEAST_SIGHT, 1.0), .ior2 = square(m[G_IOR])};
     g.masked = sqrt(g.alpha2 + (1.0 - g.alpha2) * square(g.sight));
     g.normal = normal_reflectance(m[G_IOR]);
@@ -161,4 +161,9 @@ static inline Gloss gloss_row(const f64 *m, const f64 *tables, f64 facing) {
         g.fresnel[j] = dielectric * (1.0 - f0);
     }
     return g;
+}
+
+/* What it reflects of lamps. */
+static inline Gloss gloss_row(const f64 *m, const f64 *tables, f64 facing) {
+    return gloss_at(m, tables, facing, held(m[G_ROUGHNESS], SMOOTHEST, 1.0));
 }

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..rays.geometry import Surfaces
 from ..scene.description import Camera, Scene
 
-CAMERA, SHADOW, REFLECTED, TRANSMITTED = range(4)  # kinds of rays that come to a point
+# Kinds of rays that come to a point. LIGHTING is the world's: what lights surfaces.
+CAMERA, SHADOW, REFLECTED, TRANSMITTED, LIGHTING = range(5)
 
 
 class Around:
@@ -73,6 +74,11 @@ class Points(NamedTuple):
         v = np.einsum("ni,ni->n", np.cross(e, q), normal) / square
         weight = np.stack([1 - u - v, u, v], axis=1)
         return np.einsum("ni,nik->nk", weight, s.at_corners(values, self.triangle))
+
+    @property
+    def parametric(self) -> NDArray[np.float64]:
+        """Where on their triangles points are: the shares (n,2) of the first and of the second corner."""
+        return self.at_corners(np.broadcast_to(np.eye(3), (len(self.around.surfaces.materials), 3, 3)))[:, :2]
 
     def steps(self, width: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Two steps (n,3) of `width` pixels on the surface, square to each other, in directions that Cycles takes."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.programs import OPERATIONS, PARAMETERS, Program
+from .atmosphere import sky
 from .points import Points
 from .procedural import TEXTURES
 from .textures import Texture
@@ -25,9 +26,10 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
         wanted: Collection[str] = PARAMETERS) -> dict[str, NDArray[np.float64]]:
     """The parameters that `program` sets: (n,) or, of colours, (n,3), held to what a Material may have.
 
-    wanted: of which parameters only; what they do not need is not computed.
+    wanted: of which parameters only; what they do not need is not computed. An argument may be an array instead of a
+    number, with one for each instance: so programs that differ in numbers only are run as one (`lamps`).
     """
-    needed = program.needed(wanted)
+    needed, asked = program.needed(wanted)
     registers: list[Register] = []
     moved: dict[tuple, Points] = {}
 
@@ -37,7 +39,9 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
         return moved[shift] if shift else points
 
     def value(argument: Any) -> Register:
-        return registers[argument[0]] if isinstance(argument, tuple) else argument
+        if isinstance(argument, tuple):
+            return registers[argument[0]]
+        return argument[points.instance] if isinstance(argument, np.ndarray) else argument
 
     with np.errstate(all="ignore"):
         for operation, needs in zip(program.operations, needed, strict=True):
@@ -51,7 +55,10 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
             elif name in _OF_POINTS:
                 registers.extend(_OF_POINTS[name](points, *map(value, arguments)))
             elif name == "image":
-                registers.extend(_image(textures[int(arguments[0])], value(arguments[1]), value(arguments[2]), points))
+                alpha = len(registers) + 3 in asked
+                registers.extend(_images(textures, points, alpha, *map(value, arguments)))
+            elif name == "sky":
+                registers.extend(sky(len(points.P), *map(value, arguments)))
             elif name in TEXTURES:
                 registers.extend(TEXTURES[name](len(points.P), *map(value, arguments)))
             elif name == "table":
@@ -156,12 +163,6 @@ def unit(a: NDArray[np.float64], otherwise: NDArray[np.float64]) -> NDArray[np.f
     return np.where(usable, a / np.where(usable, length, 1.0), otherwise)
 
 
-def _parametric(points: Points) -> Sequence[Register]:
-    """Where on their triangles points are: the shares of the first and of the second corner."""
-    shares = points.at_corners(np.broadcast_to(np.eye(3), (len(points.around.surfaces.materials), 3, 3)))
-    return _columns(shares[:, :2])
-
-
 def _box(points: Points, blend: Register) -> Sequence[Register]:
     """How much of each of three images shows that are projected along x, y and z in the object's space, as Blender
     mixes them: blend is how soft the edges of the box are.
@@ -189,14 +190,23 @@ def _object_scale(points: Points) -> Sequence[Register]:
     return (np.where(smaller > 0, np.where(smaller > 0, smaller, 1.0) ** (-1 / 3), 0.0)[points.instance],)
 
 
+def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Register]:
+    """The light of profiles at horizontal and vertical angles x and y."""
+    out, numbers = np.empty(len(points.P)), np.broadcast_to(number, len(points.P))
+    x, y = np.broadcast_to(x, len(out)), np.broadcast_to(y, len(out))
+    for n in np.unique(numbers):
+        rows = np.flatnonzero(numbers == n)
+        out[rows] = points.around.profiles[int(n)](x[rows], y[rows])
+    return (out,)
+
+
 _OF_POINTS: dict[str, Callable[..., Sequence[Register]]] = {
     "instance": _instance_value, "ray": lambda p, kind: ((p.ray == kind).astype(np.float64),),
     "to_world_normal": _world_normal, "to_camera": _in_camera, "window": _window,
-    "bump": _bump, "box": _box,
-    "parametric": _parametric, "object_scale": _object_scale,
+    "bump": _bump, "box": _box, "ies": _ies, "object_scale": _object_scale,
     "corner_normal": lambda p: _columns(p.at_corners(p.around.surfaces.corner_normals)),
 }
-_INPUTS: dict[str, Callable[[Points], Sequence[Register]]] = {
+_INPUTS: dict[str, Callable[[Any], Sequence[Register]]] = {
     "uv": lambda p: _columns(p.uv.astype(np.float64)),
     "position": lambda p: _columns(p.P),
     "normal": lambda p: _columns(p.Ns),
@@ -206,6 +216,8 @@ _INPUTS: dict[str, Callable[[Points], Sequence[Register]]] = {
     "generated": lambda p: _moved(p.around.to_generated, p),
     "object_normal": _object_normal,
     "object_location": _location,
+    "parametric": lambda p: _columns(p.parametric),
+    "ray_length": lambda p: (p.length,),
     "backfacing": lambda p: [(~p.front).astype(np.float64)],
 }
 
@@ -247,13 +259,26 @@ def _table(x: Register, table: NDArray[np.float64], interpolates: bool, extrapol
     return table[i] + (table[i + 1] - table[i]) * (x - i)
 
 
-def _image(texture: Texture | None, x: Register, y: Register, points: Points) -> Sequence[Register]:
+def _images(textures: Sequence[Texture | None], points: Points, alpha: bool, number: Register, x: Register,
+            y: Register) -> Sequence[Register]:
+    """Colour and alpha of images at (x, y), if alpha is wanted; number: the same for all points, or one for each."""
+    if np.ndim(number) == 0:
+        return _image(textures[int(number)], x, y, len(points.P), alpha)
+    out = np.empty((len(points.P), 4))
+    x, y = np.broadcast_to(x, len(out)), np.broadcast_to(y, len(out))
+    for n in np.unique(number):
+        rows = np.flatnonzero(number == n)
+        for k, channel in enumerate(_image(textures[int(n)], x[rows], y[rows], len(rows), alpha)):
+            out[rows, k] = channel
+    return _columns(out)
+
+
+def _image(texture: Texture | None, x: Register, y: Register, n: int, alpha: bool) -> Sequence[Register]:
     """Colour and alpha of an image at (x, y); one that cannot be read is light grey."""
-    n = len(points.P)
     if texture is None:
         return 0.8, 0.8, 0.8, 1.0
     place = np.empty((n, 2), np.float32)
     place[:, 0], place[:, 1] = x, y
     colour = np.empty((n, 3))
     texture.lookup(place, np.arange(n), colour)
-    return (*_columns(colour), texture.alpha(place))
+    return (*_columns(colour), texture.alpha(place) if alpha else 1.0)

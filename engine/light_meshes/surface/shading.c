@@ -5,7 +5,9 @@
    inlined, so code that only other types need is removed. Lamps with a size have loops of their own: sized_block.h. */
 #include "../lights/types.h"
 #include "ggx.h"
+#include "rough_matt.h"
 #include "sized_block.h"
+#include "sized_facets.h"
 
 _Static_assert((int)NO_TYPE <= (int)BALL, "numbers of types of light and of lamps with a size must differ");
 
@@ -16,13 +18,14 @@ typedef struct {
 } Facets;
 
 /* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for Phong's gloss;
-   bits 6..8: for that of GGX; bit 9: whether it has a coat. `facets` and `coat` are filled if any material has GGX. */
+   bits 6..8: for that of GGX; bit 9: whether it has a coat; bit 10: whether its matt part is rough. `facets` and `coat` are filled if any material has GGX. */
 typedef struct {
     f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
     u64 returns[SIDE];
     Facets facets, coat;
+    RoughMatt rough[SIDE];  /* filled where bit 10 is set */
 } Block;
-enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9 };
+enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9, ROUGH_MATT = 1 << 10 };
 
 /* All lights and materials, and the hits of rays with `direction`, as in shading.py. */
 typedef struct {
@@ -43,7 +46,7 @@ typedef struct {
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
                "axes f64[L,3,3]  extent f64[L,8]  diffuse bool[L]  glossy bool[L]  "
-#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,25]?  tables f64[T]?  "
+#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,26]?  tables f64[T]?  "
 #define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  "
 #define TAKEN                                                                                                      \
     const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,            \
@@ -84,7 +87,7 @@ static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
     static const Gloss none = {.alpha2 = 1.0, .sight = 1.0, .masked = 1.0, .ior2 = 1.0};
     f64 coat[G_COLUMNS], through[3] = {1.0, 1.0, 1.0};
     Gloss base = none, above = none;
-    if (m && m[G_COAT] > 0.0) {
+    if (m && m[G_COAT] > 0.0 && m[G_COAT_ROUGHNESS] >= 0.0) {  /* below 0: `shading.rough_only` took its highlight */
         coat_row(m, coat);
         above = gloss_row(coat, tables, b->facing[k]);
         b->returns[k] |= COAT;
@@ -113,6 +116,10 @@ static u64 fill(Block *b, i64 first, const Materials *materials, const Receivers
         if (materials->ggx) {
             const f64 *row = materials->ggx + G_COLUMNS * m;
             fill_facets(b, k, row[G_ON] != 0.0 ? row : 0, materials->tables);
+            if (row[G_SIGMA] > 0.0) {
+                b->returns[k] |= ROUGH_MATT;
+                b->rough[k] = rough_matt(row[G_SIGMA], b->facing[k], hits->Od + 3 * p);
+            }
         }
         all |= b->returns[k];
     }
@@ -142,17 +149,6 @@ static Sized size_of(const Source *s) {
 /* Copies receiver k's vector out of a block. */
 static inline void taken(const f64 (*from)[SIDE], int k, f64 *out) {
     for (int j = 0; j < 3; j++) out[j] = from[j][k];
-}
-
-/* The lamp as if all its light came from its middle: for highlights of microfacets, which know no lamps with a size. */
-static Source middle_of(const Source *s) {
-    Source middle = *s;
-    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
-    if (s->kind == SKY) middle.kind = SUN;
-    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
-    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
-    else middle.kind = POINT;
-    return middle;
 }
 
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
@@ -247,6 +243,46 @@ INLINE void add(int kind, const Source *s, const f64 (*S)[SIDE], const int *chan
     }
 }
 
+/* total += S·f_att·I·(N·L) times by how much a rough matt surface returns more than a smooth one. */
+INLINE void add_rough(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b, int count,
+                      f64 (*total)[SIDE]) {
+    for (int k = 0; k < count; k++) {
+        if (!(b->returns[k] & ROUGH_MATT)) continue;
+        Arriving a = arriving(kind, s, b, k);
+        f64 more[3], nl = a.cosine * a.inverse;
+        if (nl <= 0.0) continue;
+        rough_more(&b->rough[k], nl, (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse, more);
+        for (int j = 0; j < 3; j++) total[j][k] += S[channel[j]][k] * (a.power * nl * more[j] * s->colour[j]);
+    }
+}
+
+/* The lamp as if all its light came from its middle: for what rough matt surfaces return more than smooth ones. */
+static Source middle_of(const Source *s) {
+    Source middle = *s;
+    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
+    if (s->kind == SKY) middle.kind = SUN;
+    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
+    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
+    else middle.kind = POINT;
+    return middle;
+}
+
+/* The same for a lamp with a size: as much more as of light from its middle. */
+static void add_rough_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b, int count,
+                            f64 (*total)[SIDE]) {
+    const Sized s = size_of(source);
+    const Source middle = middle_of(source);
+    for (int k = 0; k < count; k++) {
+        if (!(b->returns[k] & ROUGH_MATT)) continue;
+        f64 P[3], N[3], more[3];
+        taken(b->P, k, P), taken(b->Ns, k, N);
+        Arriving a = arriving(middle.kind, &middle, b, k);
+        f64 power = matt_of(&s, P, N), nl = a.cosine * a.inverse;
+        rough_more(&b->rough[k], nl > 0.0 ? nl : 0.0, (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse, more);
+        for (int j = 0; j < 3; j++) total[j][k] += S[channel[j]][k] * (power * more[j] * source->colour[j]);
+    }
+}
+
 static f64 lobe_power(Arriving a, f64 nShiny) {
     f64 base = a.lobe * a.inverse;
     return pow(base < 1.0 ? base : 1.0, nShiny);
@@ -300,10 +336,32 @@ INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const in
     }
 }
 
+/* `facet_power` of a lamp with a size, over I: the sum over rays to it. */
+static void facets_sized(const Sized *s, const Block *b, const Facets *f, int k, f64 *power) {
+    Ray rays[RAYS];
+    Seen seen = {.alpha = sqrt(f->alpha2[k])};
+    f64 P[3], Ns[3], eye[3], one[3];
+    taken(b->P, k, P), taken(b->Ns, k, Ns), taken(b->eye, k, eye);
+    memcpy(seen.N, Ns, sizeof Ns), memcpy(seen.V, eye, sizeof eye);
+    int count = rays_to(s, &seen, P, rays);
+    power[0] = power[1] = power[2] = 0.0;
+    for (int i = 0; i < count; i++) {
+        f64 cosine = dot3(Ns, rays[i].way), lobe = 2.0 * cosine * b->facing[k] - dot3(rays[i].way, eye);
+        facet_power(b, f, (Arriving){1, rays[i].weight, 1.0, cosine, lobe}, k, one);
+        for (int j = 0; j < 3; j++) power[j] += one[j];
+    }
+}
+
 static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
                              const Facets *f, f64 (*total)[SIDE]) {
-    const Source middle = middle_of(source);
-    switch (middle.kind) { TYPES(OF_TYPE, add_facets, &middle, S, channel, b, f, total) }
+    const Sized s = size_of(source);
+    for (int k = 0; k < SIDE; k++) {
+        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
+        f64 power[3];
+        if (!(b->returns[k] & (GGX | COAT)) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
+        facets_sized(&s, b, f, k, power);
+        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power[j] * source->colour[j]);
+    }
 }
 
 /* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
@@ -330,6 +388,7 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
                 for (int k = 0; k < SIDE; k++) any |= share[c][k] != 0.0;
             if (!any) continue;
             if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
+            if (returns & ROUGH_MATT && s.diffuse) FOR_KIND(add_rough, s.kind, &s, share, channel, &block, count, total)
             if (returns & PHONG && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
             if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.facets, shine)
             if (returns & COAT && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.coat, shine)
@@ -348,24 +407,26 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
 /* Adds to one (matt and gloss) what a light would give a white surface if it were visible; GGX keeps its colours. most:
    S if that is above 1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
-    const Source middle = s->kind >= BALL ? middle_of(s) : *s;
-    Arriving a = arriving(middle.kind, &middle, b, k);
-    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), power = a.power * brightest;
+    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), gloss[3], coat[3] = {0.0};
+    int facets = s->glossy && b->returns[k] & GGX, coated = facets && b->returns[k] & COAT;
     if (s->kind >= BALL) {
         const Sized sized = size_of(s);
         f64 P[3], N[3];
+        if (facets) facets_sized(&sized, b, &b->facets, k, gloss);
+        if (coated) facets_sized(&sized, b, &b->coat, k, coat);
         taken(b->P, k, P), taken(b->Ns, k, N);
         if (s->diffuse) one[0] += brightest * matt_of(&sized, P, N);
         if (s->glossy && b->returns[k] & PHONG) one[1] += brightest * gloss_sized(&sized, b, k, nShiny);
     } else {
+        Arriving a = arriving(s->kind, s, b, k);
+        f64 power = a.power * brightest;
+        if (facets) facet_power(b, &b->facets, a, k, gloss);
+        if (coated) facet_power(b, &b->coat, a, k, coat);
         if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
         if (s->glossy && b->returns[k] & PHONG && a.lobe > 0.0 && a.cosine > 0.0)
             one[1] += power * lobe_power(a, nShiny);
     }
-    if (!s->glossy || !(b->returns[k] & GGX)) return;
-    f64 gloss[3], coat[3] = {0.0};
-    facet_power(b, &b->facets, a, k, gloss);
-    if (b->returns[k] & COAT) facet_power(b, &b->coat, a, k, coat);
+    if (!facets) return;
     for (int j = 0; j < 3; j++) gloss[j] += coat[j];
     one[1] += most * fmax(gloss[0] * s->colour[0], fmax(gloss[1] * s->colour[1], gloss[2] * s->colour[2]));
 }
@@ -374,16 +435,17 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
    share `jump`, all others by `step`. order: sorts lights so that those with equal numbers in `group` follow each
    other. Lights of a group are close together in the scene and count as one, which is partly visible if one of them
    is. Different groups are independent, so the root of the sum of their squares is used. Where S > 1 (focused
-   light), the value is multiplied by S. */
+   light), the value is multiplied by S. narrow: lights that may change by all of it, as the whole group then does. */
 KERNEL(shading_steps,
-       LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  jump f64  step f64  matt f64[n]!  gloss f64[n]!")
-i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const i64 *group, const i64 *order, f64 jump,
-                  f64 step, f64 *matt, f64 *gloss) {
+       LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  narrow u64[n,W]?  jump f64  step f64  "
+       "matt f64[n]!  gloss f64[n]!")
+i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, i64 W, TAKEN, const f32 *S, const i64 *group, const i64 *order,
+                  const u64 *narrow, f64 jump, f64 step, f64 *matt, f64 *gloss) {
     GATHERED;
     Block block;
     for (i64 first = 0; first < n; first += SIDE) {
         f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of the group, and the sum of squares: matt and gloss */
-        int some[SIDE] = {0};  /* whether a light of the group is partly visible */
+        int some[SIDE] = {0};  /* 1: a light of the group is partly visible; 2 or 3: one is narrow */
         fill(&block, first, &materials, &hits);
         for (i64 at = 0; at < L; at++) {
             i64 i = order[at];
@@ -395,12 +457,13 @@ i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const 
                 for (i64 c = 0; c < C; c++) {
                     f64 share = S[((first + k) * L + i) * C + c];
                     some[k] |= share != 0.0 && share != 1.0;
+                    some[k] |= narrow && has(narrow + W * (first + k), i) ? 2 : 0;
                     most = share > most ? share : most;
                 }
                 if (step > 0.0 || some[k] || !alone)
                     add_white(&s, &block, k, most, nShiny[material[first + k]], one[k]);
                 if (!ends) continue;
-                for (int j = 0; j < 2; j++) all[k][j] += square((some[k] ? jump : step) * one[k][j]), one[k][j] = 0.0;
+                for (int j = 0; j < 2; j++) all[k][j] += square((some[k] > 1 ? 1.0 : some[k] ? jump : step) * one[k][j]), one[k][j] = 0.0;
                 some[k] = 0;
             }
         }

@@ -19,6 +19,7 @@ _DIRECTIONAL = [registry.NAMES.index(name) for name, kind in registry.KINDS.item
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
+SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
 TABLES = 32 * 32 + 32 + 16**3  # numbers of the tables in ggx.h
 
 
@@ -80,8 +81,11 @@ class Materials(NamedTuple):
     kt: NDArray[np.float64]  # (M,3)
     ior: NDArray[np.float64]
     fresnel: NDArray[np.bool_]
+    translucent: NDArray[np.float64]  # (M,3)
+    frosted: NDArray[np.float64]
     alpha: NDArray[np.float64]
     alpha_image: NDArray[np.int32]
+    blurred: NDArray[np.bool_]  # lobes of microfacets show what is around
     ggx: NDArray[np.bool_]  # highlights of microfacets, by all that follows
     roughness: NDArray[np.float64]
     metal: NDArray[np.float64]
@@ -97,10 +101,19 @@ class Materials(NamedTuple):
     coat_roughness: NDArray[np.float64]
     coat_ior: NDArray[np.float64]
     coat_tint: NDArray[np.float64]  # (M,3)
+    diffuse_roughness: NDArray[np.float64]
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-        """What the kernels want to know of GGX, a row (25,) a material, and its tables; (None, None): none has it."""
-        return (np.column_stack(self[14:]), _facet_tables()) if self.ggx.any() else (None, None)
+        """What the kernels want to know of GGX, a row (26,) a material, and its tables; (None, None): none has it."""
+        return (np.column_stack(self[17:]), _facet_tables()) if (
+            self.ggx.any() or self.diffuse_roughness.any()) else (None, None)
+
+    def behind(self) -> Materials:
+        """What surfaces are for the light that comes through them, scattered: matt on their other side."""
+        none, black = np.zeros_like(self.kd), np.zeros_like(self.Od)
+        return self._replace(Od=self.translucent, ka=np.ones_like(none), kd=np.ones_like(none), ks=none, emission=black,
+                             image=np.full_like(self.image, -1), ggx=np.zeros_like(self.ggx),
+                             diffuse_roughness=none)
 
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
@@ -131,12 +144,15 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
     return Materials(
         colour("Od"), column("ka"), column("kd"), column("ks"), colour("Os"), column("nShiny"), colour("mirror"),
         colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
-        np.array([m.fresnel for m in materials], np.bool_), column("alpha"),
+        np.array([m.fresnel for m in materials], np.bool_), colour("translucent"), column("frosted"),
+        column("alpha"),
         np.array([m.alpha_image for m in materials], np.int32),
+        np.array([m.blurred and m.highlight == "GGX" and not m.fresnel for m in materials], np.bool_),
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
         colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
         colour("dielectric_tint"), column("layered"), column("compensation"),
         column("coat"), column("coat_roughness"), column("coat_ior"), colour("coat_tint"),
+        column("diffuse_roughness"),
     )
 
 
@@ -148,6 +164,7 @@ class Lit(NamedTuple):
     hits: Hits
     direction: NDArray[np.float64]  # (n,3) unit
     Od: NDArray[np.float64]  # (n,3)
+    shown: NDArray[np.bool_] | None = None  # (L,) lamps that mirrors show as they are, and so not as highlights
 
     def at(self, rows: slice) -> Lit:
         """These receivers."""
@@ -175,20 +192,41 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
 
     S is (n,L,C): one number for each light, or RGB. S must be 0 where ξ_i·Ω_i is 0; this is not checked again.
     """
-    _gather(*lit.taken, S, colour, matt, gloss)
+    rough = None if lit.shown is None else rough_only(lit.materials, lit.hits.row)
+    if rough is None or lit.shown is None:
+        _gather(*lit.taken, S, colour, matt, gloss)
+        return
+    lights = lit.lights
+    others = lights._replace(glossy=lights.glossy & ~lit.shown)
+    shown = lights._replace(glossy=lights.glossy & lit.shown, diffuse=np.zeros_like(lights.diffuse))
+    _gather(*lit._replace(lights=others).taken, S, colour, matt, gloss)
+    _gather(*lit._replace(lights=shown, materials=rough).taken, S, colour, matt, gloss)
 
 
-def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], jump: float, step: float,
-          matt: NDArray[np.float64], gloss: NDArray[np.float64]) -> None:
+def rough_only(materials: Materials, row: NDArray[np.int32]) -> Materials | None:
+    """The materials without the highlights of lobes that are as smooth as mirrors, whose rays see the lamps themselves;
+    None where none of those at `row` (n,) has such a lobe.
+    """
+    base = materials.ggx & (materials.roughness < SMOOTHEST)
+    coat = materials.ggx & (materials.coat > 0) & (materials.coat_roughness < SMOOTHEST)
+    if not (base | coat)[row].any():
+        return None
+    return materials._replace(metal=np.where(base, 0.0, materials.metal),
+                              dielectric=np.where(base, 0.0, materials.dielectric),
+                              coat_roughness=np.where(coat, -1.0, materials.coat_roughness))
+
+
+def steps(lit: Lit, S: NDArray[np.float32], group: NDArray[np.int64], narrow: NDArray[np.uint64] | None, jump: float,
+          step: float, matt: NDArray[np.float64], gloss: NDArray[np.float64]) -> None:
     """Fill matt and gloss (n,) with how much the light of a white surface may change nearby.
 
-    A light that is partly visible changes by the share `jump`, all others by `step`. group (L,): lights with the same
-    number are close together and count as one, which is partly visible if one of them is. Different groups are
-    independent, so the root of the sum of their squares is used. Where S > 1 (focused light), the value is multiplied
-    by S.
+    A light that is partly visible changes by the share `jump`, one in narrow (n,W) by all, all others by `step`. group
+    (L,): lights with the same number are close together and count as one, which is partly visible, or narrow, if one of
+    them is. Different groups are independent, so the root of the sum of their squares is used. Where S > 1 (focused
+    light), the value is multiplied by S.
     """
     group = np.asarray(group, np.int64)
-    _steps(*lit.taken, S, group, np.argsort(group, kind="stable"), jump, step, matt, gloss)
+    _steps(*lit.taken, S, group, np.argsort(group, kind="stable"), narrow, jump, step, matt, gloss)
 
 
 def unlit(materials: Materials, material: NDArray[np.int32], Ia: NDArray[np.float64], Od: NDArray[np.float64],

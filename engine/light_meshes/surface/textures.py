@@ -62,6 +62,7 @@ class Texture:
             if texels is None:
                 raise OSError(source.geterror() or "cannot be read")
         self._texels = np.ascontiguousarray(np.atleast_3d(texels))
+        self.width = self._texels.shape[1]
         self._alpha = layout.alpha if alpha and image.alpha != "IGNORED" else -1
         self._first, self._step = layout.first, min(layout.colours - 1, 1)
         self._closest = image.interpolation == "CLOSEST"
@@ -136,7 +137,8 @@ class Texture:
 def alphas(scene: Scene) -> set[int]:
     """Return the images whose alpha is needed."""
     return {material.alpha_image for material in scene.materials}.union(
-        *(material.program.images() for material in scene.materials))
+        scene.world.images(), *(material.program.images() for material in scene.materials),
+        *(light.program.images() for light in scene.lights))
 
 
 def load(images: Sequence[Image], asked: Collection[int], threads: int,

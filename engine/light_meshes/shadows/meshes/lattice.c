@@ -65,21 +65,92 @@ static inline u32 bits_of(FourTests t) {
 #endif
 }
 
-static const u8 WHICH[16][4] = {{0}, {0}, {1}, {0, 1}, {2}, {0, 2}, {1, 2}, {0, 1, 2},
-                                {3}, {0, 3}, {1, 3}, {0, 1, 3}, {2, 3}, {0, 2, 3}, {1, 2, 3}, {0, 1, 2, 3}};
+static const i32 WHICH[16][4] = {{0}, {0}, {1}, {0, 1}, {2}, {0, 2}, {1, 2}, {0, 1, 2},
+                                 {3}, {0, 3}, {1, 3}, {0, 1, 3}, {2, 3}, {0, 2, 3}, {1, 2, 3}, {0, 1, 2, 3}};
 
-/* The offsets (3,n) within `largest` (squared) of f, and above the plane through f with normal m: fills passed with
-   their numbers, and what follows with anything; returns how many there are. n: a multiple of 4. Without a branch, which
-   no processor could foretell. */
-static i64 inside(i64 n, const f64 *offsets, const f64 *f, const f64 *m, f64 largest, f64 tau, i32 *passed) {
+/* Puts those of four numbers whose bits are set first, and anything behind them. */
+static inline void put_first(const i32 *four, u32 bits, i32 *out) {
+#ifdef __AVX__
+    typedef f32 Floats __attribute__((vector_size(16)));
+    typedef i32 Numbers __attribute__((vector_size(16)));
+    Floats numbers;
+    Numbers which;
+    memcpy(&numbers, four, sizeof numbers), memcpy(&which, WHICH[bits], sizeof which);
+    numbers = __builtin_ia32_vpermilvarps(numbers, which);
+    memcpy(out, &numbers, sizeof numbers);
+#else
+    for (int k = 0; k < 4; k++) out[k] = four[WHICH[bits][k]];
+#endif
+}
+
+/* Some of the lattice's offsets: a multiple of 4 of them, the last of which may be at infinity and so in no ball. */
+typedef struct {
+    i64 n, most;     /* how many there are, and how many of all */
+    f64 *xyz;        /* x of all, then y, then z: (3,most) */
+    i32 *number;     /* in the lattice's own order */
+} Offsets;
+
+static i64 fours(i64 n) { return (n + 3) / 4 * 4; }
+
+/* Returns whether there is memory for `most` offsets. */
+static int room_for(Offsets *o, i64 most) {
+    o->n = 0, o->most = fours(most);
+    o->xyz = malloc((size_t)(3 * o->most) * sizeof *o->xyz);
+    o->number = malloc((size_t)o->most * sizeof *o->number);
+    return o->xyz && o->number;
+}
+
+static void add_offset(Offsets *o, f64 x, f64 y, f64 z, i32 number) {
+    o->xyz[o->n] = x, o->xyz[o->most + o->n] = y, o->xyz[2 * o->most + o->n] = z;
+    o->number[o->n++] = number;
+}
+
+static void pad(Offsets *o) {
+    while (o->n < fours(o->n)) add_offset(o, INFINITY, INFINITY, INFINITY, 0);
+}
+
+/* Fills passed with the numbers of the offsets within `largest` (squared) of f and above the plane through f with normal
+   m, and what follows with anything; returns how many there are. Without a branch, which no processor could foretell. */
+static i64 inside(const Offsets *o, const f64 *f, const f64 *m, f64 largest, f64 tau, i32 *passed) {
+    const f64 *x = o->xyz, *y = x + o->most, *z = y + o->most;
     i64 kept = 0;
-    for (i64 c = 0; c < n; c += 4) {
-        Four d0 = four_of(offsets + c) - f[0], d1 = four_of(offsets + n + c) - f[1], d2 = four_of(offsets + 2 * n + c) - f[2];
+    for (i64 c = 0; c < o->n; c += 4) {
+        Four d0 = four_of(x + c) - f[0], d1 = four_of(y + c) - f[1], d2 = four_of(z + c) - f[2];
         u32 bits = bits_of((d0 * d0 + d1 * d1 + d2 * d2 <= largest) & (d0 * m[0] + d1 * m[1] + d2 * m[2] > tau));
-        for (int k = 0; k < 4; k++) passed[kept + k] = (i32)c + WHICH[bits][k];
+        put_first(o->number + c, bits, passed + kept);
         kept += __builtin_popcount(bits);
     }
     return kept;
+}
+
+/* The offsets that may be above planes of one normal. Most receivers have the normal of those before them, and half of all
+   offsets need not be tested for them. */
+typedef struct {
+    Offsets some;
+    f64 normal[3], last[3];
+    i64 in_a_row;  /* how many receivers had the last normal */
+} Above;
+
+static const i64 AGAIN = 3;        /* from so many in a row on it pays to find the offsets */
+static const f64 ROUNDING = 1e-9;  /* in steps: more than all rounding of `inside` */
+
+static int same(const f64 *a, const f64 *b) { return a[0] == b[0] && a[1] == b[1] && a[2] == b[2]; }
+
+/* Returns all offsets that can be above a plane with normal m through a point of the cell, and perhaps others. */
+static const Offsets *above(Above *a, const Offsets *all, const f64 *m, f64 tau) {
+    Offsets *some = &a->some;
+    if (same(a->normal, m)) return some;
+    a->in_a_row = same(a->last, m) ? a->in_a_row + 1 : 0;
+    memcpy(a->last, m, sizeof a->last);
+    if (a->in_a_row < AGAIN) return all;
+    memcpy(a->normal, m, sizeof a->normal);
+    f64 low = tau - ROUNDING, *x = all->xyz, *y = x + all->most, *z = y + all->most;
+    for (int r = 0; r < 3; r++) low += m[r] < 0.0 ? m[r] : 0.0;  /* the cell's lowest corner */
+    some->n = 0;
+    for (i64 c = 0; c < all->n; c++)
+        if (x[c] * m[0] + y[c] * m[1] + z[c] * m[2] > low) add_offset(some, x[c], y[c], z[c], all->number[c]);
+    pad(some);
+    return some;
 }
 
 /* Finds the candidates of receivers from state[0] on, until all are done or an array may be too short. state: the
@@ -96,13 +167,16 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
     const f64 *off0 = offsets, *off1 = offsets + most, *off2 = offsets + 2 * most;
     i64 p = state[0], cell_count = state[1], count = state[2], total = state[3];
     f64 largest = reach[K - 1] * reach[K - 1];
-    i64 fours = (most + 3) / 4 * 4;
-    f64 *padded = malloc((size_t)(3 * fours) * sizeof *padded);  /* offsets; what is added is never inside */
-    i32 *passed = malloc((size_t)(fours + 4) * sizeof *passed), *ring = malloc((size_t)most * sizeof *ring);
+    Offsets all;
+    Above apart = {0};
+    int room = room_for(&all, most) & room_for(&apart.some, most);
+    i32 *passed = malloc((size_t)(fours(most) + 4) * sizeof *passed), *ring = malloc((size_t)most * sizeof *ring);
     i32 *unsorted = malloc((size_t)most * sizeof *unsorted);
     i64 *place = malloc((size_t)K * sizeof *place);
-    if (!padded || !passed || !ring || !unsorted || !place) goto end;
-    for (i64 c = 0; c < 3 * fours; c++) padded[c] = c % fours < most ? offsets[c / fours * most + c % fours] : INFINITY;
+    room = room && passed && ring && unsorted && place;
+    if (!room) goto end;
+    for (i64 c = 0; c < most; c++) add_offset(&all, off0[c], off1[c], off2[c], (i32)c);
+    pad(&all);
     for (; p < n && total + most <= a && count + most <= u; p++) {
         const f64 *normal = N + 3 * p;
         f64 x = (P[3 * p] - origin[0]) / h, y = (P[3 * p + 1] - origin[1]) / h, z = (P[3 * p + 2] - origin[2]) / h;
@@ -130,7 +204,8 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
             }
             /* Steps 1 and 2: which offsets are in the ball and above the plane? */
             i32 *row_at = rows + cell * most;
-            i64 kept = inside(fours, padded, (f64[3]){f0, f1, f2}, m, largest, tau, passed);
+            const Offsets *tried = above(&apart, &all, m, tau);
+            i64 kept = inside(tried, (f64[3]){f0, f1, f2}, m, largest, tau, passed);
             /* The node at each of them, and its ring */
             for (i64 w = 0; w < kept; w++) {
                 i64 c = passed[w], row = row_at[c];
@@ -162,8 +237,8 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
         if (K > 1) by_ring(K, begin, total - begin[0], ring, candidate + begin[0], unsorted, place);
     }
     state[0] = p, state[1] = cell_count, state[2] = count, state[3] = total;
-end:;
-    i64 failed = !padded || !passed || !ring || !unsorted || !place;
-    free(padded), free(passed), free(ring), free(unsorted), free(place);
-    return failed;
+end:
+    free(all.xyz), free(all.number), free(apart.some.xyz), free(apart.some.number);
+    free(passed), free(ring), free(unsorted), free(place);
+    return !room;
 }

@@ -57,6 +57,11 @@ class NodeStore:
         return self._keys.bytes + self._known.bytes + self._bits.nbytes + self._numbers.nbytes
 
     @property
+    def bytes_of_a_node(self) -> float:
+        """Return the memory of a node's values."""
+        return self._lights / 8 + self._numbers.shape[1] * self._numbers.itemsize
+
+    @property
     def nodes(self) -> NDArray[np.int32]:
         """Return the nodes (count,3) that have a row."""
         return self._keys.nodes(0, self.count)

@@ -1,0 +1,141 @@
+"""What surfaces reflect of their surroundings: mirrors one ray, rough surfaces a few, and what no ray follows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..film.passes import REFLECTED, Tile
+from ..rays.geometry import Hits
+from ..surface import shading
+from ..surface.blurred import spread
+from .prepared import Prepared
+from .wave import Rays
+
+LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
+
+
+def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: NDArray, events: NDArray,
+              tile: Tile) -> list[tuple[str, Rays]]:
+    """The rays that surfaces reflect, of rays (n,) that count there with weight (n,3).
+
+    mirror (n,3): the share that mirrors reflect. events (n,): how often rays were reflected, or bent, where that
+    counts: max_depth bounds it, so that light does not divide for ever.
+    """
+    may = (events < ready.scene.settings.max_depth) & ready.plan.reflections
+    if not ready.plan.blurred:
+        return mirrored(ready, rays, hits, weight * mirror, may)
+    lobes = hits.table.blurred[hits.row]
+    rows = np.flatnonzero(lobes)
+    children = mirrored(ready, rays, hits, np.where(lobes[:, None], 0.0, weight * mirror), may)
+    return children + _blurred(ready, rays.at(rows), hits.at(rows), weight[rows], may[rows], tile)
+
+
+def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
+    """The rays that mirrors reflect with weight (n,3), of those that may (n,) go on."""
+    on = (weight.max(axis=1, initial=0) > ready.scene.settings.cutoff) & may
+    if not on.any():
+        return []
+    rays, normal = rays.at(on), hits.Ng[on]
+    turned = np.empty((len(normal), 3))
+    shading.mirrored(rays.direction, normal, hits.Ns[on], turned)
+    rays = _once_more(rays.seen_as(REFLECTED))
+    return [("reflection", leaving(rays, hits.P[on], hits.triangle[on], weight[on], normal, turned, 1))]
+
+
+def upwards(ready: Prepared) -> NDArray[np.float64]:
+    """The unit vector (3,) that goes up in the picture."""
+    up = ready.scene.camera.matrix[:3, 1]
+    return np.ascontiguousarray(up / np.linalg.norm(up))
+
+
+def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray,
+             tile: Tile) -> list[tuple[str, Rays]]:
+    """The rays that lobes of microfacets reflect; of what they do not follow the world's light is added to the tile, as
+    if nothing stood before it.
+    """
+    if not len(rays.pixel):
+        return []
+    settings = ready.scene.settings
+    assert rays.fan is not None and rays.blur is not None
+    found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
+                   settings.cutoff)
+    sky = ready.world.sky
+    ambient = 1.0 if settings.world_light == "SKY" else settings.ambient
+    if ambient and not sky.dark:
+        turned = np.empty_like(hits.P)
+        shading.mirrored(rays.direction, hits.Ng, hits.Ns, turned)
+        light = found.left * (ambient * sky.light(turned))
+        tile.add_light(rays.pixel, rays.part, weight, light, {"Ambient": light})
+    rows = found.hit[found.weight.max(axis=1, initial=0) > 0]
+    if not len(rows):
+        return []
+    sent = found.weight.max(axis=1) > 0
+    children = _once_more(rays.seen_as(REFLECTED).at(rows)._replace(
+        fan=found.fan[sent], blur=np.maximum(rays.blur[rows], found.blur[sent])))
+    return [("reflection", leaving(children, hits.P[rows], hits.triangle[rows], found.weight[sent], hits.Ng[rows],
+                                   found.direction[sent], 1))]
+
+
+def _once_more(rays: Rays) -> Rays:
+    """Rays that are mirrored once more."""
+    return rays if rays.mirrored is None else rays._replace(mirrored=rays.mirrored + np.int16(1))
+
+
+def going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
+          step: int) -> list[tuple[str, Rays]]:
+    """The rays that go on through the surface with `weight`; step: 1 where they bend."""
+    on = weight.max(axis=1, initial=0) > ready.scene.settings.cutoff
+    if not on.any():
+        return []
+    return [(kind, leaving(rays.at(on), hits.P[on], hits.triangle[on], weight[on], -hits.Ng[on], direction[on], step))]
+
+
+def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,
+            step: int) -> Rays:
+    """The rays that leave surfaces at P on the side of `normal`. step: 1 where they bend."""
+    if rays.start is not None:
+        straight = (direction == rays.direction).all(1, keepdims=True)
+        rays = rays._replace(start=np.where(straight, rays.start, P), last=triangle)
+    return rays._replace(weight=weight, origin=P, normal=normal, direction=direction, depth=rays.depth + np.int16(step))
+
+
+def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
+    """What rays (n,) hit, as the light of lamps is seen there by those that a rough surface has spread out.
+
+    Highlights are as wide as the lobe at least: smaller ones would be dots, which only some of the few rays find. And
+    surfaces do not shine for which lamps stand, as these have highlights of their own.
+    """
+    if rays.blur is None:
+        return hits
+    m, row = hits.table, hits.row
+    wider = m.ggx[row] & ((m.roughness[row] < rays.blur) | (m.coat_roughness[row] < rays.blur))
+    if ready.world.as_lamps is not None:
+        wider |= (rays.blur > 0) & ready.world.as_lamps[hits.triangle]
+    rows = np.flatnonzero(wider)
+    if not len(rows):
+        return hits
+    own = shading.Materials._make(column[row[rows]] for column in m)
+    for roughness in (own.roughness, own.coat_roughness):
+        np.maximum(roughness, rays.blur[rows], out=roughness)
+    if ready.world.as_lamps is not None:
+        own.emission[ready.world.as_lamps[hits.triangle[rows]] & (rays.blur[rows] > 0)] = 0.0
+    row = row.copy()
+    row[rows] = len(m.ka) + np.arange(len(rows), dtype=np.int32)
+    return hits._replace(row=row, table=shading.Materials._make(
+        np.concatenate([a, b]) for a, b in zip(m, own, strict=True)))
+
+
+def background(ready: Prepared, rays: Rays, ray: NDArray[np.int8]) -> NDArray[np.float64]:
+    """The radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces.
+
+    Those of rough surfaces see what lights surfaces, as blurred as their rays are apart: lamps that stand for the world's
+    suns have highlights of their own.
+    """
+    sky = ready.world.sky
+    seen = sky.seen(rays.direction, ray)
+    if not sky.varies or rays.blur is None or not (rays.blur > 0).any():
+        return seen
+    rows, seen = np.flatnonzero(rays.blur > 0), np.array(seen)
+    seen[rows] = sky.light(rays.direction[rows], LOBE * rays.blur[rows]**4)
+    return seen

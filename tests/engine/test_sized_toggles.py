@@ -1,0 +1,114 @@
+"""Lamps with a size under the artist's toggles, and through glass: as lamps of one width."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from light_meshes import Camera, Scene, Shape, box, rectangle, sphere, translate
+from light_meshes.picture.prepared import Prepared
+from light_meshes.picture.render import render_image
+from light_meshes.scene import snapshot
+from light_meshes.scene.description import Material
+from scenes import GREY, all_lights, four_lights, point, settings, tabletop, with_lights, with_objects
+from sized_lamps import Seen, rmse, scene_of
+
+
+def table(pixels=64, **light):
+    return all_lights(tabletop(pixels, h=0.05, kI=2.0, ambient=0.0), **({"softness": "SIZE", "radius": 0.3} | light))
+
+
+def combined(scene):
+    return render_image(scene).passes["Combined"][..., :3]
+
+
+def test_a_lamp_lights_what_it_is_linked_to():
+    scene = table()
+    only = {o.name: i for i, o in enumerate(scene.objects)}["tabletop"]
+    linked, alone = combined(all_lights(scene, receivers=(only,))), combined(scene)
+    lit = linked.sum(-1) > 0
+    assert 0 < lit.sum() < (alone.sum(-1) > 0).sum()
+    assert np.array_equal(linked[lit], alone[lit])
+
+
+def test_the_shadow_pass_shows_the_share_of_the_lamp():
+    scene = table()
+    seen = Seen(scene)
+    S = seen.by("LIGHT_MESHES")[:, 0]
+    shadow = render_image(scene, ("Shadow",)).passes["Shadow"][..., 0].reshape(-1)[seen.pixel]
+    assert np.allclose(shadow, S, atol=1e-6) and ((S > 0.05) & (S < 0.95)).mean() > 0.05
+
+
+def test_a_catcher_is_dimmed_by_the_share_of_the_lamp():
+    """What a white matt surface there would lose."""
+    scene = scene_of("tabletop", "sphere", 64, h=0.05, ambient=0.0)
+    caught = render_image(with_objects(scene, floor={"shadow_catcher": True}).with_settings(film_transparent=True))
+    seen = Seen(scene)
+    S, alpha = seen.by("LIGHT_MESHES")[:, 0], caught.passes["Combined"][..., 3].reshape(-1)[seen.pixel]
+    S[S < scene.settings.cutoff] = 0  # rays that count less end there
+    assert np.allclose(alpha, 1 - S, atol=1e-5) and 0.05 < (alpha > 0.5).mean() < 0.5
+
+
+def test_a_holdout_is_a_hole_that_casts_its_soft_shadow():
+    scene = table()
+    hole = with_objects(scene, cylinder={"holdout": True})
+    a, b = render_image(scene).passes["Combined"], render_image(hole).passes["Combined"]
+    there = b[..., 3] == 0
+    assert there.any() and (b[there, :3] == 0).all() and np.array_equal(a[~there], b[~there])
+
+
+def test_a_lamp_without_shadows_and_one_with_sharp_ones():
+    lit = combined(table(cast_shadow=False))
+    assert np.array_equal(lit, combined(table().with_settings(mode="LOCAL")))
+    hard = combined(table(soft_shadows=False))
+    assert np.array_equal(hard, combined(table().with_settings(shadows="SHARP")))
+
+
+def pane(refraction, pixels=48, **values):
+    """A pane of coloured glass, half of a lamp's light, above a floor, with a ball of glass on it."""
+    glass = Material("pane", kd=0.0, kt=(0.5, 0.25, 1.0))
+    solid = Material("ball", kd=0.0, kt=(0.9, 0.9, 0.9), ior=1.5)
+    parts = [Shape(rectangle((-2, -2), (2, 2), 0.0), GREY, "floor"),
+             Shape(rectangle((-2, -2), (0, 2), 0.8), glass, "pane"),
+             Shape(box((0.3, -0.2, 0.2), (0.6, 0.2, 0.5)), GREY, "box"),
+             Shape(sphere(0.2, 24, 12), solid, "ball", [translate(0.9, 0.9, 0.3)])]
+    lamp = replace(point((0.0, 0.0, 2.0)), radius=0.3, softness="SIZE")
+    return Scene.from_shapes(parts, Camera.look_at((0, -4, 4), (0, 0, 0), 40, pixels, pixels), [lamp],
+                             settings(**({"h": 0.08, "kI": 2.0, "refraction": refraction, "shadows": "LIGHT_MESHES"}
+                                         | values)))
+
+
+@pytest.mark.parametrize("refraction", ["NONE", "VIEW"])
+def test_each_point_of_a_lamp_counts_by_the_glass_on_its_way(refraction):
+    """M1 and M2: under the edge of a pane a lamp is half tinted, as by very many rays and by the exact share."""
+    scene = pane(refraction)
+    ready = Prepared(scene)
+    x = np.linspace(-0.35, 0.3, 46)
+    P, N = np.stack([x, np.full(46, -1.2), np.zeros(46)], 1), np.tile([0.0, 0.0, 1.0], (46, 1))
+    S = ready.lighting.light_visibility(P, N)[:, 0].astype(float)
+    truth = Prepared(scene.with_settings(shadows="AREA_SAMPLING", light_samples=1024)).lighting.light_visibility(P, N)
+    sixteen = Prepared(scene.with_settings(shadows="AREA_SAMPLING", light_samples=16)).lighting.light_visibility(P, N)
+    assert S.shape == (46, 3) and rmse(S, truth[:, 0]) <= rmse(sixteen[:, 0], truth[:, 0])
+    through = (S - (0.5, 0.25, 1.0)) / (0.5, 0.75, 1e30)  # of the lamp beside the pane
+    assert np.allclose(through[:, 0], through[:, 1], atol=1e-6) and (S[:, 2] == 1).all()
+    assert through[0, 0] < 0.01 and through[-1, 0] > 0.99 and (np.abs(through[:, 0] - 0.5) < 0.4).sum() > 5
+
+
+def test_where_shadow_paths_bend_a_lamp_has_one_width_and_the_plan_says_so():
+    """M3: as a lamp of softness SCENE, whose light is that of a point, but for Ω."""
+    scene = pane("FULL")
+    reasons = render_image(scene).statistics["plan"]
+    assert reasons["refracted shadow paths"].startswith("yes")
+    assert reasons["lamps with a size"].startswith("one width: 'light': shadow paths bend") or (
+        "shadow paths bend, and are followed from a lamp's centre only" in reasons["lamps with a size"])
+    one = all_lights(scene, softness="SCENE")
+    P = np.stack([np.linspace(-0.5, 0.9, 40), np.full(40, 0.1), np.zeros(40)], 1)
+    N = np.tile([0.0, 0.0, 1.0], (40, 1))
+    assert np.array_equal(*(Prepared(s).lighting.light_visibility(P, N) for s in (scene, one)))
+
+
+def test_a_snapshot_renders_the_same(tmp_path):
+    """As a farm's machine does."""
+    scene = with_lights(four_lights(48), *(replace(light, softness="SIZE", radius=0.2, angle=0.1)
+                                           for light in four_lights().lights))
+    snapshot.write(scene, tmp_path)
+    assert np.array_equal(combined(scene), combined(snapshot.read(tmp_path)))

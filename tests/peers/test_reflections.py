@@ -1,0 +1,71 @@
+"""Rough reflections beside Cycles: balls of metal, plastic and lacquer among things that glow, under a bright world."""
+
+import bpy
+import numpy as np
+import pytest
+from node_pictures import both
+
+pytestmark = pytest.mark.slow
+
+CELL, COLUMNS = 24, 4
+PLASTIC = {"Base_Color": (0, 0, 0, 1)}
+BALLS = [
+    *(('ShaderNodeBsdfPrincipled', {"Base_Color": (0.9, 0.7, 0.4, 1), "Metallic": 1.0, "Roughness": r})
+      for r in (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)),
+    ('ShaderNodeBsdfAnisotropic', {"Color": (0.8, 0.8, 0.8, 1), "Roughness": 0.4}),
+    ('ShaderNodeBsdfPrincipled', PLASTIC | {"Roughness": 0.05}),
+    ('ShaderNodeBsdfPrincipled', PLASTIC | {"Roughness": 0.2, "IOR": 2.5}),
+    ('ShaderNodeBsdfPrincipled', PLASTIC | {"Roughness": 0.5, "Coat_Weight": 1.0, "Coat_Roughness": 0.05}),
+]
+
+
+@pytest.fixture
+def balls(scene, add, node_material):
+    """A ball of each kind, from above, in a row of glowing boxes; the world is bright."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=0.42)
+    ball = bpy.context.object.data
+    ball.polygons.foreach_set("use_smooth", [True] * len(ball.polygons))
+    bpy.data.objects.remove(bpy.context.object)
+    rows = -(-len(BALLS) // COLUMNS)
+    for n, (kind, inputs) in enumerate(BALLS):
+        mesh = ball.copy()
+        mesh.materials.append(node_material(f"Ball {n}", kind, **inputs))
+        x, y = 2 * (n % COLUMNS) - COLUMNS + 1, 2 * (n // COLUMNS) - rows + 1
+        add(mesh, location=(x, y, 0))
+    glows = [node_material(f"Glow {n}", 'ShaderNodeEmission', Color=(*color, 1)) for n, color in enumerate(
+        ((0.9, 0.1, 0.1), (0.1, 0.7, 0.2), (0.1, 0.2, 0.9), (0.2, 0.2, 0.2)))]
+    for x in range(-COLUMNS, COLUMNS + 1, 2):
+        for y in range(-rows, rows + 1, 2):
+            bpy.ops.mesh.primitive_cube_add(size=0.5, location=(x, y, 0.3))
+            bpy.context.object.data.materials.append(glows[(x + y) // 2 % 3])
+    bpy.ops.mesh.primitive_plane_add(size=40, location=(0, 0, -0.6))
+    bpy.context.object.data.materials.append(glows[3])
+    world = scene.world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0):
+        world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs[0].default_value = (0.5, 0.6, 0.8, 1)
+    camera = scene.camera.data
+    camera.type, camera.ortho_scale = 'ORTHO', 2 * max(COLUMNS, rows)
+    scene.render.resolution_x, scene.render.resolution_y = 2 * CELL * COLUMNS, 2 * CELL * rows
+    scene.render.filter_size, scene.light_meshes.samples = 0.0, 64
+    scene.light_meshes.max_depth = 8
+    c = scene.cycles
+    c.samples, c.use_adaptive_sampling, c.use_denoising = 768, False, False
+    c.max_bounces = c.glossy_bounces = 8
+    c.pixel_filter_type, c.filter_width = 'BLACKMAN_HARRIS', 0.01
+    c.sample_clamp_direct = c.sample_clamp_indirect = c.blur_glossy = 0
+    return scene
+
+
+def test_rough_balls_see_what_cycles_shows(balls, render):
+    ours, theirs = both(balls, render)
+    y, x = np.mgrid[:2 * CELL, :2 * CELL] - CELL + 0.5
+    inside = np.hypot(x, y) < 0.38 * CELL
+    for n, ball in enumerate(BALLS):
+        row, column = -(-len(BALLS) // COLUMNS) - 1 - n // COLUMNS, n % COLUMNS
+        cell = np.s_[2 * CELL * row:2 * CELL * (row + 1), 2 * CELL * column:2 * CELL * (column + 1)]
+        a, b = ours[cell][inside], theirs[cell][inside]
+        assert a.mean() == pytest.approx(b.mean(), rel=0.015), ball
+        difference = np.abs(a - b).max(1) / b.max(1)
+        assert np.quantile(difference, 0.99) <= 0.12, ball
+        assert np.median(difference) <= 0.03, ball
