@@ -140,7 +140,9 @@ class Patches:
         """See that it is known what patches (n,) are, and their direct light if `lit`."""
         self._see(_missing(number, self._lit if lit else self._looked), lit, check)
         covered = _missing(number, self._widened)
-        self._uncover(covered, lit, check)
+        of_lit = self._lit[covered]
+        self._uncover(covered[of_lit], True, check)
+        self._uncover(covered[~of_lit], False, check)
         self._widened[covered] = True
 
     def _see(self, new: NDArray[np.int32], lit: bool, check: Check) -> None:
@@ -183,7 +185,7 @@ class Patches:
         f = self._field
         triangle, *_ = f.tracer.closest("diffuse", P, N, N)
         covered = np.zeros(len(P), np.bool_)
-        hit = np.flatnonzero(triangle >= 0)
+        hit = np.flatnonzero((triangle >= 0) & self._gather.solid[triangle])
         covered[hit] = (f.grids.normals(triangle[hit]) * N[hit]).sum(1) > 0
         f.stats.add(gathered_rays=len(P))
         free = ~covered.reshape(-1, 4)

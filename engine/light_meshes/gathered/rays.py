@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..glass.interfaces import Interfaces
+from ..glass.media import closed
 from ..rays.tracer import Tracer
 from ..scene.description import Scene
 from ..support.native import kernel
@@ -64,6 +65,8 @@ class Gatherer:
         m = field.scene.materials
         clear = np.array([x.alpha < 1 or x.alpha_image >= 0 or any(x.kt) for x in m], np.bool_)
         self._clear = clear[material] if field.glass.transparent else None
+        every = np.ones(len(material), np.bool_)
+        self.solid = np.append(closed(s, every) & ~clear[material], False)  # (T+1,) of closed meshes; the last: no hit
         self.for_small = np.stack([self._stand_ins(material, finest * 2.0**i) for i in range(STEPS)])
 
     def _stand_ins(self, material: NDArray, size: float) -> NDArray[np.int32]:
