@@ -85,7 +85,8 @@ def test_a_thin_wall_lets_no_light_into_the_other_room():
              box((-0.01, -2, 0), (0.01, 2, 2))]
     rooms = [Shape(m, Material("grey", Od=(0.8, 0.8, 0.8))) for m in walls]
     lamp = Light("lamp", "POINT", (1.0, 1.0, 1.0), (-1.0, 0.0, 1.5))
-    lit, dark = (scene(rooms, eye, (side * 0.6, 1, 0.2), 80, [lamp], (0, 0, 0), bounces=2, shadows="SHARP")
+    lit, dark = (scene(rooms, eye, (side * 0.6, 1, 0.2), 50, [lamp], (0, 0, 0), bounces=2, shadows="SHARP",
+                       auto_h=False, h=0.05)
                  for eye, side in (((-1, -1.9, 1.5), -1), ((1, -1.9, 1.5), 1)))
     bright, leaked = (render_image(s).passes["Combined"][..., 0] for s in (lit, dark))
     assert bright.mean() > 0.1
@@ -112,7 +113,8 @@ def things(pixels=60, eye=(0.0, -4.0, 2.5), **more):
               Shape(sphere(0.4), WHITE, matrices=[translate(0.3, 0, 0.4)]),
               Shape(rectangle((0.5, -0.6), (1.5, 0.6), 0.8), clear)]
     lamp = Light("lamp", "POINT", (5.0, 5.0, 5.0), (1.0, -2.0, 3.0))
-    return scene(shapes, eye, (0, 0, 0.3), pixels, [lamp], (0.3, 0.4, 0.5), **{"bounces": 2, "shadows": "SHARP"} | more)
+    return scene(shapes, eye, (0, 0, 0.3), pixels, [lamp], (0.3, 0.4, 0.5),
+                 **{"bounces": 2, "shadows": "SHARP", "auto_h": False, "h": 0.05} | more)
 
 
 def test_tiles_threads_and_order_change_no_bit():
@@ -124,7 +126,7 @@ def test_tiles_threads_and_order_change_no_bit():
 
 def test_records_are_kept_while_they_are_right():
     """A flight gathers little anew and has the same pictures; a moved box gathers all anew."""
-    first, other = things(auto_h=False, h=0.03), things(eye=(0.3, -4.0, 2.5), auto_h=False, h=0.03)
+    first, other = things(), things(eye=(0.3, -4.0, 2.5))
     ready = prepare(first, ("Combined",))
     counted = draw(ready, Framebuffer.create(first, ("Combined",))).statistics["records"]
     then = prepare(other, ("Combined",), previous=ready)
