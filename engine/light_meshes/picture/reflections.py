@@ -60,13 +60,10 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     assert rays.fan is not None and rays.blur is not None
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
                    settings.cutoff)
-    sky = ready.world.sky
-    ambient = 1.0 if settings.world_light == "SKY" else settings.ambient
-    if ambient and not sky.dark:
-        turned = np.empty_like(hits.P)
-        shading.mirrored(rays.direction, hits.Ng, hits.Ns, turned)
-        light = found.left * (ambient * sky.light(turned))
-        tile.add_light(rays.pixel, rays.part, weight, light, {"Ambient": light})
+    if found.left.any():
+        light = found.left * _around(ready, hits, rays.direction)
+        name = "Ambient" if ready.lighting.everywhere is None else "Glossy"
+        tile.add_light(rays.pixel, rays.part, weight, light, {name: light})
     rows = found.hit[found.weight.max(axis=1, initial=0) > 0]
     if not len(rows):
         return []
@@ -75,6 +72,17 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
         fan=found.fan[sent], blur=np.maximum(rays.blur[rows], found.blur[sent])))
     return [("reflection", leaving(children, hits.P[rows], hits.triangle[rows], found.weight[sent], hits.Ng[rows],
                                    found.direction[sent], 1))]
+
+
+def _around(ready: Prepared, hits: Hits, direction: NDArray) -> NDArray[np.float64]:
+    """The radiance (n,3) around hits of rays along `direction`, for what no ray follows: the mean of what is gathered
+    there, or else the world's light, as if nothing stood before it.
+    """
+    if ready.lighting.everywhere is not None:
+        return ready.lighting.everywhere(hits, lambda: None).light
+    turned = np.empty_like(hits.P)
+    shading.mirrored(direction, hits.Ng, hits.Ns, turned)
+    return ready.scene.settings.ambient * np.broadcast_to(ready.world.sky.light(turned), turned.shape)
 
 
 def _once_more(rays: Rays) -> Rays:
@@ -129,8 +137,8 @@ def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
 def background(ready: Prepared, rays: Rays, ray: NDArray[np.int8]) -> NDArray[np.float64]:
     """The radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces.
 
-    Those of rough surfaces see what lights surfaces, as blurred as their rays are apart: lamps that stand for the world's
-    suns have highlights of their own.
+    Those of rough surfaces see what lights surfaces, as blurred as their rays are apart: lamps that stand for the
+    world's suns have highlights of their own.
     """
     sky = ready.world.sky
     seen = sky.seen(rays.direction, ray)
