@@ -8,16 +8,25 @@ its scenes render with is set.
 import bpy
 from bpy.app.handlers import persistent
 
-from .softness import is_used
+from .softness import NOW, is_used, stamps
 
 EARLIER = {"world_light": 'AMBIENT', "bounces": 0}
 
 
 def of(scene) -> dict:
     """Return the values of EARLIER's properties that a scene, evaluated or not, renders with."""
-    own, block = scene.light_meshes, scene.original
-    old = bool(block.library) and is_used(block)  # what a library has cannot be set
+    own, old = scene.light_meshes, _is_old(scene.original)
     return {name: EARLIER[name] if old and not own.is_property_set(name) else getattr(own, name) for name in EARLIER}
+
+
+def _is_old(scene) -> bool:
+    """Return whether a scene uses Light Meshes and comes from a file of an earlier release."""
+    if not is_used(scene):
+        return False
+    own = scene.light_meshes
+    if own.is_property_set("release"):
+        return own.release < NOW
+    return bool(scene.library) or (bool(bpy.data.filepath) and not stamps())
 
 
 def _set(values) -> None:
@@ -32,7 +41,7 @@ def _set(values) -> None:
 
 @persistent
 def _keep_old(*_):
-    _set(lambda scene: EARLIER if bpy.data.filepath and is_used(scene) else {})
+    _set(lambda scene: EARLIER if _is_old(scene) else {})
 
 
 @persistent

@@ -8,7 +8,7 @@ are of an earlier release if a scene in them uses Light Meshes or has any of its
 import bpy
 from bpy.app.handlers import persistent
 
-EARLIER, NOW = 1, 2  # values of LightMeshesScene.release
+EARLIER, NOW = 1, 3  # values of LightMeshesScene.release; 2: lamps as now, but ambient light (see `everywhere`)
 _OF_ANY_FILE = {"rna_type", "name", "release", "measure_frame"}  # the last is set when any file is loaded
 
 
@@ -19,7 +19,7 @@ def softness_of(lamp) -> str:
     own, block = lamp.light_meshes, lamp.original
     if own.is_property_set("softness"):
         return own.softness
-    if block.library or block.override_library or not _stamps():  # else `_keep_old` has set it where it must be
+    if block.library or block.override_library or not stamps():  # else `_keep_old` has set it where it must be
         return 'SCENE' if _release(bool(bpy.data.filepath)) == EARLIER else own.softness
     return own.softness
 
@@ -31,14 +31,14 @@ def has_size(lamp) -> bool:
     return lamp.type == 'AREA' or lamp.shadow_soft_size > 0
 
 
-def _stamps() -> list[int]:
+def stamps() -> list[int]:
     """Return what the scenes of the open file say about the release that made its lamps."""
     return [s.light_meshes.release for s in bpy.data.scenes if s.light_meshes.is_property_set("release")]
 
 
 def _release(saved: bool) -> int:
     """Return which release made the lamps of the open file in which nothing is set. `saved`: it comes from a file."""
-    return min(_stamps() or [EARLIER if saved and any(map(is_used, bpy.data.scenes)) else NOW])
+    return min(stamps() or [EARLIER if saved and any(map(is_used, bpy.data.scenes)) else NOW])
 
 
 def is_used(scene) -> bool:
@@ -50,7 +50,7 @@ def is_used(scene) -> bool:
 
 def _stamp(saved: bool) -> None:
     release = _release(saved)
-    if release == EARLIER and not _stamps():
+    if release == EARLIER and not stamps():
         for lamp in bpy.data.lights:
             if not (lamp.library or lamp.override_library or lamp.light_meshes.is_property_set("softness")):
                 lamp.light_meshes.softness = 'SCENE'

@@ -127,6 +127,8 @@ ROWS = [
     Row("scene", "light_samples", 256, less_noisy, sampled),
     Row("scene", "max_depth", 0, darker, mirror),
     Row("scene", "ambient", 0.0, darker, bright_world),
+    Row("scene", "world_light", 'SKY', darker, bright_world),
+    Row("scene", "bounces", 1, brighter),
     Row("light", "soft_shadows", False, narrower, thing="Sun"),
     Row("light", "softness", 'RADIUS', wider, wide_radius, "Sun"),
     Row("light", "radius", 0.6, wider, own_radius, "Sun"),

@@ -74,6 +74,7 @@ def difference(before, after):
 def render():
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
     scene.render.filepath = PICTURE
     result = bpy.ops.render.render(write_still=True)
     return [sorted(result), len(children())]

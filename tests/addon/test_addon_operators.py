@@ -39,6 +39,7 @@ def test_presets(scene, level, nodes):
 def test_the_balanced_preset_is_the_default(scene):
     from light_meshes_addon import operators
 
+    scene.light_meshes.property_unset("bounces")
     assert operators.PRESETS['BALANCED'].is_set(scene.light_meshes)
 
 

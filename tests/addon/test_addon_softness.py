@@ -48,7 +48,8 @@ def test_a_file_of_another_engine_has_new_lamps(scene, add, softness, tmp_path):
     scene.render.engine = 'CYCLES'
     add(bpy.data.lights.new("New", 'POINT'))
     module.unregister()  # it is saved as if there were no add-on
-    scene.light_meshes.property_unset("release")
+    for name in ("release", "world_light", "bounces"):
+        scene.light_meshes.property_unset(name)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "cycles.blend"))
     module.register()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "cycles.blend"))

@@ -26,6 +26,7 @@ light_meshes_addon.register()
 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 scene = bpy.context.scene
 scene.render.engine = 'LIGHT_MESHES'
+scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
 scene.render.resolution_x, scene.render.resolution_y = 48, 32
 scene.frame_start, scene.frame_end = 1, 4
 assert scene.light_meshes.auto_h and scene.light_meshes.shadows == 'LIGHT_MESHES'

@@ -46,6 +46,7 @@ UPDATES = 200
 def story():
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
     scene.light_meshes.samples = 2
     bpy.data.lights["Light"].light_meshes.softness = 'SCENE'  # by nodes, whose step the story tells
     for ob in list(bpy.data.objects):

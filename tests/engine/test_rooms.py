@@ -14,8 +14,8 @@ import pytest
 
 PACKAGE = Path(__file__).parents[2] / "engine" / "light_meshes"
 # From the top down.
-ORDER = ["cli", "bench", "frontends", "picture", "gathered", "shadows", "shadows.meshes", "glass", "surface", "film", "rays",
-         "lights", "scene", "support"]
+ORDER = ["cli", "bench", "frontends", "picture", "gathered", "shadows", "shadows.meshes", "glass", "surface", "film",
+         "rays", "lights", "scene", "support"]
 LEVEL = {room: level for level, room in enumerate(ORDER)}
 
 

@@ -154,6 +154,7 @@ def prepare(scene):
     cycles.use_denoising = False
     cycles.pixel_filter_type, cycles.filter_width = 'BOX', 0.01
     cycles.max_bounces = 0
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
     scene.render.threads_mode, scene.render.threads = 'FIXED', 2
     image = scene.render.image_settings

@@ -118,6 +118,7 @@ def exact(scene):
     """
     ours, cycles = scene.light_meshes, scene.cycles
     ours.shadows, ours.mode, ours.samples = 'SHARP', 'RAY_CASTING', 1
+    ours.world_light, ours.bounces = 'AMBIENT', 0
     scene.render.filter_size = 0.0
     cycles.device, cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = 'CPU', 4, False, False
     cycles.pixel_filter_type, cycles.filter_width, cycles.max_bounces = 'BLACKMAN_HARRIS', 0.01, 0

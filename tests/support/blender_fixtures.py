@@ -38,6 +38,7 @@ def scene(addon):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = ENGINE
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0  # what lamps give, and nothing else
     scene.render.resolution_x, scene.render.resolution_y = 64, 48
     scene.view_settings.view_transform = 'Standard'
     scene.camera = add(bpy.data.cameras.new("Camera"), location=(0, 0, 10))

@@ -11,6 +11,7 @@ import bpy, math
 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 scene = bpy.context.scene
 scene.render.engine = 'LIGHT_MESHES'
+scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0  # what lamps give, and nothing else
 scene.render.resolution_x, scene.render.resolution_y = 64, 48
 def add(data, **properties):
     ob = bpy.data.objects.new(data.name, data)

@@ -119,6 +119,7 @@ def textured(image, linked):
 def colors(scene, engine, folder):
     """Return the RGBA of each case."""
     scene.render.engine = engine
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
     write_floats(scene, folder / f"{engine}.exr", 'RGBA')
     scene.render.use_file_extension = False
     bpy.ops.render.render(write_still=True)

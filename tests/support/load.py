@@ -42,6 +42,7 @@ def make(bpy, triangles, things, shared, lights, height, samples, h):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
     scene.render.resolution_x, scene.render.resolution_y = height * 16 // 9, height
     scene.light_meshes.auto_h, scene.light_meshes.samples = not h, samples
     scene.light_meshes.h = h or 0.1

@@ -25,6 +25,7 @@ def plane(scene, add_plane):
 def both(scene, render):
     """This engine's picture and Cycles'."""
     scene.render.engine = 'LIGHT_MESHES'
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
     ours = render(scene)["Combined"][..., :3]
     scene.render.engine = 'CYCLES'
     theirs = render(scene)["Combined"][..., :3]

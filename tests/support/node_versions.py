@@ -88,6 +88,7 @@ def main(name, *files):
         sheet(scene, list(SHEETS[name]()))
     for engine, file in zip(('LIGHT_MESHES', 'CYCLES'), files, strict=True):
         scene.render.engine = engine
+        scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
         scene.render.image_settings.file_format = 'OPEN_EXR'
         scene.render.image_settings.color_depth = '32'
         scene.render.filepath = file

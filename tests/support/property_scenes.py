@@ -15,6 +15,7 @@ def stage():
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
     lens = bpy.data.cameras.new("Camera")
     lens.type, lens.ortho_scale = 'ORTHO', VIEW

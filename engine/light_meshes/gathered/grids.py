@@ -20,6 +20,7 @@ _CORNER, _UPPER = np.uint64(1 << 63), np.uint64(1 << 62)
 # Points are moved by this share of the distance between them, towards the middle of their triangle: none lies in the
 # plane of a wall that stands on its triangle.
 INSET = 0.012
+FINEST = 13  # edges are divided into up to 2^FINEST parts, as in grids.h
 
 
 class Around(NamedTuple):
@@ -71,8 +72,8 @@ class Grids:
         self.corner[small] = number.reshape(-1, 3)
         place = s.vertices[s.triangles[small]].astype(np.float64) * s.scale + s.centre
         inward = (place.mean(1, keepdims=True) - place).reshape(-1, 3)
-        mean = np.stack([np.bincount(number, inward[:, j], len(first)) for j in range(3)], 1)
-        mean /= np.bincount(number, minlength=len(first))[:, None]
+        count = np.bincount(number, minlength=len(first))[:, None]
+        mean = np.stack([np.bincount(number, inward[:, j], len(first)) for j in range(3)], 1) / count
         self._class_N = normal.reshape(-1, 3)[first]
         self._class_own = s.instance[small[first // 3]]
         # only corners within a plane move: elsewhere they would move into the surface
@@ -155,7 +156,7 @@ class Grids:
         return number.astype(np.int32), front, (i[:, None] + x) * step[:, None], (j[:, None] + y) * step[:, None]
 
     def wider(self, keys: NDArray[np.uint64], by: int) -> NDArray[np.uint64]:
-        """The keys (n,) of small triangles around those with these keys, in grids whose edges are 2^by times as long."""
+        """The keys (n,) of small triangles around those with these keys, whose edges are 2^by times as long."""
         number, front, depth, i, j = parts(keys)
         third = np.where((keys & _UPPER) != 0, 2 / 3, 1 / 3)
         new = np.maximum(depth - by, 0)
@@ -163,10 +164,28 @@ class Grids:
         u, v = (i + third) * step, (j + third) * step
         i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
         upper = (u - i) + (v - j) > 1
-        found: NDArray[np.uint64] = np.bitwise_or.reduce([
-            number, front.astype(np.int64) << 31, new << 32, i << 36, j << 49, upper.astype(np.int64) << 62]).astype(
-                np.uint64)
-        return found
+        return _key(number, front, new, i, j, upper)
+
+    def finer(self, keys: NDArray[np.uint64], u: NDArray, v: NDArray) -> NDArray[np.uint64]:
+        """The keys (n,) of the small triangles at u, v (n,) in grids that are twice as fine as those of these keys."""
+        number, front, depth, _, _ = parts(keys)
+        new = depth + 1
+        parts_ = np.ldexp(1.0, new)
+        u, v = np.clip(u.astype(np.float64), 0, 1), np.clip(v.astype(np.float64), 0, 1)
+        v = np.minimum(v, 1 - u)
+        i = np.minimum(u * parts_, parts_ - 1).astype(np.int64)
+        j = np.minimum(v * parts_, parts_ - 1 - i).astype(np.int64)
+        upper = ((u * parts_ - i) + (v * parts_ - j) > 1) & (i + j + 2 <= parts_)
+        return _key(number, front, new, i, j, upper)
+
+
+def _key(number: NDArray, front: NDArray, depth: NDArray, i: NDArray, j: NDArray,
+         upper: NDArray) -> NDArray[np.uint64]:
+    """The keys (n,) of small triangles."""
+    found: NDArray[np.uint64] = np.bitwise_or.reduce([
+        number, front.astype(np.int64) << 31, depth << 32, i << 36, j << 49, upper.astype(np.int64) << 62]).astype(
+            np.uint64)
+    return found
 
 
 def parts(keys: NDArray[np.uint64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:

@@ -12,15 +12,17 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ..rays.tracer import points
 from ..support.native import kernel
 from .directions import directions
-from .rays import Check, Field, Gatherer, Seen
+from .grids import FINEST, parts
+from .rays import Check, Field, Gatherer, Layer, Seen
 from .table import Table
 
 RAYS = 64  # of a patch
 WIDER = 3  # what a patch gathers is that of a patch whose edges are 2^WIDER times as long
 BATCH = 4096  # patches at once
-FEWER = 2.0  # how much larger the patches are for their rays, of which there are fewer than of records
+FEWER = 1.5  # how much larger the patches are for their rays, of which there are fewer than of records
 
 _gather = kernel("patches_gather")
 
@@ -33,16 +35,18 @@ Lit = Callable[[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], boo
 class Patches:
     """Not for several threads at once."""
 
-    def __init__(self, field: Field, gather: Gatherer, look: Lit, gathers: bool) -> None:
+    def __init__(self, field: Field, gather: Gatherer, look: Lit, gathers: bool, finest: float) -> None:
         """look: what surfaces are. gathers: whether light comes from elsewhere than from lamps, so that patches gather
-        also for the first bounce.
+        also for the first bounce. finest: patches are divided to this size, scene units.
         """
         self._field, self._gather, self._look, self._gathers = field, gather, look, gathers
+        self._finest = finest
         self._table = Table()
         self._local = directions(RAYS)
         self._emission = np.empty((0, 3))
         self._albedo, self._direct, self._sky = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
-        self._looked, self._lit, self._traced, self._covered = (np.empty(0, np.bool_) for _ in range(4))
+        self._looked, self._lit, self._traced, self._covered, self._widened, self._divided = (
+            np.empty(0, np.bool_) for _ in range(6))
         self._bounced: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
         self._arrived: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
         # what their rays meet: links begin..begin+count of each patch to others, with weights where some let light pass
@@ -53,14 +57,28 @@ class Patches:
     def __len__(self) -> int:
         return len(self._table)
 
-    def radiance(self, keys: NDArray[np.uint64], bounces: int, check: Check) -> NDArray[np.float64]:
-        """The radiance (n,3) of the patches with these keys (n,): emission, and light that has come `bounces` times,
-        or less, from a surface.
+    def radiance(self, layer: Layer, bounces: int, check: Check) -> NDArray[np.float64]:
+        """The radiance (n,3) of what rays met: emission, and light that has come `bounces` times, or less, from a
+        surface.
         """
-        number = self._table.numbers(keys)
-        self._grow()
+        number = self._numbers(layer, bounces > 0, check)
         light: NDArray[np.float64] = self._after(number, bounces, check)[number]
         return light
+
+    def _numbers(self, layer: Layer, lit: bool, check: Check) -> NDArray[np.int32]:
+        """The patches (n,) that rays met. Where something stands on one and divides it, it is a smaller one."""
+        grids, keys = self._field.grids, layer.keys
+        number = self._table.numbers(keys)
+        left = np.arange(len(keys))
+        while len(left):
+            self._grow()
+            self._see(_missing(number[left], self._lit if lit else self._looked), lit, check)
+            left = left[self._divided[number[left]]]
+            keys = self._table.keys[number[left]]
+            whole = parts(keys)[2] == 0  # it may stand for others
+            left, keys = left[~whole], keys[~whole]
+            number[left] = self._table.numbers(grids.finer(keys, layer.u[left], layer.v[left]))
+        return number
 
     def _grow(self) -> None:
         """Make room for the patches in the table."""
@@ -72,7 +90,8 @@ class Patches:
         def longer(a: NDArray) -> NDArray:
             return np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)])
 
-        for name in ("_emission", "_albedo", "_direct", "_sky", "_looked", "_lit", "_traced", "_covered", "_begin", "_count"):
+        for name in ("_emission", "_albedo", "_direct", "_sky", "_looked", "_lit", "_traced", "_covered", "_widened",
+                     "_divided", "_begin", "_count"):
             setattr(self, name, longer(getattr(self, name)))
         self._bounced = [(longer(light), longer(known)) for light, known in self._bounced]
         self._arrived = [(longer(light), longer(known)) for light, known in self._arrived]
@@ -80,12 +99,12 @@ class Patches:
     def _after(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
         """The radiance of all patches, of which that of patches (n,) is known."""
         if bounces == 0:
-            self._see(_missing(number, self._looked), False, check)
+            self._know(number, False, check)
             return self._emission
         while len(self._bounced) < bounces:
             self._bounced.append((np.zeros((len(self._looked), 3)), np.zeros(len(self._looked), np.bool_)))
         new = _missing(number, self._bounced[bounces - 1][1])
-        self._see(new[~self._lit[new]], True, check)
+        self._know(new, True, check)
         for i in range(0, len(new), BATCH):
             some = new[i:i + BATCH]
             light = self._emission[some] + self._direct[some]
@@ -99,8 +118,13 @@ class Patches:
         """The radiance (n,3) that white patches (n,) would return of the sky and of other patches, after so many
         bounces. It changes slowly, so one wider patch gathers for many.
         """
-        wider = self._table.numbers(self._field.grids.wider(self._table.keys[number], WIDER))
-        self._grow()
+        wider, left = number.copy(), np.arange(len(number))
+        for by in range(WIDER, 0, -1):
+            wider[left] = self._table.numbers(self._field.grids.wider(self._table.keys[number[left]], by))
+            self._grow()
+            self._see(_missing(wider[left], self._looked), False, check)
+            left = left[self._divided[wider[left]]]  # it is for both sides of something
+            wider[left] = number[left]
         while len(self._arrived) <= bounces:
             self._arrived.append((np.zeros((len(self._looked), 3)), np.zeros(len(self._looked), np.bool_)))
         new = _missing(wider, self._arrived[bounces][1])
@@ -112,10 +136,17 @@ class Patches:
             values[some], known[some] = light, True
         return self._arrived[bounces][0][wider]
 
-    def _see(self, new: NDArray[np.int32], lit: bool, check: Check, widened: bool = True) -> None:
-        """Find out what patches are, and their direct light if `lit`. widened: those that are covered are as wider
-        ones.
-        """
+    def _know(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
+        """See that it is known what patches (n,) are, and their direct light if `lit`."""
+        self._see(_missing(number, self._lit if lit else self._looked), lit, check)
+        covered = _missing(number, self._widened)
+        of_lit = self._lit[covered]
+        self._uncover(covered[of_lit], True, check)
+        self._uncover(covered[~of_lit], False, check)
+        self._widened[covered] = True
+
+    def _see(self, new: NDArray[np.int32], lit: bool, check: Check) -> None:
+        """Find out what patches are, and their direct light if `lit`."""
         for i in range(0, len(new), BATCH):
             check()
             some = new[i:i + BATCH]
@@ -127,9 +158,8 @@ class Patches:
                 kept[some] = (values.reshape(-1, 4, 3) * there).sum(1)
             self._looked[some] = True
             self._lit[some] = lit
-            self._covered[some] = covered
-            if widened:
-                self._uncover(some[covered], lit, check)
+            self._covered[some], self._widened[some] = covered, ~covered
+            self._divided[some] = self._is_divided(self._table.keys[some], P, N)
 
     def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
         """Let patches that are covered but for a corner be as the wider ones around them, unless these are covered."""
@@ -142,7 +172,7 @@ class Patches:
                 return
             self._grow()
             new = np.unique(wider)
-            self._see(new[~(self._lit if lit else self._looked)[new]], lit, check, False)
+            self._see(new[~(self._lit if lit else self._looked)[new]], lit, check)
             free = ~self._covered[wider]
             for kept in (self._emission, self._albedo, self._direct):
                 kept[number[free]] = kept[wider[free]]
@@ -155,7 +185,7 @@ class Patches:
         f = self._field
         triangle, *_ = f.tracer.closest("diffuse", P, N, N)
         covered = np.zeros(len(P), np.bool_)
-        hit = np.flatnonzero(triangle >= 0)
+        hit = np.flatnonzero((triangle >= 0) & self._gather.solid[triangle])
         covered[hit] = (f.grids.normals(triangle[hit]) * N[hit]).sum(1) > 0
         f.stats.add(gathered_rays=len(P))
         free = ~covered.reshape(-1, 4)
@@ -163,6 +193,22 @@ class Patches:
         free |= none[:, None]
         weight: NDArray[np.float64] = (free / free.sum(1, keepdims=True))[:, :, None]
         return weight, none
+
+    def _is_divided(self, keys: NDArray[np.uint64], P: NDArray, N: NDArray) -> NDArray[np.bool_]:
+        """Whether something stands between the points of patches (n,) that can be made smaller."""
+        f = self._field
+        triangle, _, depth, _, _ = parts(keys)
+        longest = f.grids.longest[triangle]
+        can = np.flatnonzero((np.ldexp(longest, -depth) > self._finest / 16) & (depth < FINEST))
+        found = np.zeros(len(keys), np.bool_)
+        lift = 0.02 * np.ldexp(longest, -depth)
+        up = P + np.repeat(lift, 4)[:, None] * N
+        ends = np.repeat(4 * can, 3) + np.tile([1, 2, 3], len(can))
+        blocked = f.tracer.occluded(up, np.repeat(4 * can, 3).astype(np.int32), points(up), ends.astype(np.int32), None,
+                                    False, kind="diffuse")
+        found[can] = blocked.reshape(-1, 3).any(1)
+        f.stats.add(gathered_short_rays=len(ends))
+        return found
 
     def _points(self, triangle: NDArray, front: NDArray, u: NDArray,
                 v: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -188,7 +234,7 @@ class Patches:
             sky += seen.light.reshape(len(new), len(local), 3).sum(1)
             for layer in seen.layers:
                 rows.append(layer.row // len(local))
-                others.append(self._table.numbers(layer.keys))
+                others.append(self._numbers(layer, False, check))
                 weights.append(np.ones((len(layer.keys), 3)) if layer.weight is None else layer.weight)
         self._grow()
         row = np.concatenate(rows)
@@ -248,7 +294,7 @@ def add(seen: Seen, patches: Patches, bounces: int, check: Check) -> NDArray[np.
     """The radiance (x,3) that rays find: sky and patches."""
     light = seen.light
     for layer in seen.layers:
-        found = patches.radiance(layer.keys, bounces, check)
+        found = patches.radiance(layer, bounces, check)
         light[layer.row] += found if layer.weight is None else layer.weight * found
     return light
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..glass.interfaces import Interfaces
+from ..glass.media import closed
 from ..rays.tracer import Tracer
 from ..scene.description import Scene
 from ..support.native import kernel
@@ -18,12 +19,12 @@ from ..surface.sky import Sky
 from .grids import Grids
 
 _rays, _met = kernel("records_rays"), kernel("records_met")
-SHARE = 0.25  # patches are up to this share of the way to them
-STEPS = 9  # sizes of patches, each twice the one before
+SHARE = 0.35  # patches are up to this share of the way to them
+STEPS = 8  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Field:
     """What light is gathered in."""
 
@@ -40,6 +41,8 @@ class Layer(NamedTuple):
 
     row: NDArray[np.int64]  # (m,) of the ray
     keys: NDArray[np.uint64]  # (m,)
+    u: NDArray[np.float32]  # (m,) where on its triangle each was met
+    v: NDArray[np.float32]
     weight: NDArray[np.float64] | None  # (m,3) of what they send; None: all counts
 
 
@@ -62,6 +65,8 @@ class Gatherer:
         m = field.scene.materials
         clear = np.array([x.alpha < 1 or x.alpha_image >= 0 or any(x.kt) for x in m], np.bool_)
         self._clear = clear[material] if field.glass.transparent else None
+        every = np.ones(len(material), np.bool_)
+        self.solid = np.append(closed(s, every) & ~clear[material], False)  # (T+1,) of closed meshes; the last: no hit
         self.for_small = np.stack([self._stand_ins(material, finest * 2.0**i) for i in range(STEPS)])
 
     def _stand_ins(self, material: NDArray, size: float) -> NDArray[np.int32]:
@@ -98,14 +103,12 @@ class Gatherer:
         first = self._trace(origin, direction, normal, larger)
         f.stats.add(gathered_rays=x)
         triangle, u, v, distance, keys = first
-        if not f.scene.geometry.triangles.size:
-            return Seen(distance, light, layers)
         hit = triangle >= 0
         # The solid angle that each ray speaks for, as they share the half-space by the cosine.
         width = np.tile(np.pi / (len(local) * np.maximum(local[:, 2], 1e-3)), len(P))
         clear = hit & self._clear[triangle] if self._clear is not None else None
         if clear is None or not clear.any():
-            layers.append(Layer(np.flatnonzero(hit), keys[hit], None))
+            layers.append(Layer(np.flatnonzero(hit), keys[hit], u[hit], v[hit], None))
             self._add_sky(light, np.flatnonzero(~hit), direction, None, width)
         else:
             self._pass(origin, direction, first, clear, light, layers, larger, width)
@@ -116,8 +119,8 @@ class Gatherer:
         g = self._field.grids
         triangle, u, v = self._field.tracer.closest("diffuse", origin, direction, normal)
         distance, keys = np.empty(len(origin), np.float32), np.empty(len(origin), np.uint64)
-        _met(*g.shape, g.flipped, g.longest, self.for_small, self._finest, SHARE * larger, triangle, u, v, origin, direction,
-             distance, keys)
+        _met(*g.shape, g.flipped, g.longest, self.for_small, self._finest, SHARE * larger, triangle, u, v, origin,
+             direction, distance, keys)
         return triangle, u, v, distance, keys
 
     def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None,
@@ -131,19 +134,18 @@ class Gatherer:
               layers: list[Layer], larger: float, width: NDArray[np.float64]) -> None:
         """Follow rays through what lets them pass, straight on, as shadow rays go."""
         g, glass = self._field.grids, self._field.glass
-        distance = first[3]
         row, weight = np.arange(len(origin)), np.ones((len(origin), 3))
-        triangle, u, v, way, keys = first
+        triangle, u, v, _, keys = first
         for _ in range(THROUGH):
             hit = triangle >= 0
             if not hit.all():
                 self._add_sky(light, row[~hit], direction[~hit], weight[~hit], width)
             row, weight, origin, direction = row[hit], weight[hit], origin[hit], direction[hit]
-            triangle, u, v, way, keys, clear = triangle[hit], u[hit], v[hit], way[hit], keys[hit], clear[hit]
+            triangle, u, v, keys, clear = triangle[hit], u[hit], v[hit], keys[hit], clear[hit]
             passed = np.zeros((len(row), 3))
             if clear.any():
                 passed[clear] = glass.factor(triangle[clear], u[clear], v[clear])
-            layers.append(Layer(row, keys, weight * (1 - passed)))
+            layers.append(Layer(row, keys, u, v, weight * (1 - passed)))
             on = (weight * passed).max(1, initial=0) > 1e-3
             if not on.any():
                 break
@@ -151,10 +153,9 @@ class Gatherer:
             origin = g.points(triangle[on], u[on], v[on])
             N = g.normals(triangle[on])
             N *= np.where((N * direction).sum(1) < 0, -1, 1)[:, None]
-            triangle, u, v, way, keys = self._trace(origin, direction, N, larger)
+            triangle, u, v, _, keys = self._trace(origin, direction, N, larger)
             assert self._clear is not None
             clear = (triangle >= 0) & self._clear[triangle]
-        del way, distance
 
 
 Check = Callable[[], None]

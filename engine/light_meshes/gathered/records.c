@@ -101,22 +101,23 @@ i64 records_sum(i64 r, i64 d, const f32 *distance, const f64 *light, const f64 *
 }
 
 /* Decides how far receivers trust the records around them: trust (n,) from 0 to 1, and whether something is so near
-   that it may stand between them (close). within: spacing·inverse up to which they do. */
+   that it may stand between them (close). within: spacing·inverse up to which they do, `strict` where
+   records are far apart, so that many pixels hang on each. */
 KERNEL(records_trust,
-       "number i32[n,3]  weight f64[n,3]  spacing f64[n]  inverse f32[r]  nearest f32[r]  within f64  fine f64  "
+       "number i32[n,3]  weight f64[n,3]  spacing f64[n]  inverse f32[r]  nearest f32[r]  within f64  strict f64  fine f64  "
        "trust f64[n]!  close bool[n]!")
 i64 records_trust(i64 n, i64 r, const i32 *number, const f64 *weight, const f64 *spacing, const f32 *inverse,
-                  const f32 *nearest, f64 within, f64 fine, f64 *trust, u8 *close) {
+                  const f32 *nearest, f64 within, f64 strict, f64 fine, f64 *trust, u8 *close) {
     (void)r;
     for (i64 k = 0; k < n; k++) {
-        f64 one = 0.0, near = 1e30;
+        f64 one = 0.0, near = 1e30, limit = spacing[k] > 6.0 * fine ? strict : within;
         for (int c = 0; c < 3; c++) {
             i64 of = number[3 * k + c];
-            f64 most = 8.0 * within / spacing[k], here = inverse[of];  /* one record must not spoil all around it */
+            f64 most = 8.0 * limit / spacing[k], here = inverse[of];  /* one record must not spoil all around it */
             one += weight[3 * k + c] * (here < most ? here : most);
             near = nearest[of] < near ? nearest[of] : near;
         }
-        f64 x = within / (spacing[k] * one + 1e-300), t = (x - 0.75) / 0.5;
+        f64 x = limit / (spacing[k] * one + 1e-300), t = (x - 0.75) / 0.5;
         t = t < 0.0 ? 0.0 : t > 1.0 ? 1.0 : t;
         trust[k] = spacing[k] <= fine ? 1.0 : t * t * (3.0 - 2.0 * t);
         close[k] = near < 1.5 * spacing[k];

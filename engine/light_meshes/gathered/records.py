@@ -2,9 +2,9 @@
 
 Records are at points of the grids of triangles, so they are fixed in the world. Each is computed when a receiver first
 asks, from fixed rays, and its value depends on nothing else: not on the camera, on order or on threads. A receiver asks
-the three points of its triangle's coarsest grid around it, then of finer ones, until it trusts them: they must be closer
-together than a share of the mean distance of what they see (Ward, Rubinstein and Clear 1988), and of the distance of
-edges near them. Between levels it blends.
+the three points of its triangle's coarsest grid around it, then of finer ones, until it trusts them: they must be
+closer together than a share of the mean distance of what they see (Ward, Rubinstein and Clear 1988), and of the
+distance of edges near them. Between levels it blends.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..rays.geometry import Hits
 from ..rays.tracer import points
 from ..support.native import kernel
+from ..support.statistics import Statistics
 from .directions import directions, tilted
 from .grids import Places
 from .nearness import Nearness
@@ -30,10 +31,13 @@ _sum, _trust, _blend = kernel("records_sum"), kernel("records_trust"), kernel("r
 # part of a surface, and there are few.
 RAYS = ((6.0, 2048), (3.0, 1024), (0.0, 512))
 BATCH = 1 << 18  # rays at once
-WITHIN = 0.4  # records are trusted up to this share of the mean distance of what they see
-APART = 1.5  # and up to this multiple of the distance of edges
+WITHIN = 0.35  # records are trusted up to this share of the mean distance of what they see,
+STRICT = 0.2  # or up to this where they are far apart
+APART = 1.0  # and up to this multiple of the distance of edges
 BEYOND = 3  # levels finer than the finest, where no record can be seen from a receiver
 LIFT = 1e-3  # how far above their surface records are looked at, as a share of the distance between them
+KEPT = 2_000_000  # more records or patches are not kept for the next picture
+_ARRAYS = ("_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open")
 ENOUGH = 1e-3  # so little is not asked for at the next level
 
 
@@ -68,6 +72,20 @@ class Records:
     def __len__(self) -> int:
         return len(self._table)
 
+    def kept(self, stats: Statistics) -> bool:
+        """Get ready for another picture, whose work is counted in `stats`; whether this is worth its memory."""
+        self._field.stats = stats
+        done = self._done[:len(self._table)]
+        if not done.all():  # the picture before was given up
+            keys, count = self._table.keys[done], np.count_nonzero(done)
+            self._table = Table()
+            self._table.numbers(keys)
+            for name in _ARRAYS:
+                setattr(self, name, getattr(self, name)[:len(done)][done])
+            assert len(self._table) == count
+        self._broken = False
+        return len(self._table) < KEPT and len(self._patches) < KEPT
+
     def __call__(self, hits: Hits, check: Check) -> Gathered:
         """The light from everywhere at hits, for their shading normals Ns."""
         n = len(hits.P)
@@ -81,14 +99,14 @@ class Records:
             number, known = self._numbers(around.keys, check)
             trust, close = np.empty(len(alive)), np.empty(len(alive), np.bool_)
             with self._field.stats.stage("gathered light: asked"):
-                _trust(number, around.weight, around.spacing, known.inverse, known.nearest, WITHIN, self._fine, trust,
-                       close)
+                _trust(number, around.weight, around.spacing, known.inverse, known.nearest, WITHIN, STRICT, self._fine,
+                       trust, close)
                 visible = self._visible(some, number, known, around.weight, np.flatnonzero(close & (trust > 0)))
                 end = around.spacing <= self._fine / 2**BEYOND
                 end |= level >= 40
                 left, found, free = share[alive], np.zeros((len(alive), 3)), np.zeros(len(alive))
-                _blend(number, around.weight, visible, trust, end, some.Ns, known.M, known.mean, known.open, left, found,
-                       free)
+                _blend(number, around.weight, visible, trust, end, some.Ns, known.M, known.mean, known.open, left,
+                       found, free)
                 light[alive] += found
                 sky[alive] += free
                 share[alive] = left
@@ -146,7 +164,7 @@ class Records:
         if n <= had:
             return
         more = max(n, 2 * had, 4096) - had
-        for name in ("_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open"):
+        for name in _ARRAYS:
             a = getattr(self, name)
             setattr(self, name, np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)]))
 

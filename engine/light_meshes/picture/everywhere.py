@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ..gathered.patches import Patches
 from ..gathered.rays import Field, Gatherer
 from ..gathered.records import Records
 from ..rays.geometry import Hits, surfacing
-from ..scene.description import Settings
+from ..scene.description import Settings, same
 from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
 from ..shadows.unshadowed import Unshadowed
@@ -26,7 +27,7 @@ from .world import World
 
 FINE = 2.0  # the finest distance of records, in steps h that suit the picture
 LEVELS = 6  # that are coarser, each by 2
-PATCH = 1.0  # the size of the smallest patches, in finest distances
+PATCH = 2.0  # the size of the smallest patches, in finest distances
 
 
 def step(h: float) -> float:
@@ -36,10 +37,41 @@ def step(h: float) -> float:
     return float(2.0 ** np.round(np.log2(FINE * h)))
 
 
-def records(world: World, plan: Plan, lighting: Lighting, settings: Settings, h: float,
-            stats: Statistics) -> Records:
-    """The records of a world, which are computed when they are asked for."""
+class Everywhere(NamedTuple):
+    """The records of a picture, and of what they were made."""
+
+    records: Records
+    world: World
+    settings: tuple
+
+
+def everywhere(world: World, plan: Plan, lighting: Lighting, settings: Settings, h: float, stats: Statistics,
+               old: Everywhere | None) -> Everywhere:
+    """The records of a world, which are computed when they are asked for.
+
+    old: those of the picture before, which are taken over if all that they depend on is the same.
+    """
     fine = step(h)
+    own = fine, settings.bounces, settings.world_light, settings.refraction, plan.shadows == NONE, plan.channels
+    if old and own == old.settings and _alike(world, old.world) and old.records.kept(stats):
+        return old._replace(world=world)
+    return Everywhere(_records(world, plan, lighting, settings, fine, stats), world, own)
+
+
+def _alike(new: World, old: World) -> bool:
+    """Whether light from everywhere is the same in both worlds."""
+    def flags(world: World) -> list[tuple]:
+        return [(o.visible_diffuse, o.visible_shadow) for o in world.scene.objects]
+
+    a, b = new.scene, old.scene
+    sees = any(m.program.sees_camera() for m in a.materials)
+    return (new.surfaces is old.surfaces and new.glass is old.glass and not sees and flags(new) == flags(old)
+            and same(a.materials, b.materials) and same(a.lights, b.lights) and new.sky.alike(old.sky)
+            and [t and t.key for t in new.textures] == [t and t.key for t in old.textures])
+
+
+def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, fine: float,
+             stats: Statistics) -> Records:
     with stats.stage("gathered light: prepared"):
         grids = Grids(world.surfaces, fine * 2.0**LEVELS)
         sky = world.sky if settings.world_light == "SKY" and not world.sky.dark else None
@@ -47,9 +79,10 @@ def records(world: World, plan: Plan, lighting: Lighting, settings: Settings, h:
         gather = Gatherer(field, PATCH * fine)
         owner = world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))
         met = np.array([o.visible_diffuse for o in world.scene.objects], np.bool_)[owner]
-        emits = bool(world.materials.emission.any()) or any("emission" in m.program.values for m in world.scene.materials)
+        emits = bool(world.materials.emission.any()) or any(
+            "emission" in m.program.values for m in world.scene.materials)
         patches = Patches(field, gather, Look(world, lighting, _sharp(world, plan, settings, stats)),
-                          sky is not None or emits)
+                          sky is not None or emits, PATCH * fine)
     return Records(field, gather, patches, Nearness(grids, met), fine, settings.bounces)
 
 

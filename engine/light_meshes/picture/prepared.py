@@ -66,9 +66,12 @@ class Prepared:
         self.memory = memory.expected(parts)  # in bytes
         self.nodes_kept = reuse.nodes(self.shadowing, before)
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
+        self.everywhere: everywhere.Everywhere | None = None
         if self.plan.gathers:
-            h = measured.h if settings.auto_h else settings.h
-            self.lighting.everywhere = everywhere.records(self.world, self.plan, self.lighting, settings, h, stats)
+            self.everywhere = everywhere.everywhere(
+                self.world, self.plan, self.lighting, settings, measured.h if settings.auto_h else settings.h, stats,
+                previous.everywhere if previous else None)
+            self.lighting.everywhere = self.everywhere.records
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
         self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.images import Framebuffer, crop_of
+from ..gathered.records import SharedRecordsError
 from ..scene.description import Camera, Scene
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
@@ -128,7 +129,7 @@ def draw(
             pool.shutdown(wait=True, cancel_futures=True)
             reasons = [f.exception() for f in futures if f.done() and not f.cancelled()]
             for e in reasons:  # report a thread that failed, not those that were stopped or waited for it
-                if e is not None and not isinstance(e, Cancelled | SharedNodesError):
+                if e is not None and not isinstance(e, Cancelled | SharedNodesError | SharedRecordsError):
                     raise e from None
             # and it was no Ctrl-C
             if isinstance(failure, Exception) and any(isinstance(e, Cancelled) for e in reasons):

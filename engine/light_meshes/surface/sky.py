@@ -70,6 +70,10 @@ class Sky:
         """
         return self._table.look(direction, width) if self._table else self._color
 
+    def alike(self, other: Sky) -> bool:
+        """Whether the same light comes from the same directions."""
+        return self._key == other._key and bool((self._color == other._color).all())
+
     @property
     def suns(self) -> tuple[Light, ...]:
         """The lamps that stand for what is small and bright in the world, and is not in `light`."""

@@ -1,0 +1,37 @@
+"""New scenes have light from everywhere; scenes of files that an earlier release saved keep ambient light."""
+
+from pathlib import Path
+
+import bpy
+
+OLD = str(Path(__file__).parents[2] / "blend_scenes" / "tabletop.blend")  # saved by release 0.1, which had neither
+
+
+def of(scene):
+    settings = scene.light_meshes
+    return settings.world_light, settings.bounces
+
+
+def test_a_new_scene_has_it_also_after_it_was_saved(scene, snapshot, tmp_path):
+    for name in ("release", "world_light", "bounces"):
+        scene.light_meshes.property_unset(name)
+    assert of(scene) == ('SKY', 1)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "new.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "new.blend"))
+    assert of(bpy.context.scene) == ('SKY', 1)
+    described = snapshot(bpy.context.scene).settings
+    assert (described.world_light, described.bounces) == ("SKY", 1)
+
+
+def test_a_scene_of_an_old_file_keeps_ambient_light(addon, snapshot, tmp_path):
+    bpy.ops.wm.open_mainfile(filepath=OLD)
+    assert of(bpy.context.scene) == ('AMBIENT', 0)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "again.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "again.blend"))
+    described = snapshot(bpy.context.scene).settings
+    assert (described.world_light, described.bounces) == ("AMBIENT", 0)
+
+
+def test_objects_say_whether_they_are_met(scene, add_plane, snapshot):
+    add_plane().visible_diffuse = False
+    assert [o.visible_diffuse for o in snapshot(scene).objects] == [False]

@@ -1,0 +1,165 @@
+"""Light from everywhere: its values where these are known, and that it depends on nothing else than the scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from light_meshes import (
+    Camera,
+    Light,
+    Material,
+    Scene,
+    Settings,
+    Shape,
+    box,
+    cylinder,
+    rectangle,
+    sphere,
+    translate,
+)
+from light_meshes.film.images import Framebuffer
+from light_meshes.picture import emitters
+from light_meshes.picture.render import draw, prepare, render_image
+
+WHITE = Material("white", Od=(1.0, 1.0, 1.0))
+BLACK = Material("black", Od=(0.0, 0.0, 0.0))
+FLOOR = rectangle((-20.0, -20.0), (20.0, 20.0))
+
+
+def scene(shapes, eye, target=(0.0, 0.0, 0.0), pixels=80, lights=(), world=(1.0, 1.0, 1.0), **more):
+    """One ray a pixel, light from the sky."""
+    chosen = Settings(mode="RAY_CASTING", samples=1, filter_size=0.0, world_light="SKY", auto_h=True)
+    return Scene.from_shapes(shapes, Camera.look_at(eye, target, 50, pixels, pixels), lights, replace(chosen, **more),
+                             world_color=world)
+
+
+def seen(of, where):
+    """Positions (n,3) and red light (n,) of the pixels whose positions are `where`."""
+    passes = render_image(of, ("Combined", "Position", "Depth")).passes
+    P, light = passes["Position"].reshape(-1, 3).astype(np.float64), passes["Combined"].reshape(-1, 4)[:, 0]
+    rows = where(*P.T) & (passes["Depth"].ravel() < 1e9)
+    assert np.count_nonzero(rows) > 500
+    return P[rows], light[rows]
+
+
+def close(light, known, most=0.02, median=0.01):
+    error = np.abs(light / known - 1)
+    assert np.median(error) < median
+    assert np.percentile(error, 99) < most
+
+
+def test_a_plane_under_a_uniform_sky_returns_its_radiance():
+    _, light = seen(scene([Shape(FLOOR, WHITE)], (0, -4, 3), world=(0.7, 0.5, 0.3)), lambda x, y, z: z < 1)
+    np.testing.assert_allclose(light, 0.7, rtol=1e-6)
+
+
+def test_the_corner_of_two_planes():
+    """A floor beside a black wall of height 20: a half less the part of the sky above the wall."""
+    wall = Shape(box((-200, 0, -20), (200, 20, 20)), BLACK)
+    P, light = seen(scene([wall, Shape(rectangle((-200, -20), (200, 20)), WHITE)], (0, -3, 1.5)),
+                    lambda x, y, z: (np.abs(z) < 1e-6) & (y > -2))
+    y = np.maximum(-P[:, 1], 0)
+    close(light, 1 - 0.5 * (1 - y / np.hypot(y, 20)))
+
+
+def test_a_plane_under_a_disc():
+    """The view factor of a disc, parallel, seen from a point beside its axis (Hamilton and Morgan 1952)."""
+    P, light = seen(scene([Shape(cylinder(1, 1, 1.001, 128), BLACK), Shape(FLOOR, WHITE)], (0, -5, 0.9)),
+                    lambda x, y, z: (np.abs(z) < 1e-6) & (np.hypot(x, y) < 3))
+    a = np.hypot(P[:, 0], P[:, 1])
+    close(light, 1 - 0.5 * (1 - a**2 / np.sqrt(a**4 + 4)))  # of radius 1 at height 1
+
+
+def test_a_ball_on_a_plane_also_at_contact():
+    ball = Shape(sphere(0.5, 64, 32), BLACK, matrices=[translate(0, 0, 0.5)])
+    P, light = seen(scene([ball, Shape(FLOOR, WHITE)], (0, -3, 1.0), (0, -0.4, 0.1), 120),
+                    lambda x, y, z: (np.abs(z) < 1e-6) & (np.hypot(x, y) < 2) & (np.hypot(x, y) > 0.1))
+    d = np.linalg.norm(P - (0, 0, 0.5), axis=1)
+    close(light, 1 - 0.5**2 / d**2 * (0.5 / d))
+
+
+def test_a_thin_wall_lets_no_light_into_the_other_room():
+    """Two rooms on one floor, with a wall .02 thick between; one has a lamp."""
+    walls = [box((-2, -2, -0.1), (2, 2, 0)), box((-2, -2, 2), (2, 2, 2.1)), box((-2.1, -2, 0), (-2, 2, 2)),
+             box((2, -2, 0), (2.1, 2, 2)), box((-2, -2.1, 0), (2, -2, 2)), box((-2, 2, 0), (2, 2.1, 2)),
+             box((-0.01, -2, 0), (0.01, 2, 2))]
+    rooms = [Shape(m, Material("grey", Od=(0.8, 0.8, 0.8))) for m in walls]
+    lamp = Light("lamp", "POINT", (1.0, 1.0, 1.0), (-1.0, 0.0, 1.5))
+    lit, dark = (scene(rooms, eye, (side * 0.6, 1, 0.2), 50, [lamp], (0, 0, 0), bounces=2, shadows="SHARP",
+                       auto_h=False, h=0.05)
+                 for eye, side in (((-1, -1.9, 1.5), -1), ((1, -1.9, 1.5), 1)))
+    bright, leaked = (render_image(s).passes["Combined"][..., 0] for s in (lit, dark))
+    assert bright.mean() > 0.1
+    assert leaked.max() < 1e-3 * bright.mean()
+
+
+@pytest.mark.parametrize("albedo", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("bounces", [1, 2, 4])
+def test_a_furnace(monkeypatch, albedo, bounces):
+    """A closed room of emitting walls, with a box in it: emission · Σ albedo^k."""
+    monkeypatch.setattr(emitters, "MOST", 0)  # no lamps: all emission is gathered
+    glows = Material("glows", Od=(albedo,) * 3, emission=(1.0, 1.0, 1.0))
+    shapes = [Shape(box((-2, -2, 0), (2, 2, 3)), glows), Shape(box((-0.5, -0.5, 0.2), (0.5, 0.5, 1)), glows)]
+    light = render_image(scene(shapes, (0, -1.9, 1.5), (0, 0, 1.2), 8, world=(0, 0, 0), bounces=bounces)).passes[
+        "Combined"][..., 0]
+    np.testing.assert_allclose(light, sum(albedo**k for k in range(bounces + 2)), rtol=0.01)
+
+
+def things(pixels=60, eye=(0.0, -4.0, 2.5), **more):
+    """Some things under a sky and a lamp."""
+    red = Material("red", Od=(0.7, 0.1, 0.1))
+    clear = Material("clear", Od=(0.2, 0.5, 0.2), kd=0.5, kt=(0.5, 0.5, 0.5))
+    shapes = [Shape(FLOOR, Material("grey", Od=(0.6, 0.6, 0.6))), Shape(box((-1, -0.3, 0), (-0.3, 0.4, 0.7)), red),
+              Shape(sphere(0.4), WHITE, matrices=[translate(0.3, 0, 0.4)]),
+              Shape(rectangle((0.5, -0.6), (1.5, 0.6), 0.8), clear)]
+    lamp = Light("lamp", "POINT", (5.0, 5.0, 5.0), (1.0, -2.0, 3.0))
+    return scene(shapes, eye, (0, 0, 0.3), pixels, [lamp], (0.3, 0.4, 0.5),
+                 **{"bounces": 2, "shadows": "SHARP", "auto_h": False, "h": 0.05} | more)
+
+
+def test_tiles_threads_and_order_change_no_bit():
+    of = things()
+    pictures = [draw(prepare(of, ("Combined",)), Framebuffer.create(of, ("Combined",)), threads=threads,
+                     tile_size=size).passes["Combined"] for threads, size in ((1, 256), (2, 8))]
+    np.testing.assert_array_equal(*pictures)
+
+
+def test_records_are_kept_while_they_are_right():
+    """A flight gathers little anew and has the same pictures; a moved box gathers all anew."""
+    first, other = things(), things(eye=(0.3, -4.0, 2.5))
+    ready = prepare(first, ("Combined",))
+    counted = draw(ready, Framebuffer.create(first, ("Combined",))).statistics["records"]
+    then = prepare(other, ("Combined",), previous=ready)
+    result = draw(then, Framebuffer.create(other, ("Combined",)))
+    assert result.statistics["records"] < 0.5 * counted
+    np.testing.assert_array_equal(result.passes["Combined"], render_image(other).passes["Combined"])
+
+    moved = replace(other, geometry=replace(other.geometry, instance_matrix=other.geometry.instance_matrix
+                                            + np.array([np.zeros((4, 4)), *[translate(0.1, 0, 0) - np.eye(4)] * 3])))
+    after = draw(prepare(moved, ("Combined",), previous=then), Framebuffer.create(moved, ("Combined",)))
+    np.testing.assert_array_equal(after.passes["Combined"], render_image(moved).passes["Combined"])
+
+
+def test_parts_of_the_light_add_up():
+    of = things()
+    names = ("Diffuse", "Diffuse Indirect", "Glossy", "Emission", "Ambient", "Transmission", "Environment")
+    passes = render_image(of, ("Combined", "Ambient Occlusion", *names)).passes
+    np.testing.assert_allclose(sum(passes[n] for n in names), passes["Combined"][..., :3], atol=1e-6)
+    assert passes["Diffuse Indirect"].max() > 0.1
+    assert not passes["Ambient"].any()
+    assert 0 <= passes["Ambient Occlusion"].min() < 0.5
+    assert passes["Ambient Occlusion"].max() == 1
+
+
+def test_without_it_nothing_is_gathered():
+    of = things(world_light="AMBIENT", bounces=0)
+    result = render_image(of)
+    assert "records" not in result.statistics
+    assert "light from everywhere" not in result.statistics["plan"]
+
+
+def test_objects_that_diffuse_rays_do_not_meet():
+    """A roof over a plane that only the camera and shadow rays may meet takes no sky light."""
+    roof = Shape(rectangle((-5, -5), (5, 5), 1.0), BLACK, flags={"visible_diffuse": False, "visible_camera": False})
+    _, light = seen(scene([Shape(FLOOR, WHITE), roof], (0, -4, 3)), lambda x, y, z: z < 0.5)
+    np.testing.assert_allclose(light, 1, rtol=1e-6)
