@@ -60,7 +60,7 @@ def through_the_middle(scene, samples):
     cycles.device, cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = 'CPU', samples, False, False
     cycles.pixel_filter_type, cycles.filter_width, cycles.max_bounces = 'BLACKMAN_HARRIS', 0.01, 0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
-    scene.light_meshes.mode, scene.light_meshes.samples = 'LOCAL', 1
+    scene.light_meshes.mode, scene.light_meshes.samples, scene.light_meshes.bounces = 'LOCAL', 1, 0
     scene.render.resolution_x, scene.render.resolution_y = 32, 24
 
 

@@ -68,7 +68,7 @@ def both(scene, add, add_light, diffuse, render, look_at):
         look_at(scene.camera, (0, 0, 0))
         ours, cycles = scene.light_meshes, scene.cycles
         ours.shadows, ours.samples, ours.mode = shadows, 64 if size else 1, 'RAY_CASTING'
-        ours.light_samples = 16
+        ours.light_samples, ours.bounces = 16, 0
         cycles.samples, cycles.max_bounces, cycles.sample_clamp_direct = 64 if size else 1, 0, 0
         cycles.use_denoising = cycles.use_adaptive_sampling = False
         if not size:
@@ -139,7 +139,7 @@ def low_sun(scene, add, add_light, diffuse, render, look_at):
         scene.camera.location = eye
         look_at(scene.camera, (0, 0, 0))
         ours, cycles = scene.light_meshes, scene.cycles
-        ours.samples, ours.mode, cycles.samples, cycles.max_bounces = 16, 'RAY_CASTING', 64, 0
+        ours.samples, ours.mode, ours.bounces, cycles.samples, cycles.max_bounces = 16, 'RAY_CASTING', 0, 64, 0
         cycles.use_denoising = cycles.use_adaptive_sampling = False
         cycles.sample_clamp_direct, cycles.pixel_filter_type, cycles.filter_width = 0, 'BOX', 1
 
@@ -199,7 +199,7 @@ def whole_lamp(scene, add, add_light, diffuse, render, look_at):
         scene.camera.location = eye
         look_at(scene.camera, (0, 0, 0))
         ours, cycles = scene.light_meshes, scene.cycles
-        ours.mode, ours.shadows, ours.light_samples, cycles.max_bounces = 'RAY_CASTING', shadows, 16, 0
+        ours.mode, ours.shadows, ours.light_samples, ours.bounces, cycles.max_bounces = 'RAY_CASTING', shadows, 16, 0, 0
         cycles.use_denoising = cycles.use_adaptive_sampling = False
         cycles.sample_clamp_direct, cycles.pixel_filter_type, cycles.filter_width = 0, 'BOX', 1
 
