@@ -51,7 +51,7 @@ class LightMeshesScene(bpy.types.PropertyGroup):
             ('LOCAL', "Local", "Light and surface only: no shadows, no reflections. Fastest, for a first look", 0),
             ('RAY_CASTING', "Ray Casting", "With shadows, without reflections", 1),
             ('WHITTED', "Whitted Ray Tracing", "With shadows, mirrors and refraction through glass, as in "
-             "T. Whitted's ray tracer of 1980. Surfaces do not light each other", 2),
+             "T. Whitted's ray tracer of 1980", 2),
         ),
         default='WHITTED', update=_changed,
     )
@@ -300,7 +300,7 @@ PARAMETERS = {
         name="Mirror", description="How much of its surroundings the surface mirrors. Black is no mirror",
         subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.0, 0.0, 0.0), update=_changed),
     "emission": FloatVectorProperty(
-        name="Emission", description="Light that the surface shows by itself. It does not light other surfaces",
+        name="Emission", description="Light that the surface gives by itself",
         subtype='COLOR', size=3, min=0.0, soft_max=1.0, default=(0.0, 0.0, 0.0), update=_changed),
     "kt": FloatVectorProperty(
         name="Transparency", description="How much light passes at each crossing of the surface, and in which color",
