@@ -325,6 +325,8 @@ def start(exposure=0.0, transform='AgX'):
     """Make an empty scene at 1920×1080 with a view transform and Cycles' bounces of an ordinary file."""
     scene = clean_scene(1920, 1080)
     scene.view_settings.view_transform, scene.view_settings.exposure = transform, exposure
+    for name in ("world_light", "bounces"):  # as in a new file
+        scene.light_meshes.property_unset(name)
     return scene
 
 
