@@ -2,6 +2,7 @@
 
 import shutil
 import tempfile
+import time
 from itertools import pairwise
 from math import cos, pi, sin
 from pathlib import Path
@@ -140,14 +141,17 @@ def towards(location, target):
 def by_both_engines(make, folder, samples):
     """Render the scene that `make` returns into FOLDER/ENGINE.png, by this engine and by Cycles with so many samples.
 
-    Both have direct light only, and Cycles has no denoiser.
+    Cycles has as many bounces of diffuse light as this engine, and no denoiser.
     """
     scene = make()
-    scene.cycles.samples, scene.cycles.max_bounces, scene.cycles.use_denoising = samples, 0, False
+    scene.cycles.samples, scene.cycles.max_bounces, scene.cycles.use_denoising = (
+        samples, scene.light_meshes.bounces, False)
     for engine in ('LIGHT_MESHES', 'CYCLES'):
         scene.render.engine = engine
         scene.render.filepath = str(Path(folder) / f"{engine}.png")
+        began = time.perf_counter()
         bpy.ops.render.render(write_still=True)
+        print(f"{engine}: {time.perf_counter() - began:.1f} s")
 
 
 def save(name):

@@ -189,6 +189,11 @@ def shapes(folder):
     return beside_cycles(folder, "shapes")
 
 
+def window(folder):
+    """A room with a window, with bounced light. Above: this engine. Below: Cycles."""
+    return beside_cycles(folder, "window")
+
+
 def beside_cycles(folder, script):
     """Run blend_scenes/SCRIPT.py, which renders with both engines; return its pictures, one above the other."""
     subprocess.run([sys.executable, str(HERE / f"{script}.py"), str(folder)], check=True)
@@ -197,7 +202,7 @@ def beside_cycles(folder, script):
 
 
 PICTURES = {f.__name__: f for f in (tabletop, parameters, weights, cylinder, lens, control, light_size, limits,
-                                   materials, lamp_nodes, shapes, panels)}
+                                   materials, lamp_nodes, shapes, window, panels)}
 
 if __name__ == "__main__":
     PICTURES_FOLDER.mkdir(exist_ok=True)
