@@ -14,7 +14,7 @@ from shapes import ball
 
 def make():
     """Build the scene."""
-    clean_scene(800, 420, world_light='SKY', bounces=1)
+    clean_scene(720, 378, world_light='SKY', bounces=1)
     white, red, blue = (principled(name, color, Roughness=1.0) for name, color in (
         ("White", (0.76, 0.74, 0.7)), ("Red", (0.62, 0.08, 0.06)), ("Blue", (0.15, 0.28, 0.55))))
     wood = principled("Wood", (0.45, 0.28, 0.16), Roughness=1.0)
