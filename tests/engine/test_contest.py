@@ -246,8 +246,8 @@ def test_bad_usage_has_a_sentence(tmp_path, arguments, word):
 @pytest.mark.slow
 def test_a_tiny_contest_end_to_end(tmp_path):
     """Times, errors, memory, flicker, pictures; run again, it renders nothing, and a cell that is lost comes back."""
-    task = contest.Task(("product",), (64, 36), ("BALANCED",), (1, 4), 16, 10, 3)
-    found = contest.run(task, tmp_path)["scenes"]["product"]
+    task = contest.Task(("night_hall",), (64, 36), ("BALANCED",), (1, 4), 16, 10, 3)
+    found = contest.run(task, tmp_path)["scenes"]["night_hall"]
     assert found["failed"] == []
     assert set(found["rows"]) == {"balanced", *(f"cycles_{n}{d}" for n in (1, 4) for d in ("", "_denoised"))}
     for r in found["rows"].values():
@@ -256,12 +256,12 @@ def test_a_tiny_contest_end_to_end(tmp_path):
     assert found["rows"]["cycles_4"]["rmse"] < found["rows"]["cycles_1"]["rmse"]
     assert {"floor", "balanced"} < set(found["flight"])
     assert all(f["flicker"] < 0.3 and f["compared"] > 0.2 for f in found["flight"].values())
-    assert (tmp_path / "product_64x36.png").stat().st_size > 5000
-    assert "## product" in (tmp_path / "contest.md").read_text()
+    assert (tmp_path / "night_hall_64x36.png").stat().st_size > 5000
+    assert "## night_hall" in (tmp_path / "contest.md").read_text()
     done = {p: p.stat().st_mtime_ns for p in tmp_path.rglob(cells.RESULT)}
-    lost = Cell("product", Way("CYCLES", samples=1), (64, 36), (10,)).folder(tmp_path) / cells.RESULT
+    lost = Cell("night_hall", Way("CYCLES", samples=1), (64, 36), (10,)).folder(tmp_path) / cells.RESULT
     lost.unlink()
-    again = contest.run(task, tmp_path)["scenes"]["product"]
+    again = contest.run(task, tmp_path)["scenes"]["night_hall"]
     assert {p for p in tmp_path.rglob(cells.RESULT) if done[p] != p.stat().st_mtime_ns} == {lost}
     assert again["rows"]["balanced"] == found["rows"]["balanced"]
     assert json.loads((tmp_path / "contest.json").read_text())["format"] == contest.FORMAT

@@ -128,3 +128,11 @@ def test_toggles() -> None:
     middle = slice(PIXELS // 2 - 1, PIXELS // 2 + 1)
     assert not picture[middle, middle].any() and free[middle, middle].all()
     np.testing.assert_allclose(picture[0], free[0], rtol=1e-6)
+
+
+def test_what_diffuse_rays_do_not_see_lights_nothing() -> None:
+    """The visible bulb around a lamp, for example."""
+    shown = scene("ball")
+    hidden = replace(shown, objects=tuple(replace(o, visible_diffuse=o.name != "ball") for o in shown.objects))
+    assert len(Prepared(shown).scene.lights) == 1 and not Prepared(hidden).scene.lights
+    assert not render_image(hidden).passes["Combined"][..., :3].any()

@@ -1,8 +1,8 @@
 """Patches of surfaces: what light they return to rays that gather, after so many bounces.
 
 A patch is a small triangle of a triangle's grid, or stands for tiny triangles that are close together. Its light is
-the mean of four of its points: emission, the lamps' direct light, and what its own rays gather from other patches
-(radiosity). It is computed for patches that rays hit, and kept.
+the mean of four of its points (of one, for the light of many lamps): emission, the lamps' direct light, and what its
+own rays gather from other patches (radiosity). It is computed for patches that rays hit, and kept.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from .table import Table
 RAYS = 64  # of a patch
 WIDER = 3  # what a patch gathers is that of a patch whose edges are 2^WIDER times as long
 BATCH = 4096  # patches at once
+FEW = 4  # lamps whose light is the mean of four points of a patch; more light it at one
 FEWER = 1.5  # how much larger the patches are for their rays, of which there are fewer than of records
 
 _gather = kernel("patches_gather")
@@ -35,11 +36,14 @@ Lit = Callable[[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], boo
 class Patches:
     """Not for several threads at once."""
 
-    def __init__(self, field: Field, gather: Gatherer, look: Lit, gathers: bool, finest: float) -> None:
-        """look: what surfaces are. gathers: whether light comes from elsewhere than from lamps, so that patches gather
-        also for the first bounce. finest: patches are divided to this size, scene units.
+    def __init__(self, field: Field, gather: Gatherer, look: Lit, lamps: int, emits: bool, finest: float) -> None:
+        """look: what surfaces are. lamps: how many there are. emits: whether surfaces give light of their own. finest:
+        patches are divided to this size, scene units.
         """
-        self._field, self._gather, self._look, self._gathers = field, gather, look, gathers
+        self.dark = not emits
+        self._many = lamps > FEW
+        self._field, self._gather, self._look = field, gather, look
+        self._gathers = emits or field.sky is not None  # else only lamps have light for the first bounce
         self._finest = finest
         self._table = Table()
         self._local = directions(RAYS)
@@ -130,7 +134,7 @@ class Patches:
         new = _missing(wider, self._arrived[bounces][1])
         for i in range(0, len(new), BATCH):
             some = new[i:i + BATCH]
-            self._trace(some[~self._traced[some]], check)
+            self._trace(some[~self._traced[some]], bounces == 0 and self.dark, check)
             light = self._sky[some] + self._from_others(some, bounces, check)
             values, known = self._arrived[bounces]
             values[some], known[some] = light, True
@@ -152,8 +156,11 @@ class Patches:
             some = new[i:i + BATCH]
             triangle, front, u, v = self._field.grids.inside(self._table.keys[some])
             P, N = self._points(triangle, front, u, v)
-            emission, albedo, direct = self._look(np.repeat(triangle, 4), P, N, lit)
             there, covered = self._there(P, N)
+            emission, albedo, direct = self._look(np.repeat(triangle, 4), P, N, lit and not self._many)
+            if lit and self._many:
+                one = 4 * np.arange(len(some)) + (there[:, :, 0] > 0).argmax(1)
+                direct = np.repeat(self._look(triangle, P[one], N[one], True)[2], 4, axis=0)
             for kept, values in ((self._emission, emission), (self._albedo, albedo), (self._direct, albedo * direct)):
                 kept[some] = (values.reshape(-1, 4, 3) * there).sum(1)
             self._looked[some] = True
@@ -216,8 +223,8 @@ class Patches:
         P = grids.points(np.repeat(triangle, 4), u.ravel(), v.ravel())
         return P, np.repeat(grids.normals(triangle) * np.where(front, 1, -1)[:, None], 4, axis=0)
 
-    def _trace(self, new: NDArray[np.int32], check: Check) -> None:
-        """Find the patches that those of these patches see, and the sky that they see."""
+    def _trace(self, new: NDArray[np.int32], sky_only: bool, check: Check) -> None:
+        """Find the patches that those of these patches see, unless `sky_only`, and the sky that they see."""
         if not len(new):
             return
         check()
@@ -232,11 +239,14 @@ class Patches:
             local = np.ascontiguousarray(self._local[q::4])
             seen = self._gather(np.ascontiguousarray(P[q::4]), np.ascontiguousarray(N[q::4]), local, turn, FEWER)
             sky += seen.light.reshape(len(new), len(local), 3).sum(1)
-            for layer in seen.layers:
+            for layer in () if sky_only else seen.layers:
                 rows.append(layer.row // len(local))
                 others.append(self._numbers(layer, False, check))
                 weights.append(np.ones((len(layer.keys), 3)) if layer.weight is None else layer.weight)
         self._grow()
+        if sky_only:  # they are asked again where others have light
+            self._sky[new], self._count[new] = sky / RAYS, 0
+            return
         row = np.concatenate(rows)
         order = np.argsort(row, kind="stable")
         self._sky[new] = sky / RAYS
@@ -293,7 +303,7 @@ def _missing(number: NDArray[np.int32], known: NDArray[np.bool_]) -> NDArray[np.
 def add(seen: Seen, patches: Patches, bounces: int, check: Check) -> NDArray[np.float64]:
     """The radiance (x,3) that rays find: sky and patches."""
     light = seen.light
-    for layer in seen.layers:
+    for layer in () if bounces == 0 and patches.dark else seen.layers:
         found = patches.radiance(layer, bounces, check)
         light[layer.row] += found if layer.weight is None else layer.weight * found
     return light

@@ -29,7 +29,7 @@ from .table import Table
 _sum, _trust, _blend = kernel("records_sum"), kernel("records_trust"), kernel("records_blend")
 # Rays of a record, by how far apart records are, in finest distances: each record of a coarse grid counts for a large
 # part of a surface, and there are few.
-RAYS = ((6.0, 2048), (3.0, 1024), (0.0, 512))
+RAYS = ((6.0, 1024), (3.0, 512), (0.0, 256))
 BATCH = 1 << 18  # rays at once
 WITHIN = 0.35  # records are trusted up to this share of the mean distance of what they see,
 STRICT = 0.2  # or up to this where they are far apart

@@ -72,11 +72,13 @@ def lit(bare: World, scene: Scene, stats: Statistics, check: Callable[[], None])
 
 
 def emitting(bare: World) -> Emitting:
-    """All triangles that give light."""
+    """All triangles that give light, but for objects that diffuse rays do not see, which light nothing."""
     s, scene = bare.surfaces, bare.scene
     gives = np.array([any(m.emission) or "emission" in m.program.values for m in scene.materials], np.bool_)
     material = s.materials[s.source]
-    triangle = np.flatnonzero(gives[material]) if gives.any() else np.zeros(0, np.int64)
+    lights = np.array([o.visible_diffuse for o in scene.objects], np.bool_)[bare.owner(np.arange(
+        len(material), dtype=np.int32))] if gives.any() else gives
+    triangle = np.flatnonzero(gives[material] & lights) if gives.any() else np.zeros(0, np.int64)
     corners = s.vertices[s.triangles[triangle]].astype(np.float64) * s.scale + s.centre
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double = np.linalg.norm(cross, axis=1)

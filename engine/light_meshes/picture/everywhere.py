@@ -79,10 +79,12 @@ def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, f
         gather = Gatherer(field, PATCH * fine)
         owner = world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))
         met = np.array([o.visible_diffuse for o in world.scene.objects], np.bool_)[owner]
-        emits = bool(world.materials.emission.any()) or any(
-            "emission" in m.program.values for m in world.scene.materials)
+        gives = np.array([any(m.emission) or "emission" in m.program.values for m in world.scene.materials], np.bool_)
+        left = gives[world.surfaces.materials[world.surfaces.source]] & met
+        if world.as_lamps is not None:
+            left &= ~world.as_lamps
         patches = Patches(field, gather, Look(world, lighting, _sharp(world, plan, settings, stats)),
-                          sky is not None or emits, PATCH * fine)
+                          len(world.scene.lights), bool(left.any()), PATCH * fine)
     return Records(field, gather, patches, Nearness(grids, met), fine, settings.bounces)
 
 
