@@ -150,7 +150,8 @@ def test_in_a_real_blender(blender_path, drive, tmp_path):
 
     script = Path(light_meshes_addon.__file__).with_name("headless.py")
     blender = (blender_path, "-b", "--factory-startup", "-P", str(script), "--")
-    expression = "import bpy\n" + SCENE.replace("material.light_meshes", "#").replace("sun.light_meshes", "#") + \
+    expression = "import bpy\n" + SCENE.replace("material.light_meshes", "#").replace("sun.light_meshes", "#").replace(
+        "scene.light_meshes", "#") + \
         f"bpy.ops.wm.save_as_mainfile(filepath={str(tmp_path / 'here.blend')!r})"
     subprocess.run([blender_path, "-b", "--factory-startup", "--python-expr", expression.replace(
         "'LIGHT_MESHES'", "'CYCLES'")], check=True, capture_output=True, timeout=120)

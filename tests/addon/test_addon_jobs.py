@@ -16,7 +16,8 @@ import bpy
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 scene.render.engine = 'CYCLES'
-scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
+if hasattr(scene, "light_meshes"):
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
 scene.render.resolution_x, scene.render.resolution_y = 48, 32
 scene.frame_start, scene.frame_end = 3, 30
 def add(name, data, collection=scene.collection, **properties):

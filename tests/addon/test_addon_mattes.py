@@ -157,19 +157,19 @@ def test_blenders_cryptomatte_node_picks_an_object(cut_outs, tmp_path):
 def test_a_pass_that_the_compositor_lacks_is_named(scene, add_plane, render, capfd):
     add_plane()
     layer = scene.view_layers[0]
-    layer.use_pass_ambient_occlusion = layer.use_pass_z = True
+    layer.use_pass_transmission_color = layer.use_pass_z = True
     node = render_layers(scene)
     tree = node.id_data
     switch = tree.nodes.new('CompositorNodeSetAlpha')
     scene.render.engine = 'CYCLES'
     layer.update_render_passes()
-    occlusion = next(s for s in node.outputs if s.name in ("AO", "Ambient Occlusion"))
-    tree.links.new(occlusion, switch.inputs[0])
+    lacks = next(s for s in node.outputs if s.name in ("TransCol", "Transmission Color"))
+    tree.links.new(lacks, switch.inputs[0])
     tree.links.new(node.outputs["Depth"], switch.inputs[1])
     scene.render.engine = 'LIGHT_MESHES'
     layer.update_render_passes()
     layer.use_pass_z = False
     render(scene)
     said = capfd.readouterr().out
-    assert f"pass '{occlusion.name}' of view layer 'ViewLayer', which Light Meshes does not have" in said
+    assert f"pass '{lacks.name}' of view layer 'ViewLayer', which Light Meshes does not have" in said
     assert "pass 'Depth' of view layer 'ViewLayer', which is not switched on" in said

@@ -10,10 +10,11 @@ from light_meshes.picture.render import render_image
 
 
 @pytest.fixture
-def lit(scene, add_plane, add_light):
+def lit(scene, add_plane, add_light, diffuse):
     """A plane seen straight from above, 10 away, across which 20·36/50·... scene units are seen; a sun."""
-    add_plane(20)
+    add_plane(20).data.materials.append(diffuse())
     add_light('SUN', energy=math.pi, angle=0)
+    scene.light_meshes.bounces = 0
     return scene
 
 

@@ -116,7 +116,7 @@ def test_version(python, environment, tmp_path):
     output, blend = tmp_path / "picture.exr", tmp_path / "scene.blend"
     run([python, "-c", SCRIPT, output, blend], environment)
     found = read_layers(output)
-    assert len(found) == 20
+    assert len(found) == 22
     assert {"Combined", "Depth", "Mist", "Normal", "Shadow", "Shadow Sun", "UV", "Ambient"} < set(found)
     assert found["Shadow Sun"][36, 32] == pytest.approx((1, 1, 1)) and found["UV"][36, 32, 2] == 1
     combined = found["Combined"]

@@ -70,7 +70,7 @@ def test_what_does_not_fit_is_said(scene, tmp_path, name, array):
 
 
 BAD = [["attribute", -1], ["attribute", 0.5], ["attribute", 0, 3, 1.0], ["attribute", 0, 1, 0.0], ["uv", 1],
-       ["bump", 0, 0, 0, 0, 0, 1, 1, 1, 0], ["ray", 4], ["voronoi", 5, *[0] * 14]]
+       ["bump", 0, 0, 0, 0, 0, 1, 1, 1, 0], ["ray", 5], ["voronoi", 5, *[0] * 14]]
 
 
 @pytest.mark.parametrize("operation", BAD)

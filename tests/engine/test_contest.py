@@ -245,8 +245,8 @@ def test_bad_usage_has_a_sentence(tmp_path, arguments, word):
 @needs_blender
 @pytest.mark.slow
 def test_a_tiny_contest_end_to_end(tmp_path):
-    """Times, errors, memory, flicker, pictures; run again, it renders nothing, and a cell that is lost comes back."""
-    task = contest.Task(("night_hall",), (64, 36), ("DRAFT",), (1, 4), 16, 10, 3)
+    """Times, errors, memory; run again, it renders nothing, and a cell that is lost comes back. At Draft, to be quick."""
+    task = contest.Task(("night_hall",), (64, 36), ("DRAFT",), (1, 4), 16, 10, 0)
     found = contest.run(task, tmp_path)["scenes"]["night_hall"]
     assert found["failed"] == []
     assert set(found["rows"]) == {"draft", *(f"cycles_{n}{d}" for n in (1, 4) for d in ("", "_denoised"))}
@@ -254,9 +254,6 @@ def test_a_tiny_contest_end_to_end(tmp_path):
         assert 0 < r["rmse"] < 1 and r["seconds"] > 0 and r["processor"] > 0 and 0 < r["edges"] < 1
         assert not sys.platform.startswith("linux") or r["memory"] > 1e8
     assert found["rows"]["cycles_4"]["rmse"] < found["rows"]["cycles_1"]["rmse"]
-    assert {"floor", "draft"} < set(found["flight"])
-    assert all(f["flicker"] < 0.3 and f["compared"] > 0.2 for f in found["flight"].values())
-    assert (tmp_path / "night_hall_64x36.png").stat().st_size > 5000
     assert "## night_hall" in (tmp_path / "contest.md").read_text()
     done = {p: p.stat().st_mtime_ns for p in tmp_path.rglob(cells.RESULT)}
     lost = Cell("night_hall", Way("CYCLES", samples=1), (64, 36), (10,)).folder(tmp_path) / cells.RESULT

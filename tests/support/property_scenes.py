@@ -198,6 +198,12 @@ def lens():
     bpy.context.scene.light_meshes.refraction = 'FULL'
 
 
+def beside_a_slope():
+    """A slope that the sun lights, and which lights the floor."""
+    add(mesh("Slope", [(-1, -5, 0), (-1, 5, 0), (-3, 5, 2), (-3, -5, 2)], [(0, 1, 2, 3)]), material="Ground",
+        visible_camera=False)
+
+
 def below_a_table():
     """The edge of a table from near by: a ball of heavy glass below sends light up past it."""
     hide("Blocker", "Floor", "Sun")

@@ -54,7 +54,7 @@ def _own(lights: tuple[Light, ...]) -> NDArray[np.uint64]:
     met: Counter[str] = Counter()
     out = np.empty(len(lights), np.uint64)
     for i, light in enumerate(lights):
-        name = f"{met[light.name]} {light.name}".encode()
+        name = f"{met[light.name]} {light.name}".encode("utf-8", "surrogatepass")
         out[i] = int.from_bytes(hashlib.blake2b(name, digest_size=8).digest(), "little")
         met[light.name] += 1
     return out
