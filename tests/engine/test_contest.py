@@ -245,7 +245,7 @@ def test_bad_usage_has_a_sentence(tmp_path, arguments, word):
 @needs_blender
 @pytest.mark.slow
 def test_a_tiny_contest_end_to_end(tmp_path):
-    """Times, errors, memory; run again, it renders nothing, and a cell that is lost comes back. At Draft, to be quick."""
+    """Times, errors, memory; run again, it renders nothing; a lost cell comes back. At Draft, to be quick."""
     task = contest.Task(("night_hall",), (64, 36), ("DRAFT",), (1, 4), 16, 10, 0)
     found = contest.run(task, tmp_path)["scenes"]["night_hall"]
     assert found["failed"] == []
