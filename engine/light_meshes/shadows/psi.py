@@ -157,7 +157,7 @@ class LightMeshes(Method):
                 holds = self._holds(at.P, at.normals(), at.triangle)
                 spared = averaging.certify(near.start, near.candidate, holds, near.uniform, at.P, at.N, near.position,
                                            self._margin, near.seen)
-                self._stats.add(certified=np.count_nonzero(holds), spared_rays=spared)
+                self._stats.add(certified=int(np.count_nonzero(holds)), spared_rays=spared)
 
     def _short_rays(self, at: Receivers, near: Neighbourhood, check: Check) -> None:
         """Fill weight (which is `seen`) by rays, where it matters.
