@@ -31,7 +31,7 @@ BLEND = 0.5  # and alone from so many octaves above that on
 # Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
 FEW, FINE = 4, 4.0  # so many lamps, or from that kI on: RAYS from a receiver to a lamp where the penumbra is narrow,
 RAYS, MORE_RAYS = 16, 32  # and more where no node may answer and they disagree
-FEWER_RAYS = 8  # with more lamps, whose errors are smaller parts of the light, or behind glass: more if these disagree
+FEWER_RAYS = 8  # with more lamps, whose errors are smaller parts of the light: RAYS where these disagree
 BATCH = 1 << 15  # receivers at once
 RAYS_AT_ONCE = 1 << 18
 
@@ -73,9 +73,7 @@ class SizedLamps(Method):
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
         self._reaches = reaches(self._lamps.shapes)
-        count = sum(has(self._soft, i) for i in range(self._count))
-        # Where no nodes answer, most rays find that all of a lamp is seen, or nothing of it.
-        self._rays = (FEWER_RAYS, MORE_RAYS) if setup.through.channels else rays(setup.settings.kI, count)
+        self._rays = rays(setup.settings.kI, sum(has(self._soft, i) for i in range(self._count)))
         # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
         self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
         self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
