@@ -13,7 +13,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from parts import add, box, clean_scene, lathe, mesh, principled, towards, world
+from parts import add, box, clean_scene, lathe, light, mesh, principled, towards, world
 
 __all__ = [
     "FRAMES",
@@ -280,14 +280,8 @@ def tube(name, path, radius, material=None, sides=10):
 
 def lamp(name, kind, energy, location, target=None, color=(1, 1, 1), **values):
     """Add a lamp as Blender makes a new one: the shadow of its own shape. Spots, areas and suns look at `target`."""
-    data = bpy.data.lights.new(name, kind)
-    data.energy, data.color = energy, color
-    for key, value in values.items():
-        setattr(data, key, value)
-    data.light_meshes.softness = 'SIZE'
-    made = add(name, data, location)
-    if target is not None:
-        made.rotation_euler = towards(location, target)
+    made = light(name, kind, energy, location, target, color, **values)
+    made.data.light_meshes.softness = 'SIZE'
     return made
 
 
@@ -323,10 +317,8 @@ def flight(start, end, target_start, target_end, lens):
 
 def start(exposure=0.0, transform='AgX'):
     """Make an empty scene at 1920×1080 with a view transform and Cycles' bounces of an ordinary file."""
-    scene = clean_scene(1920, 1080)
+    scene = clean_scene(1920, 1080, world_light='SKY', bounces=1)  # as in a new file
     scene.view_settings.view_transform, scene.view_settings.exposure = transform, exposure
-    for name in ("world_light", "bounces"):  # as in a new file
-        scene.light_meshes.property_unset(name)
     return scene
 
 

@@ -135,7 +135,17 @@ def stage():
 
 
 def band():
+    """The band: its drums, six musicians, a microphone, and the loudspeakers."""
     chrome = principled("Chrome", (0.8, 0.8, 0.82), Metallic=1.0, Roughness=0.12)
+    drums(chrome)
+    musicians()
+    add("Mic Stand", tube("Mic Stand", [(0, 0, 0), (0, 0, 1.5), (0, 0.1, 1.56)], 0.012, chrome), (0, 2.2, 0))
+    add("Mic", ball("Mic", 0.035, chrome), (0, 2.32, 1.58))
+    speakers()
+
+
+def drums(chrome):
+    """Five drums and three cymbals on stands."""
     shell = principled("Drum Shell", (0.5, 0.03, 0.04), Roughness=0.2)
     skin = principled("Skin", (0.8, 0.78, 0.72), Roughness=0.6)
     for n, (x, y, z, r, h) in enumerate(
@@ -166,6 +176,10 @@ def band():
             (x, y, 1.75),
             (0.2, 0.1 * n, 0),
         )
+
+
+def musicians():
+    """Figures of turned wood."""
     body = [
         (0, 0),
         (0.13, 0),
@@ -198,8 +212,10 @@ def band():
             (0, 0, n),
             (1, 0.65, 1),
         )
-    add("Mic Stand", tube("Mic Stand", [(0, 0, 0), (0, 0, 1.5), (0, 0.1, 1.56)], 0.012, chrome), (0, 2.2, 0))
-    add("Mic", ball("Mic", 0.035, chrome), (0, 2.32, 1.58))
+
+
+def speakers():
+    """Three loudspeakers on each side, and monitors on the floor."""
     black = principled("Speaker", (0.03, 0.03, 0.03), Roughness=0.6)
     for x in (-7.1, 7.1):
         for k in range(3):

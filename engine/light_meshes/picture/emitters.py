@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -74,11 +75,11 @@ def lit(bare: World, scene: Scene, stats: Statistics, check: Callable[[], None])
 def emitting(bare: World) -> Emitting:
     """All triangles that give light, but for objects that diffuse rays do not see, which light nothing."""
     s, scene = bare.surfaces, bare.scene
-    gives = np.array([any(m.emission) or "emission" in m.program.values for m in scene.materials], np.bool_)
+    gives = np.array([m.emits for m in scene.materials], np.bool_)
     material = s.materials[s.source]
-    lights = np.array([o.visible_diffuse for o in scene.objects], np.bool_)[bare.owner(np.arange(
-        len(material), dtype=np.int32))] if gives.any() else gives
-    triangle = np.flatnonzero(gives[material] & lights) if gives.any() else np.zeros(0, np.int64)
+    triangle = np.flatnonzero(gives[material])
+    lights = np.array([o.visible_diffuse for o in scene.objects], np.bool_)
+    triangle = triangle[lights[bare.owner(triangle)]]
     corners = s.vertices[s.triangles[triangle]].astype(np.float64) * s.scale + s.centre
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double = np.linalg.norm(cross, axis=1)
@@ -121,12 +122,15 @@ def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int6
     key = instance.astype(np.int64) * len(scene.materials) + material
     names, group = np.unique(key, return_inverse=True)
     power = np.bincount(group, found.area * found.radiance.sum(1))
+    triangles = np.bincount(s.instance)  # of each instance
     lamps: list[Light] = []
     taken: list[NDArray[np.int64]] = []
     for g in np.argsort(-power, kind="stable"):
+        if len(lamps) == MOST:
+            break
         of = found.at(np.flatnonzero(group == g))
-        owner = int(scene.geometry.instance_object[names[g] // len(scene.materials)])
-        whole = len(of.triangle) == int(np.count_nonzero(s.instance == names[g] // len(scene.materials)))
+        place = names[g] // len(scene.materials)
+        owner, whole = int(scene.geometry.instance_object[place]), len(of.triangle) == triangles[place]
         new = list(_group(of, scene.objects[owner].name, owner if whole else None, len(scene.objects)))
         if len(lamps) + len(new) > MOST:
             continue
@@ -187,10 +191,12 @@ def _ball(of: Emitting) -> tuple[NDArray[np.float64], float] | None:
 
 
 def _divided(of: Emitting) -> list[Face]:
-    """The triangles as faces: the fewest that are fine enough, or the coarsest where none gives few."""
+    """The triangles as faces, as fine as gives few, or else the coarsest; no more than it takes to see that there are
+    too many.
+    """
     faces: list[Face] = []
     for flat, full in FINENESS:
-        faces = list(_faces(of, flat, full))
+        faces = list(islice(_faces(of, flat, full), MOST + 1))
         if len(faces) <= FEW:
             break
     return faces
@@ -220,14 +226,14 @@ def _face(of: Emitting, rows: NDArray[np.int64]) -> tuple[Face, float, float, ND
     """The face of some triangles; how much of its rectangle they fill, how thick they are by its length, and its longer
     axis.
     """
-    sum_ = (of.area[rows, None] * of.normal[rows]).sum(0)
-    flat = float(np.linalg.norm(sum_))  # the area that is seen from the front
-    N = sum_ / flat
+    facing = (of.area[rows, None] * of.normal[rows]).sum(0)
+    flat = float(np.linalg.norm(facing))  # the area that is seen from the front
+    N = facing / flat
     points = of.corners[rows].reshape(-1, 3)
     edges = (np.roll(of.corners[rows], -1, 1) - of.corners[rows]).reshape(-1, 3)
     longest = edges[np.argsort(-np.einsum("ni,ni->n", edges, edges), kind="stable")[:8]]
     best: tuple[float, NDArray, NDArray, NDArray, NDArray] | None = None
-    for edge in longest:  # the rectangle lies along one of the edges, or half a right angle from it
+    for edge in longest:  # the rectangle lies along one of the edges
         u = edge - (edge @ N) * N
         if not u.any():
             continue

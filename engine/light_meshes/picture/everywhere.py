@@ -13,7 +13,7 @@ from ..gathered.nearness import Nearness
 from ..gathered.patches import Patches
 from ..gathered.rays import Field, Gatherer
 from ..gathered.records import Records
-from ..rays.geometry import Hits, surfacing
+from ..rays.geometry import Hits
 from ..scene.description import Settings, same
 from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
@@ -74,12 +74,12 @@ def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, f
              stats: Statistics) -> Records:
     with stats.stage("gathered light: prepared"):
         grids = Grids(world.surfaces, fine * 2.0**LEVELS)
-        sky = world.sky if settings.world_light == "SKY" and not world.sky.dark else None
+        sky = world.sky if settings.by_sky and not world.sky.dark else None
         field = Field(world.scene, grids, world.tracer, world.glass, sky, stats)
         gather = Gatherer(field, PATCH * fine)
         owner = world.owner(np.arange(len(world.surfaces.triangles), dtype=np.int32))
         met = np.array([o.visible_diffuse for o in world.scene.objects], np.bool_)[owner]
-        gives = np.array([any(m.emission) or "emission" in m.program.values for m in world.scene.materials], np.bool_)
+        gives = np.array([m.emits for m in world.scene.materials], np.bool_)
         left = gives[world.surfaces.materials[world.surfaces.source]] & met
         if world.as_lamps is not None:
             left &= ~world.as_lamps
@@ -114,7 +114,7 @@ class Look:
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32), material,
                     np.empty(n, np.int32), np.empty(n, np.bool_), material, world.materials)
         zero = np.zeros(n, np.float32)
-        surfacing(world.surfaces)(None, triangle, zero, zero, P + N * world.surfaces.scale, -N, hits)
+        world.surface(None, triangle, zero, zero, P + N * world.surfaces.scale, -N, hits)
         hits = world.look(hits, -N, np.full(n, REFLECTED, np.int8))
         m, row = hits.table, hits.row
         Od = colours.matt(hits, world.textures)

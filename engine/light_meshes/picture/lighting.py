@@ -44,8 +44,7 @@ class Lighting:
         self._shown = shown if plan.reflections and shown.any() else None
         self.everywhere: Records | None = None  # light from everywhere, where the scene has it
         s = world.scene.settings
-        by_sky = s.gathers and s.world_light == "SKY"
-        self._Ia = (0.0 if by_sky else s.ambient) * np.array(world.scene.world_color)
+        self._Ia = (0.0 if s.by_sky else s.ambient) * np.array(world.scene.world_color)
         self.terminator = Terminator(world.scene, world.surfaces)
         groups = np.array([light.shadow_pass for light in world.scene.lights], np.int64)
         self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))

@@ -267,16 +267,15 @@ def _holes(p: Plan, scene: Scene) -> None:
 
 def _everywhere(p: Plan, scene: Scene, materials: list[Material], lights: list[Light]) -> None:
     """Decide whether the world's light is the same everywhere, and whether light is gathered from everywhere."""
-    s, by_sky = scene.settings, scene.settings.gathers and scene.settings.world_light == "SKY"
+    s, by_sky = scene.settings, scene.settings.by_sky
     ambient = any(scene.world_color) and s.ambient > 0 and not by_sky
     p.decide("ambient light", "yes" if ambient else "no",
              "the world's light is gathered" if by_sky else "world colour × ambient × ka")
     if not s.gathers:
         return
     matt = any(m.kd > 0 or "kd" in m.program.values or "Od" in m.program.values for m in materials)
-    emits = any(any(m.emission) or "emission" in m.program.values for m in materials)
     sources = [name for name, there in (("the world", by_sky and any(scene.world_color)),
-                                        ("emitting surfaces", emits),
+                                        ("emitting surfaces", any(m.emits for m in materials)),
                                         ("lit surfaces", bool(lights) and s.bounces > 0)) if there]
     p.gathers = bool(sources) and matt
     p.decide("light from everywhere", f"{s.bounces} bounces" if p.gathers else "no",

@@ -53,19 +53,19 @@ def upwards(ready: Prepared) -> NDArray[np.float64]:
 
 def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray,
              tile: Tile) -> list[tuple[str, Rays]]:
-    """The rays that lobes of microfacets reflect; of what they do not follow the world's light is added to the tile, as
-    if nothing stood before it.
-    """
+    """The rays that lobes of microfacets reflect. For what they do not follow the mean of what is around is added."""
     if not len(rays.pixel):
         return []
     settings = ready.scene.settings
     assert rays.fan is not None and rays.blur is not None
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
                    settings.cutoff)
-    if found.left.any():
-        light = found.left * _around(ready, hits, rays.direction)
+    rest = np.flatnonzero(found.left.any(1))
+    if len(rest):
+        light = found.left[rest] * _around(ready, hits.at(rest), rays.direction[rest])
         name = "Ambient" if ready.lighting.everywhere is None else "Glossy"
-        tile.add_light(rays.pixel, rays.part, weight, light, {name: light})
+        part = None if rays.part is None else rays.part[rest]
+        tile.add_light(rays.pixel[rest], part, weight[rest], light, {name: light})
     rows = found.hit[found.weight.max(axis=1, initial=0) > 0]
     if not len(rows):
         return []

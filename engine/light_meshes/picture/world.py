@@ -59,7 +59,8 @@ class World:
         return self.scene.geometry.instance_object[self.surfaces.instance[triangle]]
 
     @cached_property
-    def _surface(self) -> Callable[..., None]:
+    def surface(self) -> Callable[..., None]:
+        """`geometry.surfacing` of these surfaces, whose arrays are checked once."""
         return surfacing(self.surfaces)
 
     def closest(self, kind: str, origin: NDArray, direction: NDArray, normal: NDArray | None = None,
@@ -74,7 +75,7 @@ class World:
                     material, np.empty(n, np.int32), np.empty(n, np.bool_), material, self.materials)
         if n < len(hit):
             rows = where(hit)
-        self._surface(rows, triangle, u, v, origin, direction, hits)
+        self.surface(rows, triangle, u, v, origin, direction, hits)
         return hit, hits
 
     def coarse_view(self) -> tuple[NDArray[np.float64], Hits]:

@@ -83,6 +83,11 @@ class Settings:
         """Whether light comes from everywhere: from the world with occlusion, or from surface to surface."""
         return (self.world_light == "SKY" or self.bounces > 0) and self.mode != "LOCAL"
 
+    @property
+    def by_sky(self) -> bool:
+        """Whether the world lights with occlusion and direction, and not as ambient light."""
+        return self.gathers and self.world_light == "SKY"
+
 
 @dataclass(frozen=True)
 class Camera:

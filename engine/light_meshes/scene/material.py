@@ -61,5 +61,10 @@ class Material:
     coat_ior: float = 1.5
     coat_tint: RGB = (1.0, 1.0, 1.0)  # of what passes it straight
 
+    @property
+    def emits(self) -> bool:
+        """Whether the surface gives light of its own, at least where its program says so."""
+        return any(self.emission) or "emission" in self.program.values
+
 
 DEFAULT_MATERIAL = Material("default")

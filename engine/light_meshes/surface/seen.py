@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..lights import registry
 from ..scene.description import Light
 from ..support.native import kernel
+from . import sized
 from .lamps import Lamps
 from .points import CAMERA, REFLECTED, TRANSMITTED
 
@@ -24,25 +25,16 @@ _BOUNDS = {"AREA": 1, "SPOT": 2}
 
 def radiance(light: Light) -> NDArray[np.float64]:
     """The radiance (3,) of a lamp with a size, as it is seen along its axis."""
-    intensity = np.array(light.intensity, np.float64)
-    if light.type == "SUN":
-        return intensity / np.sin(light.angle / 2) ** 2
-    if light.type == "AREA":
-        area = np.linalg.norm(np.cross(light.area_u, light.area_v)) * (np.pi if light.area_ellipse else 4.0)
-        return intensity * np.pi / area
-    return intensity / light.radius**2
+    return np.array(light.intensity, np.float64) * (np.pi / sized.area(light))
 
 
-def _has_size(light: Light) -> bool:
-    if light.softness != "SIZE" or not any(light.intensity):
-        return False
-    return bool(light.angle > 0 if light.type == "SUN" else np.cross(light.area_u, light.area_v).any()
-                if light.type == "AREA" else light.radius > 0)
+def _is_seen(light: Light) -> bool:
+    return sized.kind(light) is not None and any(light.intensity)
 
 
 def seen_in_mirrors(light: Light) -> bool:
     """Whether rays that mirrors reflect see the lamp."""
-    return light.seen_in_mirrors and _has_size(light)
+    return light.seen_in_mirrors and _is_seen(light)
 
 
 class SeenLamps:
@@ -53,7 +45,7 @@ class SeenLamps:
         kinds = ((1 << CAMERA, "seen_by_camera"), (1 << REFLECTED, "seen_in_mirrors"),
                  (1 << TRANSMITTED, "seen_in_glass"))
         seen = [(light, sum(bit * getattr(light, name) for bit, name in kinds), i)
-                for i, light in enumerate(lights) if _has_size(light)]
+                for i, light in enumerate(lights) if _is_seen(light)]
         found = [one for one in seen if one[1]]
         rays = [bits for _, bits, _ in found]
         self.by = int(np.bitwise_or.reduce(np.array(rays, np.uint8))) if found else 0  # that see any, as bits
@@ -92,7 +84,7 @@ def _arrays(found: Sequence[tuple[Light, int]]) -> tuple[NDArray, ...]:
             _rows([light.position for light in lights]),
             _rows([np.array(light.direction) / np.linalg.norm(light.direction) for light in lights]),
             np.array([_across(light) for light in lights], np.float64).reshape(-1, 2, 3),
-            np.array([np.sin(light.angle / 2) ** 2 if light.type == "SUN" else light.radius for light in lights],
+            np.array([sized.size(light) ** 2 if light.type == "SUN" else light.radius for light in lights],
                      np.float64),
             np.array([_limits(light) for light in lights], np.float64).reshape(-1, 2),
             _rows([radiance(light) for light in lights]))

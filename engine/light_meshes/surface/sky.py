@@ -99,7 +99,7 @@ class Sky:
         if not self._program.sees(*BY_DIRECTION):
             self._color = self.seen(np.array([[0.0, 0.0, 1.0]]))[0]
             return
-        lights = scene.settings.gathers and scene.settings.world_light == "SKY"
+        lights = scene.settings.by_sky
         if not lights and scene.settings.ambient == 0:
             self._color = np.zeros(3)
             return
@@ -127,4 +127,4 @@ def _key(scene: Scene, textures: Sequence[Texture | None], camera: Camera) -> tu
     s = scene.settings
     seen = (camera.matrix.tobytes(), camera.window, camera.perspective) if scene.world.sees_camera() else None
     images = [(t := textures[i]) and t.key for i in sorted(scene.world.images())]
-    return scene.world, images, seen, s.gathers and s.world_light == "SKY", s.ambient == 0
+    return scene.world, images, seen, s.by_sky, s.ambient == 0
