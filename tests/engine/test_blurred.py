@@ -44,6 +44,13 @@ def test_in_a_white_world_nothing_is_seen(roughness, cosine):
     assert one_pixel(tinted, cosine, mode="RAY_CASTING") == pytest.approx(one_pixel(tinted, cosine), abs=0.025)
 
 
+def test_ambient_counts_only_where_the_world_is_ambient_light():
+    """Without rays a metal reflects the world; with the sky as light, as much of it as there is."""
+    metals = [one_pixel(metal(roughness=0.3), 0.5, mode="RAY_CASTING", **values) for values in (
+        {}, {"world_light": "SKY", "ambient": 0.0}, {"ambient": 0.0})]
+    assert metals[0].all() and np.array_equal(metals[0], metals[1]) and not metals[2].any()
+
+
 def reflected(roughness, cosine, low, count=400):
     """Which share of a rough mirror's reflection comes from where x < low·z, by a grid of facets."""
     a = roughness**2

@@ -84,7 +84,9 @@ def _around(ready: Prepared, hits: Hits, direction: NDArray) -> NDArray[np.float
         return ready.lighting.everywhere(hits, lambda: None).light
     turned = np.empty_like(hits.P)
     shading.mirrored(direction, hits.Ng, hits.Ns, turned)
-    return ready.scene.settings.ambient * np.broadcast_to(ready.world.sky.light(turned), turned.shape)
+    settings = ready.scene.settings
+    ambient = 1.0 if settings.by_sky else settings.ambient
+    return ambient * np.broadcast_to(ready.world.sky.light(turned), turned.shape)
 
 
 def _once_more(rays: Rays) -> Rays:
