@@ -79,7 +79,7 @@ def emitting(bare: World) -> Emitting:
     material = s.materials[s.source]
     triangle = np.flatnonzero(gives[material])
     lights = np.array([o.visible_diffuse for o in scene.objects], np.bool_)
-    triangle = triangle[lights[bare.owner(triangle)]]
+    triangle = triangle[lights[bare.owner(triangle.astype(np.int32))]]
     corners = s.vertices[s.triangles[triangle]].astype(np.float64) * s.scale + s.centre
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     double = np.linalg.norm(cross, axis=1)
