@@ -62,11 +62,10 @@ class Gatherer:
         self._field, self._finest = field, finest
         s = field.grids.surfaces
         material = s.materials[s.source]
-        m = field.scene.materials
-        clear = np.array([x.alpha < 1 or x.alpha_image >= 0 or any(x.kt) for x in m], np.bool_)
-        self._clear = clear[material] if field.glass.transparent else None
+        passes = field.glass.passes
+        self._clear = passes if field.glass.transparent else None
         every = np.ones(len(material), np.bool_)
-        self.solid = np.append(closed(s, every) & ~clear[material], False)  # (T+1,) of closed meshes; the last: no hit
+        self.solid = np.append(closed(s, every) & ~passes, False)  # (T+1,) of closed meshes; the last: no hit
         self.for_small = np.stack([self._stand_ins(material, finest * 2.0**i) for i in range(STEPS)])
 
     def _stand_ins(self, material: NDArray, size: float) -> NDArray[np.int32]:

@@ -48,7 +48,8 @@ class Interfaces:
         cut = (self._alpha < 1) | (self._image >= 0)
         passes = cut | (self._kt > 0).any(1)
         shadow = np.array([x.transparent_shadow for x in m], np.bool_)
-        self.lets_through = (passes & shadow)[material]  # (T,) whether shadow rays pass
+        self.passes = passes[material]  # (T,) whether rays pass, all or in part
+        self.lets_through = self.passes & shadow[material]  # (T,) whether shadow rays do
         # A body of index 1 is air if there is glass of lower priority around it. Otherwise it is no medium; Transparent
         # BSDFs are like this.
         least = self._priority[self._ior != 1].min(initial=np.iinfo(np.int32).max)
@@ -66,8 +67,8 @@ class Interfaces:
         owner = scene.geometry.instance_object[surfaces.instance]
         self._in_shadow_paths = self.lets_through & (casts[owner] if len(owner) else False)
         self.bends_shadows = bool((self._in_shadow_paths & self.bending).any())
-        self.stacks = stacks(surfaces, passes[material], self.bending)
-        self.transparent = bool(passes[material].any())
+        self.stacks = stacks(surfaces, self.passes, self.bending)
+        self.transparent = bool(self.passes.any())
         self.cutouts = bool(cut[material].any())
         self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())
 
