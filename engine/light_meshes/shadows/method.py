@@ -33,6 +33,14 @@ Check = Callable[[], None]  # raises if the render was cancelled
 Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
 
 
+class Facet(NamedTuple):
+    """Where on the mesh receivers stand that are lifted above it (`terminator`)."""
+
+    P: NDArray[np.float64]  # (n,3) world
+    N: NDArray[np.float64]  # (n,3) unit: the geometric normal there, on the visible side
+    triangle: NDArray[np.int32]  # (n,)
+
+
 class Receivers(NamedTuple):
     """A batch of points that are lit, and the lights that are asked about at each point."""
 
@@ -44,6 +52,7 @@ class Receivers(NamedTuple):
     lift: Lift | None = None  # where light grazes smooth surfaces, rays start above their facets; None: nowhere
     # (n,W) bits that the method sets of lights whose S may change within less than r; None: nobody wants to know
     narrow: NDArray[np.uint64] | None = None
+    facet: Facet | None = None  # of receivers that are lifted above the mesh; None: they are on it, or it is not known
 
     def normals(self) -> NDArray[np.float64]:
         """Return N; only for receivers that are on surfaces."""
@@ -57,7 +66,8 @@ class Receivers(NamedTuple):
             return self._replace(lift=None, narrow=None)
         P, N, active, triangle = (None if a is None else taken(a, rows) for a in self[:4])
         assert P is not None and active is not None
-        return Receivers(P, N, active, triangle)
+        facet = None if self.facet is None else Facet._make(taken(a, rows) for a in self.facet)
+        return Receivers(P, N, active, triangle, facet=facet)
 
 
 class Nodes(Protocol):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.tracer import points
+from ..support.native import needs_memory
 from ..support.rows import taken
 from . import pairs
 from .casters import union
@@ -18,7 +19,7 @@ from .meshes.certificate import MARGIN
 from .meshes.lattice import candidates
 from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
-from .method import Check, LatticeSetup, Method, Nodes, Receivers, Setup
+from .method import Check, Facet, LatticeSetup, Method, Nodes, Receivers, Setup
 from .pairs import PAIRS
 from .sharp import dim, sharp
 from .terminator import merge, split
@@ -75,7 +76,7 @@ class LightMeshes(Method):
         lifted = None
         if at.lift is not None:
             lifted = np.zeros_like(soft)
-            split(*at.lift, at.P, at.N, *self._targets, soft, lifted)
+            needs_memory(split(*at.lift, at.P, at.N, *self._targets, soft, lifted))
         self._ask(at._replace(active=soft), S, check, probe)
         if lifted is not None and lifted.any():
             self._ask_above(at, lifted, soft, S, check, probe)
@@ -109,7 +110,8 @@ class LightMeshes(Method):
         work = None if probe is None else np.zeros((len(rows), probe.shape[1]))
         places = taken(at.P, rows) + taken(lift.above, rows)
         only = None if probe is None else ~soft[rows].any(1)
-        self._ask(Receivers(places, taken(lift.side, rows), answered), above, check, work)
+        facet = None if at.triangle is None else Facet(*(taken(a, rows) for a in (at.P, at.normals(), at.triangle)))
+        self._ask(Receivers(places, taken(lift.side, rows), answered, facet=facet), above, check, work)
         merge(*lift, at.P, at.N, *self._targets, rows, lifted, answered, above, soft, S)
         if probe is not None and work is not None and only is not None:
             probe[rows[only]] = work[only]
@@ -152,10 +154,13 @@ class LightMeshes(Method):
         if self._uniform_skip:
             with self._stats.stage("uniform skip"):
                 self._agree(at, near)
-        if self._holds is not None and at.triangle is not None:
+        on = at.facet or (None if at.triangle is None else Facet(at.P, at.normals(), at.triangle))
+        if self._holds is not None and on is not None:
             with self._stats.stage("certificate"):
-                holds = self._holds(at.P, at.normals(), at.triangle)
-                spared = averaging.certify(near.start, near.candidate, holds, near.uniform, at.P, at.N, near.position,
+                holds = self._holds(at.P, on.N, on.triangle)
+                if at.facet is not None:
+                    averaging.free_start(at.P, at.normals(), on.P, on.N, self._margin, holds)
+                spared = averaging.certify(near.start, near.candidate, holds, near.uniform, on.P, on.N, near.position,
                                            self._margin, near.seen)
                 self._stats.add(certified=int(np.count_nonzero(holds)), spared_rays=spared)
 

@@ -1,4 +1,7 @@
 /* Lifts receivers on smooth surfaces that are made of facets (terminator.py). */
+#include <stdlib.h>
+
+#include "four.h"
 #include "targets.h"
 
 /* Returns N·(a − b). */
@@ -115,6 +118,41 @@ static f64 amount(const Lifts *l, i64 p, i64 i) {
     return clamped(most, 0.0, 1.0);
 }
 
+/* The lights' positions, x of all, then y, then z, then 1, or 0 for directional ones: (4, 64·W), the last lights 0. */
+typedef struct {
+    i64 W;
+    f64 *xyz, *places;
+} Columns;
+
+/* Returns whether there is memory for them. */
+static int columns_of(const Targets *t, i64 L, Columns *c) {
+    i64 n = 64 * ((L + 63) / 64);
+    c->W = n / 64, c->xyz = calloc((size_t)(4 * n + 1), sizeof *c->xyz), c->places = c->xyz + 3 * n;
+    if (!c->xyz) return 0;
+    for (i64 i = 0; i < L; i++) {
+        for (int j = 0; j < 3; j++) c->xyz[j * n + i] = t->position[3 * i + j];
+        c->places[i] = t->directional[i] ? 0.0 : 1.0;
+    }
+    return 1;
+}
+
+/* Returns the lights of word w for which `amount` at receiver p may be above 0: all but those for which its first test
+   says that both cosines are above the cutoff. */
+static u64 grazed(const Lifts *l, const Columns *c, i64 p, i64 w) {
+    const f64 *P = l->P + 3 * p, *N = l->N + 3 * p, *side = l->side + 3 * p;
+    const f64 *x = c->xyz + 64 * w, *y = x + 64 * c->W, *z = y + 64 * c->W, *place = c->places + 64 * w;
+    f64 beyond = l->cutoff[p] * l->cutoff[p];
+    u64 clear = 0;
+    for (int i = 0; i < 64; i += 4) {
+        Four here = four_of(place + i);
+        Four d0 = four_of(x + i) - here * P[0], d1 = four_of(y + i) - here * P[1], d2 = four_of(z + i) - here * P[2];
+        Four most = beyond * (d0 * d0 + d1 * d1 + d2 * d2) * 1.000001;
+        Four toward = d0 * N[0] + d1 * N[1] + d2 * N[2], over = d0 * side[0] + d1 * side[1] + d2 * side[2];
+        clear |= (u64)bits_of((toward > 0.0) & (over > 0.0) & (toward * toward > most) & (over * over > most)) << i;
+    }
+    return ~clear;
+}
+
 /* Returns whether receiver p may be lifted for some point of light i, none of which is further than `size` from its
    middle. */
 static int may_lift(const Lifts *l, i64 p, i64 i, f64 size) {
@@ -126,21 +164,29 @@ static int may_lift(const Lifts *l, i64 p, i64 i, f64 size) {
     return (toward < over ? toward : over) - size < cutoff * (sqrt(dot(way, way)) + size);
 }
 
-/* Lists the receivers that some active light lifts, or some point of it; returns how many. size: see `may_lift`. */
+/* Lists the receivers that some active light lifts, or some point of it; returns how many, −1 if there is not enough
+   memory. size: see `may_lift`. */
 KERNEL(terminator_grazing, LIFT "size f64[L]  active u64[n,W]  rows i64[n]!")
 i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                        const f64 *N, const f64 *position, const u8 *directional, const f64 *size, const u64 *active,
                        i64 *rows) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
-    i64 count = 0;
-    (void)above, (void)L;
+    Columns columns;
+    i64 count = 0, sized = 0;
+    (void)above;
+    if (!columns_of(&lifts.targets, L, &columns)) return -1;
+    for (i64 i = 0; i < L; i++) sized += size[i] > 0.0;
     for (i64 p = 0; p < n; p++) {
         int some = 0;
-        for (i64 w = 0; cutoff[p] > 0.0 && w < W && !some; w++)
-            for (u64 left = active[p * W + w]; left && !some; left &= left - 1)
+        for (i64 w = 0; cutoff[p] > 0.0 && w < W && !some; w++) {
+            u64 left = active[p * W + w];
+            if (left && !sized) left &= grazed(&lifts, &columns, p, w);
+            for (; left && !some; left &= left - 1)
                 some = may_lift(&lifts, p, 64 * w + lowest(left), size[64 * w + lowest(left)]);
+        }
         if (some) rows[count++] = p;
     }
+    free(columns.xyz);
     return count;
 }
 
@@ -176,20 +222,27 @@ i64 terminator_touched(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, c
     return 0;
 }
 
-/* Moves lights from soft to lifted where P is fully lifted. Where P is partly lifted they are in both. */
+/* Moves lights from soft to lifted where P is fully lifted. Where P is partly lifted they are in both. Returns 1 if
+   there is not enough memory. */
 KERNEL(terminator_split, LIFT "soft u64[n,W]!  lifted u64[n,W]!")
 i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                      const f64 *N, const f64 *position, const u8 *directional, u64 *soft, u64 *lifted) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
-    (void)above, (void)L;
+    Columns columns;
+    (void)above;
+    if (!columns_of(&lifts.targets, L, &columns)) return 1;
     for (i64 p = 0; p < n; p++)
-        for (i64 w = 0; cutoff[p] > 0.0 && w < W; w++)
-            for (u64 left = soft[p * W + w]; left; left &= left - 1) {
+        for (i64 w = 0; cutoff[p] > 0.0 && w < W; w++) {
+            u64 left = soft[p * W + w];
+            if (left) left &= grazed(&lifts, &columns, p, w);
+            for (; left; left &= left - 1) {
                 i64 i = 64 * w + lowest(left);
                 f64 share = amount(&lifts, p, i);
                 if (share > 0.0) set_bit(lifted + p * W, i);
                 if (share == 1.0) clear_bit(soft + p * W, i);
             }
+        }
+    free(columns.xyz);
     return 0;
 }
 

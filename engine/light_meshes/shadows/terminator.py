@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..rays.geometry import Hits, Surfaces
 from ..rays.tracer import Targets
 from ..scene.description import Scene
-from ..support.native import kernel
+from ..support.native import kernel, needs_memory
 from ..support.rows import taken, where
 from .lamp_points import reaches, shapes
 
@@ -73,7 +73,9 @@ class Terminator:
         closest: traces, as `World.closest`.
         """
         rows = np.empty(len(hits.P), np.int64)
-        rows = rows[:_grazing(*lift, hits.P, hits.Ng, *targets, self._size, active, rows)]
+        count = _grazing(*lift, hits.P, hits.Ng, *targets, self._size, active, rows)
+        needs_memory(int(count < 0))
+        rows = rows[:count]
         length = np.sqrt((taken(lift.above, rows) ** 2).sum(1))
         some = where(length > 0)
         rows, length = rows.take(some), length.take(some)

@@ -44,6 +44,19 @@ i64 psi_agreement(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, const i64 *start, co
     return 0;
 }
 
+/* Keeps the mark `holds` of receivers P that are lifted above the plane of their facet, through foot with normal `up`,
+   only where their rays start as far above it as those of other receivers: half of `margin`. Rays start by so much along
+   N. */
+KERNEL(psi_free_start, "P f64[n,3]  N f64[n,3]  foot f64[n,3]  up f64[n,3]  margin f64  holds bool[n]!")
+i64 psi_free_start(i64 n, const f64 *P, const f64 *N, const f64 *foot, const f64 *up, f64 margin, u8 *holds) {
+    for (i64 p = 0; p < n; p++) {
+        f64 above = 0.0;
+        for (i64 j = 3 * p; j < 3 * p + 3; j++) above += (P[j] - foot[j] + 0.5 * margin * N[j]) * up[j];
+        holds[p] &= above >= 0.5 * margin;
+    }
+    return 0;
+}
+
 /* Marks candidates of receivers with a certificate as seen: those more than `margin` above P's plane. Returns how
    many. For a uniform receiver only the first is marked, because no more are needed. */
 KERNEL(psi_certify,

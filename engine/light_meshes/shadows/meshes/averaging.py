@@ -18,6 +18,7 @@ from ...support.native import kernel, needs_memory
 VARIANCE = {"UNIFORM": 1 / 5, "SMOOTH": 1 / 7}
 
 ask, agreement, certify = kernel("psi_ask"), kernel("psi_agreement"), kernel("psi_certify")
+free_start = kernel("psi_free_start")
 witnesses, ends, _answered, _sizes = (kernel(f"psi_{name}") for name in ("witnesses", "ends", "answered", "sizes"))
 _listed, _mean, _smooth_mean = kernel("psi_listed"), kernel("psi_mean"), kernel("psi_smooth_mean")
 

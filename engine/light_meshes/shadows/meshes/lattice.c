@@ -1,7 +1,7 @@
 /* Finds the nodes near receivers: steps 1 and 2 of Ψ, as described in lattice.py. */
 #include <stdlib.h>
 
-#include "native.h"
+#include "four.h"
 
 KERNEL(lattice_positions, "h f64  rotation f64[3,3]  origin f64[3]  nodes i32[n,3]  out f64[n,3]!")
 i64 lattice_positions(i64 n, f64 h, const f64 *R, const f64 *origin, const i32 *nodes, f64 *out) {
@@ -45,24 +45,6 @@ static void by_ring(i64 rings, const i64 *start, i64 count, const i32 *ring, i32
     memcpy(unsorted, candidate, (size_t)count * sizeof *candidate);
     for (i64 g = 0; g < rings; g++) place[g] = start[g] - start[0];
     for (i64 c = 0; c < count; c++) candidate[place[ring[c]]++] = unsorted[c];
-}
-
-typedef f64 Four __attribute__((vector_size(32)));
-typedef i64 FourTests __attribute__((vector_size(32)));
-
-static inline Four four_of(const f64 *x) {
-    Four v;
-    memcpy(&v, x, sizeof v);
-    return v;
-}
-
-/* Which of four tests are true, as bits. */
-static inline u32 bits_of(FourTests t) {
-#ifdef __AVX__
-    return (u32)__builtin_ia32_movmskpd256((Four)t);
-#else
-    return (u32)((t[0] & 1) | (t[1] & 2) | (t[2] & 4) | (t[3] & 8));
-#endif
 }
 
 static const i32 WHICH[16][4] = {{0}, {0}, {1}, {0, 1}, {2}, {0, 2}, {1, 2}, {0, 1, 2},
