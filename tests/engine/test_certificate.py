@@ -9,6 +9,7 @@ from light_meshes import Camera, Mesh, Scene, Shape, box, cylinder, rectangle, s
 from light_meshes.picture.plan import forced
 from light_meshes.picture.render import prepare, render_image
 from light_meshes.rays.tracer import points
+from light_meshes.shadows.meshes import averaging
 from light_meshes.shadows.meshes.certificate import MARGIN
 from light_meshes.shadows.meshes.lattice import candidates
 from light_meshes.support import processors
@@ -111,6 +112,21 @@ def test_lights_with_radii_of_their_own(radii):
                    for light, r in zip(scene.lights, radii, strict=True))
     on, off = both(replace(scene, lights=lights))
     assert on["short_rays"] < off["short_rays"]
+
+
+@pytest.mark.parametrize("seed", [None, 1, 2])
+@pytest.mark.parametrize("shape", ["ball", "coarse ball", "smooth cylinder"])
+def test_receivers_above_their_facets_have_one_too(shape, seed, monkeypatch):
+    scene, kept = scene_of({**SHAPES, "smooth cylinder": cylinder(0.6, -0.7, 0.7, 9, smooth=True)}[shape], seed), []
+
+    def counted(*given, free_start=averaging.free_start):
+        free_start(*given)
+        kept.append(given[-1].sum())
+
+    monkeypatch.setattr(averaging, "free_start", counted)
+    objects = tuple(replace(o, shadow_terminator_geometry_offset=0.5) for o in scene.objects)
+    on, off = both(replace(scene, objects=objects))
+    assert sum(kept) > 20 and on["short_rays"] < off["short_rays"]
 
 
 @pytest.mark.parametrize("glass", ["BOUNDED", "PAPER"])
