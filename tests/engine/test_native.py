@@ -67,9 +67,15 @@ P = np.zeros((4, 3))
     ((P, P, P, None), TypeError, "NoneType"),
     ((P, P, P, "out"), TypeError, "str"),
 ])
-def test_a_wrong_call_is_an_error(arguments, error, says):
+@pytest.mark.parametrize("calls", [0, native.SEVERAL])
+def test_a_wrong_call_is_an_error(arguments, error, says, calls):
+    """Also after some right ones, when the checks are compiled."""
+    kernel = native.kernel("shading_mirrored")
+    for _ in range(calls):
+        kernel(P, P, P, P.copy())
+    assert (kernel.fast == kernel._first) == (calls == 0)
     with pytest.raises(error, match=says):
-        native.kernel("shading_mirrored")(*arguments)
+        kernel(*arguments)
 
 
 def test_an_unknown_kernel_is_an_error():

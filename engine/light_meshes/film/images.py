@@ -6,14 +6,15 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from ..scene.description import IDENTITY, RGB, Scene
 from ..scene.errors import SceneError
 from ..support import scratch
+from ..support.oiio import oiio
 from .passes import letters
 
 # From the linear light of Rec.709 to CIE XYZ.
@@ -119,7 +120,7 @@ def write(frame: Framebuffer, path: Path, to_rec709: tuple[RGB, RGB, RGB] = IDEN
         raise SceneError(f"{path} cannot be written: {e.strerror}") from e
 
 
-def _write_file(new: Path, spec: oiio.ImageSpec, pixels: NDArray, path: Path) -> None:
+def _write_file(new: Path, spec: Any, pixels: NDArray, path: Path) -> None:
     """Write the file `new`, which will be renamed to `path`."""
     name = utf8(new)
     out = oiio.ImageOutput.create(name)

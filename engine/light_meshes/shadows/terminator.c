@@ -1,7 +1,7 @@
 /* Lifts receivers on smooth surfaces that are made of facets (terminator.py). */
 #include <stdlib.h>
 
-#include "four.h"
+#include "../support/four.h"
 #include "targets.h"
 
 /* Returns N·(a − b). */

@@ -56,6 +56,7 @@ def _open(level: str) -> ctypes.CDLL:
 _LIBRARY = _load()
 
 _DATA = object.__basicsize__  # where an array's address stands in it (PyArrayObject.data, numpy's C interface)
+SEVERAL = 8  # calls after which a kernel's checks are compiled
 _NEEDED, _WRITTEN = 0x101, 0x501  # of flags.num: contiguous and aligned; writable, too
 
 
@@ -84,7 +85,17 @@ class Kernel:
         scalars = [_SCALARS[kind][0] if shape is None else ctypes.c_void_p for _, kind, shape, *_ in self._arguments]
         self._call.argtypes = [ctypes.c_int64] * len(self._lengths) + scalars
         self._call.restype = ctypes.c_int64
-        self.fast = self._compiled() if _knows_arrays() else self.checked
+        self._calls = 0
+        self.fast = self._first
+
+    def _first(self, *arguments: Any) -> int:
+        """Do the same as `checked`, until there have been so many calls that it pays to compile the checks: a process
+        that renders one small picture would else compile for longer than it renders.
+        """
+        self._calls = calls = self._calls + 1
+        if calls >= SEVERAL:
+            self.fast = self._compiled() if _knows_arrays() else self.checked
+        return self.checked(*arguments)
 
     def of(self, *first: Any) -> Any:
         """Return a function that calls the kernel with these first arguments, which are checked once, here.

@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from ..scene.description import COLORSPACES, IDENTITY, Image, Scene
 from ..scene.errors import SceneError
 from ..support.native import kernel
+from ..support.oiio import oiio
 
 _EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
-_KINDS = {oiio.UINT8: np.uint8, oiio.UINT16: np.uint16}  # kept as they are; all others become float32
 _LOOK = {np.dtype(kind): kernel(f"textures_look_{name}")
          for kind, name in ((np.uint8, "u8"), (np.uint16, "u16"), (np.float32, "f32"))}
 _SYSTEM = ("/proc", "/sys", "/dev")  # files there are not real files
@@ -220,7 +219,8 @@ def _layout(image: Image, spec: Any, alpha: bool) -> Layout:
     divided = not straight and of_alpha >= 0 and (
         image.alpha == "STRAIGHT" or (image.alpha == "MULTIPLIED" and (
             converts or (image.colorspace == "sRGB" and image.matrix != IDENTITY))))
-    kind = np.float32 if converts or divided else _KINDS.get(spec.format.basetype, np.float32)
+    kind = np.float32 if converts or divided else {  # these are kept as they are
+        oiio.UINT8: np.uint8, oiio.UINT16: np.uint16}.get(spec.format.basetype, np.float32)
     return Layout(spec.width, spec.height, kind, first, colours, of_alpha if wanted else -1, straight, divided)
 
 

@@ -1,7 +1,7 @@
 /* Finds the nodes near receivers: steps 1 and 2 of Ψ, as described in lattice.py. */
 #include <stdlib.h>
 
-#include "four.h"
+#include "../../support/four.h"
 
 KERNEL(lattice_positions, "h f64  rotation f64[3,3]  origin f64[3]  nodes i32[n,3]  out f64[n,3]!")
 i64 lattice_positions(i64 n, f64 h, const f64 *R, const f64 *origin, const i32 *nodes, f64 *out) {
