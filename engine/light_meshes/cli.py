@@ -111,7 +111,9 @@ def _parser() -> argparse.ArgumentParser:
                        help="for table.txt, results.json and figures (default: %(default)s)")
     bench.add_argument("--quick", action="store_true", help="small pictures and few of them: about two minutes")
     bench.add_argument("--only", metavar="PART,…", help="S3, S5, S7, S8, cycles, errors, growth, rates, embree, "
-                       "process, threads, decisions; or figures, from the results that FOLDER has")
+                       "process, threads, decisions, release; or figures, from the results that FOLDER has")
+    bench.add_argument("--release", metavar="PYTHON", default="",
+                       help="the Python of an environment with an earlier release, to render the same frames with")
     bench.add_argument("--debug", action="store_true", help="show tracebacks")
     bench.set_defaults(run=_bench)
     _add_contest(commands)
@@ -289,7 +291,7 @@ def _bench(arguments: argparse.Namespace) -> None:
     parts = arguments.only.split(",") if arguments.only else runs.QUICK_PARTS if arguments.quick else runs.PARTS
     if unknown := sorted({*parts} - {*runs.PARTS, "figures"}):
         raise UsageError(f"--only: there is no part '{unknown[0]}'; there are {', '.join(runs.PARTS)} and figures")
-    command.run(arguments.out, arguments.quick, [p for p in parts if p != "figures"])
+    command.run(arguments.out, arguments.quick, [p for p in parts if p != "figures"], arguments.release)
 
 
 def _contest(arguments: argparse.Namespace) -> None:

@@ -11,14 +11,16 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import light_meshes
 import numpy as np
 import pytest
 from light_meshes import Camera, Scene, Shape, box, cylinder, rectangle
-from light_meshes.bench import command, decisions, errors, judge, plots, rates, runs, scenes, targets, threads
+from light_meshes.bench import command, decisions, errors, judge, plots, rates, release, runs, scenes, targets, threads
 from light_meshes.bench.embree import ShadowRays
 from light_meshes.picture.plan import forced
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Light, Material
+from light_meshes.scene.errors import SceneError
 from profiles import QUANTISATION, half_ball
 from scenes import edge, four_lights, hall, settings, with_lights
 
@@ -127,6 +129,30 @@ def test_threads_have_their_targets():
         "preparing": busy | {"triangles": 2_000_000, "without_lamps": 0.0}}))}
     reached = [r["reached"] for what, r in found.items() if "lock" in what or "triangles" in what]
     assert reached == [True, False, True, False, True]
+
+
+@needs_blender
+def test_releases_are_compared_frame_by_frame():
+    """This one with itself, and with what is no release."""
+    said = []
+    found = release.table(sys.executable, 24, 1, said.append, [("S7", 4)])
+    (one,) = found["rows"]
+    assert found["versions"] == [light_meshes.__version__] * 2 and one["title"] == "S7, 4 lights" and len(said) == 1
+    assert 0.05 < one["seconds"] < 20 and 0.05 < one["cpu"] < 20
+    with pytest.raises(SceneError, match="ended"):
+        release.table(str(shutil.which("true")), 24, 1, said.append)
+    with pytest.raises(SceneError, match="cannot be started"):
+        release.table("/no/python", 24, 1, said.append)
+
+
+def test_releases_have_their_targets():
+    rows = [{"title": "S3, 1 light", "seconds": 0.84, "cpu": 0.8},
+            {"title": "S7, 16 lights", "seconds": 0.9, "cpu": 1.0}]
+    found = [r for r in targets.targets(results(release={"versions": ["0.1.0", "0.2.0"], "rows": rows}))
+             if "0.1.0" in r["what"]]
+    assert [r["reached"] for r in found] == [True, False]
+    (missing,) = [r for r in targets.targets(results()) if "release" in r["what"]]
+    assert missing["measured"] is None and missing["reached"] is None
 
 
 def results(**more):

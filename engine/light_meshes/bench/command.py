@@ -16,8 +16,8 @@ from .runs import FORMAT, QUICK, Effort, bench
 from .targets import targets
 
 
-def run(folder: Path, quick: bool, parts: Sequence[str]) -> None:
-    """Measure, write the results into `folder` after each part, and print the tables.
+def run(folder: Path, quick: bool, parts: Sequence[str], release: str = "") -> None:
+    """Measure, write the results into `folder` after each part, and print the tables. `release`: see `runs.bench`.
 
     Without parts nothing is measured: the tables and figures are made again from the results in `folder`.
     """
@@ -33,7 +33,7 @@ def run(folder: Path, quick: bool, parts: Sequence[str]) -> None:
     if not plots.available():
         say(plots.MISSING)
     if parts:
-        results = bench(QUICK if quick else Effort(), parts, say, keep)
+        results = bench(QUICK if quick else Effort(), parts, say, keep, release)
     else:
         results = read(folder)
     console.say(write(results, folder, results.get("quick", quick)))

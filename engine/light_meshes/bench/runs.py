@@ -21,14 +21,15 @@ from typing import Any
 from ..picture.render import render_image
 from ..scene import snapshot
 from ..scene.description import Scene
-from . import decisions, errors, rates, scenes, threads
+from . import decisions, errors, rates, release, scenes, threads
 from .blender import Cycles
 from .embree import ShadowRays
 from .measure import DENOISED, LAMP_SHAPE, NOT_SHADOWS, Measurement, Method, Say, in_turn
 from .scenes import Case
 
 SCENES = tuple(scenes.FILES)
-PARTS = (*SCENES, "cycles", "errors", "growth", "rates", "embree", "process", "threads", "decisions")
+PARTS = (*SCENES, "cycles", "errors", "growth", "rates", "embree", "process", "threads", "decisions",
+         "release")
 FORMAT = "light-meshes benchmark"
 
 
@@ -64,14 +65,14 @@ SHARES = {"S3": 0.12, "S5": 0.08, "S7": 0.5, "S8": 0.08, "growth": 0.1, "embree"
 class Bench:
     """One run of the benchmark; `results` is the content of results.json."""
 
-    def __init__(self, effort: Effort, parts: Sequence[str], folder: Path, say: Say) -> None:
-        """`folder` is for exported scenes, which are needed as long as this object lives."""
-        self.effort, self.parts, self._folder, self._say = effort, parts, folder, say
+    def __init__(self, effort: Effort, parts: Sequence[str], folder: Path, say: Say, release: str = "") -> None:
+        """`folder` is for exported scenes, which are needed as long as this object lives. release: see `bench`."""
+        self.effort, self.parts, self._folder, self._say, self._release = effort, parts, folder, say, release
         self._loaded: dict[str, Scene] = {}
         self.results: dict[str, Any] = {
             "format": FORMAT, "version": 1, "machine": machine(), "effort": dataclasses.asdict(effort),
             "parts": list(parts), "scenes": [], "times": [], "errors": [], "growth": [], "rates": [], "embree": None,
-            "process": None, "threads": None, "decisions": [], "notes": []}
+            "process": None, "threads": None, "decisions": [], "release": None, "notes": []}
         self.threads = os.cpu_count() or 1
 
     def run(self, keep: Callable[[], None] = lambda: None) -> None:
@@ -98,6 +99,8 @@ class Bench:
                     self._process()
                 elif part == "threads":
                     self._threads()
+                elif part == "release" and self._release:
+                    self.results["release"] = release.table(self._release, self.effort.size, 4, self._say)
                 elif part == "decisions":
                     self._say("decisions of the plan")
                     many, glass, still = (scenes.sized(s, self.effort.size // 2, samples=1) for s in (
@@ -294,9 +297,12 @@ def machine() -> dict[str, Any]:
             "Python": platform.python_version(), **packages, "when": time.strftime("%Y-%m-%d %H:%M:%S")}
 
 
-def bench(effort: Effort, parts: Sequence[str], say: Say, keep: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
-    """Run the parts. `keep` gets the results after each of them, complete or not."""
+def bench(effort: Effort, parts: Sequence[str], say: Say, keep: Callable[[dict[str, Any]], None],
+          release: str = "") -> dict[str, Any]:
+    """Run the parts. `keep` gets the results after each of them, complete or not. `release`: the Python that has an
+    earlier release, for the part of that name; "" skips that part.
+    """
     with tempfile.TemporaryDirectory(prefix="light-meshes-") as folder:
-        made = Bench(effort, parts, Path(folder), say)
+        made = Bench(effort, parts, Path(folder), say, release)
         made.run(lambda: keep(made.results))
         return made.results

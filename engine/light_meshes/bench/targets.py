@@ -42,7 +42,16 @@ def targets(results: dict[str, Any]) -> Rows:
     process = results["process"]
     rows.append(_row("first render of a process over its later ones, seconds",
                      process and process["first"] - process["later"], 0.5))
-    return rows + _threads(results.get("threads")) + _rates(results.get("rates", []))
+    return rows + _threads(results.get("threads")) + _release(results.get("release")) + _rates(results.get("rates", []))
+
+
+def _release(found: dict[str, Any] | None) -> Rows:
+    """The targets of this release's frames against those of an earlier one."""
+    if found is None:
+        return [_row("frame / that of the release before, S3 and S7, 4 samples a pixel", None, 0.85,
+                     remark="light-meshes bench --release PYTHON")]
+    return [_row(f"frame / that of {found['versions'][0]}, {row['title']}, 4 samples a pixel", row["seconds"], 0.85,
+                 remark=f"CPU time: {row['cpu']:.3g}") for row in found["rows"]]
 
 
 def _threads(threads: dict[str, Any] | None) -> Rows:
