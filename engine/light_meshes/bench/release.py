@@ -110,5 +110,5 @@ def table(python: str, size: int, samples: int, say: Say,
                          for kind in (0, 1))
             title = f"{name}, {lights or 1} light{'s' * ((lights or 1) > 1)}"
             rows.append({"title": title, "seconds": wall, "cpu": cpu})
-            say(f"{title}, {size}², {samples} a pixel: {wall:.2f} of the time of {both[0].version}, of CPU time {cpu:.2f}")
+            say(f"{title}, {size}², {samples} a pixel: {wall:.2f} of the time of {both[0].version}, CPU {cpu:.2f}")
         return {"versions": [one.version for one in both], "rows": rows}

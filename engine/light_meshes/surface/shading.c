@@ -4,6 +4,7 @@
    vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
    inlined, so code that only other types need is removed. Lamps with a size have loops of their own: sized_block.h. */
 #include "shading_bounds.h"
+#include "shading_shares.h"
 
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
 static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
@@ -62,17 +63,6 @@ INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, cons
     }
 }
 
-/* Sets the light's bit for a whole block, of which `lit_of` knows so much. Returns whether that is all that there is to
-   know: not where a receiver has a highlight of Phong, which shines as well where the normal faces away. */
-static int mark_block(int lit, const Source *s, u64 own, u64 colour, u64 all, i64 unlit, const Block *b, u64 *bits) {
-    u64 facing = (s->diffuse ? colour : 0) | (s->glossy ? colour << 6 : 0);
-    if (lit == NONE_LIT) return 1;
-    if (lit == UNSURE_LIT || (all & PHONG && s->glossy && !unlit)) return 0;
-    for (int k = 0; k < SIDE; k++)
-        bits[k] |= unlit | ((lit == ALL_FACING) & ((b->returns[k] & facing) != 0)) ? own : 0;
-    return 1;
-}
-
 /* Fills active with the bits of the lights for which ξ_i·Ω_i ≠ 0. unlit: also sets the bits of lights that reach P
    (ξ_i·I_i·f_att ≠ 0) but from which the material reflects nothing; the shadow passes need these. */
 KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
@@ -81,17 +71,17 @@ i64 shading_reaching(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, i64 unlit, u64 *a
     Block block;
     materials.tables = 0;
     for (i64 first = 0; first < n; first += SIDE) {
-        u64 all = fill(&block, first, &materials, &hits);
-        Bounds flat = bounds_of(block.P, block.Ng), shaded = bounds_of(block.P, block.Ns);
+        fill(&block, first, &materials, &hits);
+        Whole whole = whole_of(&block);
         for (i64 w = 0; w < W; w++) {
-            u64 bits[SIDE] = {0};
+            u64 bits[SIDE] = {0}, every = 0;
             for (i64 i = 64 * w; i < L && i < 64 * w + 64; i++) {
                 Source s = source_of(&lights, i);
                 u64 colour = (u64)(s.colour[0] != 0.0) | (u64)(s.colour[1] != 0.0) << 1 | (u64)(s.colour[2] != 0.0) << 2;
-                if (!colour || mark_block(lit_of(&s, &flat, &shaded), &s, bit(i), colour, all, unlit != 0, &block, bits)) continue;
+                if (!colour || mark_whole(&s, bit(i), colour, unlit, &whole, &block, &every, bits)) continue;
                 FOR_KIND(mark, s.kind, &s, bit(i), colour, unlit != 0, &block, bits)
             }
-            for (i64 k = 0; k < SIDE && first + k < n; k++) active[(first + k) * W + w] = bits[k];
+            for (i64 k = 0; k < SIDE && first + k < n; k++) active[(first + k) * W + w] = bits[k] | every;
         }
     }
     return 0;
@@ -231,26 +221,6 @@ static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const i
     }
 }
 
-enum { AHEAD = 16 };  /* lights whose S is read together: a receiver has them side by side, in a line of memory or two */
-
-/* Loads S (n,L,C) of `count` receivers for AHEAD lights from `first` on, as far as there are any: channel c of light i at
-   C·i + c. The last receiver also fills places that are left over. Returns the bits of the lights of which some S is
-   not 0. */
-static u32 shares_of(const f32 *S, int count, i64 L, i64 first, i64 C, f32 (*out)[SIDE]) {
-    i64 width = C * (L - first < AHEAD ? L - first : AHEAD);
-    u32 some = 0;
-    for (int k = 0; k < SIDE; k++) {
-        const f32 *from = S + ((k < count ? k : count - 1) * L + first) * C;
-        for (i64 j = 0; j < width; j++) out[j][k] = from[j];
-    }
-    for (i64 j = 0; j < width; j++) {
-        u32 any = 0;  /* −0 and 0 are none */
-        for (int k = 0; k < SIDE; k++) any |= out[j][k] != 0.0f;
-        some |= any << (j / C);
-    }
-    return some;
-}
-
 /* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
    must be 0 where ξ_i·Ω_i is 0; this is not checked again. */
 KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
@@ -261,7 +231,7 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
     for (i64 first = 0; first < n; first += SIDE) {
         f64 share[3][SIDE], total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}}, power[SIDE];
         f32 ahead[3 * AHEAD][SIDE];
-        u32 some = 0;
+        u64 some = 0;
         u64 returns = fill(&block, first, &materials, &hits);
         int count = n - first < SIDE ? (int)(n - first) : SIDE;
         for (int k = 0; k < count; k++) power[k] = nShiny[material[first + k]];

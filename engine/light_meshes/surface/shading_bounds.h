@@ -43,18 +43,38 @@ static int side_of(const Bounds *b, const f64 *L, int place) {
     return !b->known ? 0 : low > rounding ? 1 : high < -rounding ? -1 : 0;
 }
 
-/* What is known of a light and a whole block. NONE_LIT: it is behind all surfaces. ALL_FACING: it is in front of all of
-   them, and nothing dims it to 0. NONE_FACING: likewise, but the shading normals turn away from it. */
-enum { UNSURE_LIT, NONE_LIT, ALL_FACING, NONE_FACING };
+/* A block as a whole: its `Bounds` by geometric and by shading normals, and the bits `returns` that any receiver has, and
+   that all have. */
+typedef struct {
+    Bounds flat, shaded;
+    u64 any, common;
+} Whole;
 
-/* Says so. flat, shaded: `Bounds` of the geometric and of the shading normals. */
-static int lit_of(const Source *s, const Bounds *flat, const Bounds *shaded) {
+static Whole whole_of(const Block *b) {
+    Whole w = {bounds_of(b->P, b->Ng), bounds_of(b->P, b->Ns), 0, ~(u64)0};
+    for (int k = 0; k < SIDE; k++) w.any |= b->returns[k], w.common &= b->returns[k];
+    return w;
+}
+
+/* Does what `mark` does (shading.c), but for all receivers of a block in one step, where they are all in front of the light
+   or all behind it. Returns 0 where that is not certain, or where more than the side counts: the cone of a spot, or a
+   highlight of Phong, which also shines where the shading normal faces away. every: bits of lights that all receivers
+   have. */
+static int mark_whole(const Source *s, u64 own, u64 colour, i64 unlit, const Whole *w, const Block *b, u64 *every, u64 *bits) {
     const int sun = s->kind == SUN;
     const f64 L[3] = {sun ? -s->u : s->x, sun ? -s->v : s->y, sun ? -s->w : s->z};
-    if (!sun && s->kind != POINT && s->kind != SPOT && s->kind != AREA) return UNSURE_LIT;
-    int above = side_of(flat, L, !sun);
-    if (above < 0) return NONE_LIT;
-    if (above == 0 || s->kind == SPOT || s->kind == AREA) return UNSURE_LIT;
-    int facing = side_of(shaded, L, !sun);
-    return facing > 0 ? ALL_FACING : facing < 0 ? NONE_FACING : UNSURE_LIT;
+    u64 facing = (s->diffuse ? colour : 0) | (s->glossy ? colour << 6 : 0);
+    if (!sun && s->kind != POINT && s->kind != SPOT && s->kind != AREA) return 0;
+    int above = side_of(&w->flat, L, !sun), front;
+    if (above < 0) return 1;
+    if (above == 0 || s->kind == SPOT || s->kind == AREA) return 0;
+    if (unlit) {
+        *every |= own;
+        return 1;
+    }
+    if ((w->any & PHONG && s->glossy) || !(front = side_of(&w->shaded, L, !sun))) return 0;
+    if (front > 0 && w->common & facing) *every |= own;
+    else
+        for (int k = 0; front > 0 && k < SIDE; k++) bits[k] |= b->returns[k] & facing ? own : 0;
+    return 1;
 }

@@ -173,6 +173,34 @@ static void spread(u64 lights, i64 w, i64 L, f32 *S) {
     for (i64 i = 0; i < count; i++) S[64 * w + i] += (f32)(lights >> i & 1);
 }
 
+enum { QUOTIENTS = 64, MANY = 6 };  /* nodes of which quotients stand ready; lights that are counted together */
+
+typedef u8 Bytes __attribute__((vector_size(32)));
+
+/* Adds `number of words of column in which the light's bit is set`/count to S for each of the first lights of a word that
+   is in `lights`. All 64 are counted together, a byte each. quotient: by that number. */
+static void add_shares(const u64 *column, i64 count, u64 lights, i64 left, const f32 *quotient, f32 *S) {
+    static const Bytes BITS = {1, 2, 4, 8, 16, 32, 64, 128, 1, 2, 4, 8, 16, 32, 64, 128,
+                               1, 2, 4, 8, 16, 32, 64, 128, 1, 2, 4, 8, 16, 32, 64, 128};
+    typedef u64 Words __attribute__((vector_size(32)));
+    Bytes low = {0}, high = {0};
+    u8 number[64];
+    for (i64 k = 0; k < count; k++) {
+        u64 word = column[k] & lights;
+        Bytes four = (Bytes)(Words){word, word, word, word};
+        Bytes a = __builtin_shufflevector(four, four, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1,
+                                          18, 18, 18, 18, 18, 18, 18, 18, 19, 19, 19, 19, 19, 19, 19, 19);
+        Bytes b = __builtin_shufflevector(four, four, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 5, 5, 5, 5, 5,
+                                          22, 22, 22, 22, 22, 22, 22, 22, 23, 23, 23, 23, 23, 23, 23, 23);
+        low -= (Bytes)((a & BITS) == BITS), high -= (Bytes)((b & BITS) == BITS);
+    }
+    memcpy(number, &low, sizeof low), memcpy(number + 32, &high, sizeof high);
+    if (left >= 64)
+        for (int i = 0; i < 64; i++) S[i] += quotient[number[i]];
+    else
+        for (int i = 0; i < left; i++) S[i] += quotient[number[i]];
+}
+
 /* Computes S[rows] = (number of kept nodes that see the light)/m, eq. (4). Returns 1 if there is not enough memory. */
 KERNEL(psi_mean,
        "start i64[n,s]  candidate i32[c]  kept bool[c]  uniform bool[n]  values u64[u,W]  soft u64[n,W]  "
@@ -188,6 +216,9 @@ i64 psi_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 L, i64 r, const i64 *
     }
     u64 *column = malloc((size_t)most * sizeof *column);
     if (!column) return 1;
+    f32 quotient[QUOTIENTS][QUOTIENTS];
+    for (int of = 1; of < QUOTIENTS; of++)
+        for (int number = 0; number <= of; number++) quotient[of][number] = (f32)((f64)number / of);
     for (i64 p = 0; p < n; p++) {
         const i64 *begin = start + p * s;
         const i32 *size = m + p * K;
@@ -215,9 +246,14 @@ i64 psi_mean(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 L, i64 r, const i64 *
                     }
                 }
             }
+            u64 differing = some & ~every;
+            if (K == 1 && count < QUOTIENTS && __builtin_popcountll(differing) >= MANY) {
+                add_shares(column, count, lit, L - 64 * w, quotient[count], out + 64 * w);
+                continue;
+            }
             spread(every, w, L, out);
             /* for all other lights the nodes agree, which is the most frequent case */
-            for (u64 mixed = some & ~every; mixed; mixed &= mixed - 1) {
+            for (u64 mixed = differing; mixed; mixed &= mixed - 1) {
                 int at = lowest(mixed);
                 i64 i = 64 * w + at, of = size[ring[i]];
                 u64 number = 0;
