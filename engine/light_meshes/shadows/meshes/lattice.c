@@ -188,8 +188,10 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
             i32 *row_at = rows + cell * most;
             const Offsets *tried = above(&apart, &all, m, tau);
             i64 kept = inside(tried, (f64[3]){f0, f1, f2}, m, largest, tau, passed);
-            /* The node at each of them, and its ring */
-            for (i64 w = 0; w < kept; w++) {
+            /* The node at each of them; mostly all have been looked up for another receiver of the cell */
+            i32 unknown = 0;
+            for (i64 w = 0; w < kept; w++) unknown |= candidate[total + w] = row_at[passed[w]];
+            for (i64 w = 0; unknown < 0 && w < kept; w++) {
                 i64 c = passed[w], row = row_at[c];
                 if (row < 0) {
                     i32 i = i0 + (i32)off0[c], j = i1 + (i32)off1[c], k = i2 + (i32)off2[c];
@@ -204,7 +206,7 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
                 }
                 candidate[total + w] = (i32)row;
             }
-            for (i64 w = 0; K > 1 && w < kept; w++) {
+            for (i64 w = 0; K > 1 && w < kept; w++) {  /* its ring */
                 f64 d0 = off0[passed[w]] - f0, d1 = off1[passed[w]] - f1, d2 = off2[passed[w]] - f2;
                 f64 d = d0 * d0 + d1 * d1 + d2 * d2;
                 i64 g = 0;
