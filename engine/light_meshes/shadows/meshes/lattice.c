@@ -135,6 +135,97 @@ static const Offsets *above(Above *a, const Offsets *all, const f64 *m, f64 tau)
     return some;
 }
 
+/* A hash table and its keys (…,3), of which there are `count`. */
+typedef struct {
+    i64 size, count;
+    i32 *slots, *keys;
+} Table;
+
+/* Returns the row of a key, which is entered if it is not there; *entered says whether it was. */
+static i64 row_of(Table *t, i32 i, i32 j, i32 k, int *entered) {
+    i64 slot = find(t->size, t->slots, t->keys, i, j, k), row = t->slots[slot];
+    *entered = row < 0;
+    if (row >= 0) return row;
+    row = t->count++;
+    t->keys[3 * row] = i, t->keys[3 * row + 1] = j, t->keys[3 * row + 2] = k;
+    t->slots[slot] = (i32)row;
+    return row;
+}
+
+/* A receiver in lattice coordinates: its cell, where it is in it, and its normal. There are no nodes beyond 32 bits (there:
+   0): such a receiver gets an empty set, and so a sharp shadow. */
+typedef struct {
+    f64 f[3], m[3];
+    i32 cell[3];
+    int there;
+} Spot;
+
+static Spot spot_of(f64 h, const f64 *R, const f64 *origin, const f64 *P, const f64 *normal) {
+    Spot s = {.there = 1};
+    f64 x = (P[0] - origin[0]) / h, y = (P[1] - origin[1]) / h, z = (P[2] - origin[2]) / h;
+    for (int r = 0; r < 3; r++) {
+        f64 q = R[r] * x + R[3 + r] * y + R[6 + r] * z, base = floor(q);
+        s.m[r] = R[r] * normal[0] + R[3 + r] * normal[1] + R[6 + r] * normal[2];
+        s.f[r] = q - base;
+        s.there &= fabs(base) < 2e9;
+        s.cell[r] = fabs(base) < 2e9 ? (i32)base : 0;
+    }
+    return s;
+}
+
+/* The memory that the receivers of a call use one after the other. */
+typedef struct {
+    Offsets all;
+    Above apart;
+    i32 *passed, *ring, *unsorted;
+    i64 *place;
+} Scratch;
+
+/* Returns whether there is memory for it. */
+static int scratch_for(Scratch *s, const f64 *offsets, i64 most, i64 K) {
+    int room = room_for(&s->all, most) & room_for(&s->apart.some, most);
+    s->passed = malloc((size_t)(fours(most) + 4) * sizeof *s->passed), s->ring = malloc((size_t)most * sizeof *s->ring);
+    s->unsorted = malloc((size_t)most * sizeof *s->unsorted), s->place = malloc((size_t)K * sizeof *s->place);
+    if (!room || !s->passed || !s->ring || !s->unsorted || !s->place) return 0;
+    for (i64 c = 0; c < most; c++) add_offset(&s->all, offsets[c], offsets[most + c], offsets[2 * most + c], (i32)c);
+    pad(&s->all);
+    return 1;
+}
+
+static void free_scratch(Scratch *s) {
+    free(s->all.xyz), free(s->all.number), free(s->apart.some.xyz), free(s->apart.some.number);
+    free(s->passed), free(s->ring), free(s->unsorted), free(s->place);
+}
+
+/* Fills candidate with the nodes at the offsets `passed` from a cell. at: the cell's row of `rows`. Mostly all have been looked
+   up for another receiver of the cell. */
+static void look_up(Table *nodes, const f64 *offsets, i64 most, const i32 *cell, const i32 *passed, i64 kept, i32 *at,
+                    i32 *candidate) {
+    i32 unknown = 0;
+    for (i64 w = 0; w < kept; w++) unknown |= candidate[w] = at[passed[w]];
+    for (i64 w = 0; unknown < 0 && w < kept; w++) {
+        i64 c = passed[w];
+        int entered;
+        if (at[c] < 0)
+            at[c] = (i32)row_of(nodes, cell[0] + (i32)offsets[c], cell[1] + (i32)offsets[most + c],
+                                cell[2] + (i32)offsets[2 * most + c], &entered);
+        candidate[w] = at[c];
+    }
+}
+
+/* Fills ring with that of each of the offsets `passed`, and adds to size how many each ring has. */
+static void find_rings(const f64 *offsets, i64 most, const f64 *f, const f64 *reach, const i32 *passed, i64 kept, i32 *ring,
+                       i64 *size) {
+    for (i64 w = 0; w < kept; w++) {
+        i64 c = passed[w], g = 0;
+        f64 d0 = offsets[c] - f[0], d1 = offsets[most + c] - f[1], d2 = offsets[2 * most + c] - f[2];
+        f64 d = d0 * d0 + d1 * d1 + d2 * d2;
+        while (d > reach[g] * reach[g]) g++;
+        ring[w] = (i32)g;
+        size[g]++;
+    }
+}
+
 /* Finds the candidates of receivers from state[0] on, until all are done or an array may be too short. state: the
    next receiver, and the numbers of cells, nodes and candidates. rows (cells, offsets): which node is at an offset
    from the cell; −1: not looked up yet. Returns 1 if there is not enough memory. */
@@ -146,83 +237,30 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
                        const f64 *R, const f64 *origin, const f64 *offsets, f64 tau, const f64 *P, const f64 *N,
                        i64 *state, i64 *start, i32 *candidate, i32 *nodes, i32 *table, i32 *cells, i32 *rows,
                        i32 *cell_table) {
-    const f64 *off0 = offsets, *off1 = offsets + most, *off2 = offsets + 2 * most;
-    i64 p = state[0], cell_count = state[1], count = state[2], total = state[3];
-    f64 largest = reach[K - 1] * reach[K - 1];
-    Offsets all;
-    Above apart = {0};
-    int room = room_for(&all, most) & room_for(&apart.some, most);
-    i32 *passed = malloc((size_t)(fours(most) + 4) * sizeof *passed), *ring = malloc((size_t)most * sizeof *ring);
-    i32 *unsorted = malloc((size_t)most * sizeof *unsorted);
-    i64 *place = malloc((size_t)K * sizeof *place);
-    room = room && passed && ring && unsorted && place;
-    if (!room) goto end;
-    for (i64 c = 0; c < most; c++) add_offset(&all, off0[c], off1[c], off2[c], (i32)c);
-    pad(&all);
-    for (; p < n && total + most <= a && count + most <= u; p++) {
-        const f64 *normal = N + 3 * p;
-        f64 x = (P[3 * p] - origin[0]) / h, y = (P[3 * p + 1] - origin[1]) / h, z = (P[3 * p + 2] - origin[2]) / h;
-        /* The receiver and its normal in lattice coordinates, and its cell */
-        f64 q[3], m[3], base[3];
-        for (int r = 0; r < 3; r++) {
-            q[r] = R[r] * x + R[3 + r] * y + R[6 + r] * z;
-            m[r] = R[r] * normal[0] + R[3 + r] * normal[1] + R[6 + r] * normal[2];
-            base[r] = floor(q[r]);
-        }
+    Table cell_of = {e, state[1], cell_table, cells}, node_of = {t, state[2], table, nodes};
+    i64 p = state[0], total = state[3];
+    Scratch s = {0};
+    int room = scratch_for(&s, offsets, most, K);
+    for (; room && p < n && total + most <= a && node_of.count + most <= u; p++) {
+        Spot spot = spot_of(h, R, origin, P + 3 * p, N + 3 * p);
         i64 *begin = start + stride * p;
         begin[0] = total;
-        /* There are no nodes beyond 32 bits: such a receiver gets an empty set, and so a sharp shadow. */
-        if (fabs(base[0]) < 2e9 && fabs(base[1]) < 2e9 && fabs(base[2]) < 2e9) {
-            f64 f0 = q[0] - base[0], f1 = q[1] - base[1], f2 = q[2] - base[2];
-            i32 i0 = (i32)base[0], i1 = (i32)base[1], i2 = (i32)base[2];
-            /* The cell's row: receivers of one cell share the nodes that were looked up */
-            i64 slot = find(e, cell_table, cells, i0, i1, i2);
-            i64 cell = cell_table[slot];
-            if (cell < 0) {
-                cell = cell_count++;
-                cells[3 * cell] = i0, cells[3 * cell + 1] = i1, cells[3 * cell + 2] = i2;
-                cell_table[slot] = (i32)cell;
-                for (i64 c = 0; c < most; c++) rows[cell * most + c] = -1;
-            }
+        if (spot.there) {
+            int entered;
+            i32 *at = rows + most * row_of(&cell_of, spot.cell[0], spot.cell[1], spot.cell[2], &entered);
+            for (i64 c = 0; entered && c < most; c++) at[c] = -1;
             /* Steps 1 and 2: which offsets are in the ball and above the plane? */
-            i32 *row_at = rows + cell * most;
-            const Offsets *tried = above(&apart, &all, m, tau);
-            i64 kept = inside(tried, (f64[3]){f0, f1, f2}, m, largest, tau, passed);
-            /* The node at each of them; mostly all have been looked up for another receiver of the cell */
-            i32 unknown = 0;
-            for (i64 w = 0; w < kept; w++) unknown |= candidate[total + w] = row_at[passed[w]];
-            for (i64 w = 0; unknown < 0 && w < kept; w++) {
-                i64 c = passed[w], row = row_at[c];
-                if (row < 0) {
-                    i32 i = i0 + (i32)off0[c], j = i1 + (i32)off1[c], k = i2 + (i32)off2[c];
-                    i64 at = find(t, table, nodes, i, j, k);
-                    row = table[at];
-                    if (row < 0) {
-                        row = count++;
-                        nodes[3 * row] = i, nodes[3 * row + 1] = j, nodes[3 * row + 2] = k;
-                        table[at] = (i32)row;
-                    }
-                    row_at[c] = (i32)row;
-                }
-                candidate[total + w] = (i32)row;
-            }
-            for (i64 w = 0; K > 1 && w < kept; w++) {  /* its ring */
-                f64 d0 = off0[passed[w]] - f0, d1 = off1[passed[w]] - f1, d2 = off2[passed[w]] - f2;
-                f64 d = d0 * d0 + d1 * d1 + d2 * d2;
-                i64 g = 0;
-                while (d > reach[g] * reach[g]) g++;
-                ring[w] = (i32)g;
-                begin[g + 1]++;
-            }
+            const Offsets *tried = above(&s.apart, &s.all, spot.m, tau);
+            i64 kept = inside(tried, spot.f, spot.m, reach[K - 1] * reach[K - 1], tau, s.passed);
+            look_up(&node_of, offsets, most, spot.cell, s.passed, kept, at, candidate + total);
             if (K == 1) begin[1] = kept;
+            else find_rings(offsets, most, spot.f, reach, s.passed, kept, s.ring, begin + 1);
             total += kept;
         }
         for (i64 g = 0; g < K; g++) begin[g + 1] += begin[g];
-        if (K > 1) by_ring(K, begin, total - begin[0], ring, candidate + begin[0], unsorted, place);
+        if (K > 1) by_ring(K, begin, total - begin[0], s.ring, candidate + begin[0], s.unsorted, s.place);
     }
-    state[0] = p, state[1] = cell_count, state[2] = count, state[3] = total;
-end:
-    free(all.xyz), free(all.number), free(apart.some.xyz), free(apart.some.number);
-    free(passed), free(ring), free(unsorted), free(place);
+    state[0] = p, state[1] = cell_of.count, state[2] = node_of.count, state[3] = total;
+    free_scratch(&s);
     return !room;
 }
