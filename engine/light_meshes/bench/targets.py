@@ -46,7 +46,7 @@ def targets(results: dict[str, Any]) -> Rows:
 
 
 def _release(found: dict[str, Any] | None) -> Rows:
-    """The targets of this release's frames against those of an earlier one."""
+    """Return the targets of this release's frames against those of an earlier one."""
     if found is None:
         return [_row("frame / that of the release before, S3 and S7, 4 samples a pixel", None, 0.85,
                      remark="light-meshes bench --release PYTHON")]
@@ -55,7 +55,7 @@ def _release(found: dict[str, Any] | None) -> Rows:
 
 
 def _threads(threads: dict[str, Any] | None) -> Rows:
-    """The targets of threads that run side by side."""
+    """Return the targets of threads that run side by side."""
     lock = (threads or {}).get("lock") or {"S3, 1 light": None}
     rows = [_row(f"share of the tile loop that holds Python's lock, {case}, 4 samples a pixel", share, 0.02)
             for case, share in lock.items()]

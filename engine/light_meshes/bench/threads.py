@@ -31,7 +31,7 @@ def lock_share(scene: Scene) -> float | None:
 
 
 def lock_held(work: Callable[[], object]) -> float | None:
-    """The share of the time of work() in which some thread holds Python's lock; None where Python does not tell.
+    """Return the share of the time of work() in which some thread holds Python's lock; None where Python does not tell.
 
     A thread that never needs the lock asks Python every microsecond or so which thread has it: nobody, while a kernel
     or a loop of numpy runs. No more than 1/share threads are of use. Python 3.11 and 3.12 tell.

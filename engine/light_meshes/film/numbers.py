@@ -21,7 +21,7 @@ class Numbers(NamedTuple):
 
 
 def numbers(scene: Scene) -> Numbers:
-    """The numbers of a scene."""
+    """Return the numbers of a scene."""
     return Numbers(
         np.array([m.index for m in scene.materials], np.float64),
         np.array([o.index for o in scene.objects], np.float64),

@@ -114,7 +114,9 @@ class Interfaces:
         return np.where(clear, np.minimum(m.kt[row].mean(1), 1), 0)
 
     def interface(self, hits: Hits, direction: NDArray[np.float64], media: NDArray[np.int32]) -> Face:
-        """What becomes of rays that hit `hits` along direction (n,3), in the bodies media (n,m), as `Face.media`."""
+        """Return what becomes of rays that hit `hits` along direction (n,3), in the bodies media (n,m), as
+        `Face.media`.
+        """
         n = len(hits.P)
         face = Face(np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 3)),
                     np.empty((n, 3)), media.copy())

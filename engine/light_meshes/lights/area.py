@@ -9,7 +9,7 @@ from .kind import LightKind, Shape
 
 
 def shape(light: Light) -> Shape:
-    """The face of the lamp."""
+    """Return the face of the lamp."""
     return Shape(0.0, True, not light.area_ellipse, light.area_u, light.area_v)
 
 
@@ -23,7 +23,7 @@ def extent(light: Light) -> float:
 
 
 def numbers(light: Light) -> tuple[float, float]:
-    """The tangent of half the spread, and what keeps its power; 0 and 0 where light leaves to all of its side.
+    """Return the tangent of half the spread, and what keeps its power; 0 and 0 where light leaves to all of its side.
 
     As Cycles: what leaves is weighted by tan(spread/2) − tan(angle).
     """

@@ -33,10 +33,10 @@ class LightKind(NamedTuple):
 
 
 def sphere(light: Light) -> Shape:
-    """The shape of lamps that are spheres."""
+    """Return the shape of lamps that are spheres."""
     return Shape(disc=light.radius)
 
 
 def radius(light: Light) -> float:
-    """The extent of lamps that are spheres."""
+    """Return the extent of lamps that are spheres."""
     return light.radius

@@ -9,7 +9,7 @@ from .kind import LightKind, radius, sphere
 
 
 def numbers(light: Light) -> tuple[float, float]:
-    """The cosine of half the cone, and 1/width of the blend in cosines."""
+    """Return the cosine of half the cone, and 1/width of the blend in cosines."""
     edge = np.cos(light.spot_angle / 2)
     return edge, 1 / max((1 - edge) * light.spot_blend, 1e-9)
 

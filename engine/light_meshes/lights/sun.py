@@ -14,7 +14,7 @@ def extent(light: Light) -> float:
 
 
 def shape(light: Light) -> Shape:
-    """A disc in the sky."""
+    """Return a disc in the sky."""
     return Shape(disc=extent(light))
 
 

@@ -36,7 +36,9 @@ class Step(NamedTuple):
 
 
 def automatic(world: World, measured: Measured) -> Step:
-    """The step for radii as they are, where the camera alone would have `measured.h`; where h is given, the scene's."""
+    """Return the step for radii as they are, where the camera alone would have `measured.h`; where h is given, the
+    scene's.
+    """
     scene, settings = world.scene, world.scene.settings
     if not settings.auto_h:
         return Step(settings.h, settings.kI, {}, "")
@@ -85,7 +87,7 @@ def without(casters: Casters, lights: dict[int, float], count: int) -> Casters:
 
 
 def drawn_sharp(lights: Sequence[Light], step: Step) -> list[str]:
-    """A sentence for each light that has sharp shadows instead."""
+    """Return a sentence for each light that has sharp shadows instead."""
     return [f"light '{lights[i].name}': its shadows are drawn sharp, as the radius {r:.3g} of their edges "
             f"is too small for the steps that suit this picture: take a larger radius or light, or set a step h of "
             f"{r / EVEN:.2g} by hand" for i, r in step.sharp.items()]

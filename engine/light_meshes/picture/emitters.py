@@ -41,7 +41,7 @@ class Emitting(NamedTuple):
     radiance: NDArray[np.float64]  # (n,3), the mean over the triangle
 
     def at(self, rows: NDArray) -> Emitting:
-        """These triangles only."""
+        """Return these triangles only."""
         return Emitting._make(a[rows] for a in self)
 
 
@@ -57,7 +57,8 @@ class Face(NamedTuple):
 
 
 def lit(bare: World, scene: Scene, stats: Statistics, check: Callable[[], None]) -> World:
-    """The world with lamps for surfaces that give light, where its settings gather light from everywhere; else `bare`.
+    """Return the world with lamps for surfaces that give light, where its settings gather light from everywhere; else
+    `bare`.
     """
     settings = scene.settings
     if not settings.gathers:
@@ -73,7 +74,7 @@ def lit(bare: World, scene: Scene, stats: Statistics, check: Callable[[], None])
 
 
 def emitting(bare: World) -> Emitting:
-    """All triangles that give light, but for objects that diffuse rays do not see, which light nothing."""
+    """Return all triangles that give light, but for objects that diffuse rays do not see, which light nothing."""
     s, scene = bare.surfaces, bare.scene
     gives = np.array([m.emits for m in scene.materials], np.bool_)
     material = s.materials[s.source]
@@ -95,7 +96,7 @@ def emitting(bare: World) -> Emitting:
 
 
 def _looked_at(bare: World, of: Emitting) -> NDArray[np.float64]:
-    """The mean radiance (n,3) of triangles by the programs of their materials."""
+    """Return the mean radiance (n,3) of triangles by the programs of their materials."""
     m = int(np.clip(np.sqrt(SAMPLES / max(len(of.triangle), 1)), 1, 32))
     i, j = (a.ravel() for a in np.meshgrid(np.arange(m), np.arange(m), indexing="ij"))
     up = i + j < m  # the middles of the m² small triangles
@@ -116,7 +117,7 @@ def _looked_at(bare: World, of: Emitting) -> NDArray[np.float64]:
 
 
 def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int64]]:
-    """The lamps for the groups with most power, and the triangles for which they stand."""
+    """Return the lamps for the groups with most power, and the triangles for which they stand."""
     s, scene = bare.surfaces, bare.scene
     instance, material = s.instance[found.triangle], s.materials[s.source[found.triangle]]
     key = instance.astype(np.int64) * len(scene.materials) + material
@@ -140,7 +141,7 @@ def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int6
 
 
 def _group(of: Emitting, name: str, alone: int | None, objects: int) -> Iterator[Light]:
-    """The lamps of a group of triangles. alone: the number of their object, if it has no other triangles."""
+    """Return the lamps of a group of triangles. alone: the number of their object, if it has no other triangles."""
     closed = _closed(of.corners)
     middles = of.corners.mean(1)
     if closed and of.area @ np.einsum("ni,ni->n", of.normal, middles - middles[0]) < 0:
@@ -170,7 +171,7 @@ def _rgb(values: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def _closed(corners: NDArray[np.float64]) -> bool:
-    """Whether each edge of triangles (n,3,3) belongs to two of them, so that their insides are not seen."""
+    """Return whether each edge of triangles (n,3,3) belongs to two of them, so that their insides are not seen."""
     _, vertex = np.unique(corners.reshape(-1, 3).round(9), axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 3)
     edges = np.sort(np.concatenate([vertex[:, [0, 1]], vertex[:, [1, 2]], vertex[:, [2, 0]]]), axis=1)
@@ -179,7 +180,7 @@ def _closed(corners: NDArray[np.float64]) -> bool:
 
 
 def _ball(of: Emitting) -> tuple[NDArray[np.float64], float] | None:
-    """The centre and radius of the sphere with the area of these triangles, if they are nearly a sphere."""
+    """Return the centre and radius of the sphere with the area of these triangles, if they are nearly a sphere."""
     points = of.corners.reshape(-1, 3)
     centre = (points.min(0) + points.max(0)) / 2
     away = np.linalg.norm(points - centre, axis=1)
@@ -191,8 +192,8 @@ def _ball(of: Emitting) -> tuple[NDArray[np.float64], float] | None:
 
 
 def _divided(of: Emitting) -> list[Face]:
-    """The triangles as faces, as fine as gives few, or else the coarsest; no more than it takes to see that there are
-    too many.
+    """Return the triangles as faces, as fine as gives few, or else the coarsest; no more than it takes to see that
+    there are too many.
     """
     faces: list[Face] = []
     for flat, full in FINENESS:
@@ -203,7 +204,7 @@ def _divided(of: Emitting) -> list[Face]:
 
 
 def _faces(of: Emitting, flat: float, fills: float) -> Iterator[Face]:
-    """The triangles as flat groups, each as a face of the same area to its front; see `FINENESS`."""
+    """Return the triangles as flat groups, each as a face of the same area to its front; see `FINENESS`."""
     left = np.arange(len(of.area))
     while len(left):
         largest = left[np.argmax(of.area[left])]
@@ -223,8 +224,8 @@ def _faces(of: Emitting, flat: float, fills: float) -> Iterator[Face]:
 
 
 def _face(of: Emitting, rows: NDArray[np.int64]) -> tuple[Face, float, float, NDArray[np.float64]]:
-    """The face of some triangles; how much of its rectangle they fill, how thick they are by its length, and its longer
-    axis.
+    """Return the face of some triangles; how much of its rectangle they fill, how thick they are by its length, and its
+    longer axis.
     """
     facing = (of.area[rows, None] * of.normal[rows]).sum(0)
     flat = float(np.linalg.norm(facing))  # the area that is seen from the front

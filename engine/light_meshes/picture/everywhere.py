@@ -31,7 +31,7 @@ PATCH = 2.0  # the size of the smallest patches, in finest distances
 
 
 def step(h: float) -> float:
-    """The finest distance of records where h suits the picture: a power of two, so that it stays when h hardly
+    """Return the finest distance of records where h suits the picture: a power of two, so that it stays when h hardly
     changes.
     """
     return float(2.0 ** np.round(np.log2(FINE * h)))
@@ -47,7 +47,7 @@ class Everywhere(NamedTuple):
 
 def everywhere(world: World, plan: Plan, lighting: Lighting, settings: Settings, h: float, stats: Statistics,
                old: Everywhere | None) -> Everywhere:
-    """The records of a world, which are computed when they are asked for.
+    """Return the records of a world, which are computed when they are asked for.
 
     old: those of the picture before, which are taken over if all that they depend on is the same.
     """
@@ -59,7 +59,7 @@ def everywhere(world: World, plan: Plan, lighting: Lighting, settings: Settings,
 
 
 def _alike(new: World, old: World) -> bool:
-    """Whether light from everywhere is the same in both worlds."""
+    """Return whether light from everywhere is the same in both worlds."""
     def flags(world: World) -> list[tuple]:
         return [(o.visible_diffuse, o.visible_shadow) for o in world.scene.objects]
 

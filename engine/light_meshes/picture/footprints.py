@@ -26,12 +26,12 @@ class Footprints(NamedTuple):
 
 
 def casting(scene: Scene) -> list[tuple[bool, bool]]:
-    """What each object decides about the shadows that it casts."""
+    """Return what each object decides about the shadows that it casts."""
     return [(o.visible_shadow, o.cast_soft_shadows) for o in scene.objects]
 
 
 def footprints(world: World, channels: int) -> Footprints:
-    """The casters of a world, where S has so many channels."""
+    """Return the casters of a world, where S has so many channels."""
     s, scene = world.surfaces, world.scene
     owner, flags = scene.geometry.instance_object, casting(scene)
     kind = np.array([int.from_bytes(hashlib.blake2b(repr((
@@ -63,12 +63,12 @@ def footprints(world: World, channels: int) -> Footprints:
 
 
 def _lets_through(material: Material) -> bool:
-    """Whether its program says what shadow rays pass."""
+    """Return whether its program says what shadow rays pass."""
     return not {"alpha", "kt"}.isdisjoint(material.program.values)
 
 
 def _program(world: World, material: Material) -> object:
-    """What shadow rays see of a material's program, and from where, if that counts."""
+    """Return what shadow rays see of a material's program, and from where, if that counts."""
     if not _lets_through(material):
         return None
     c = world.camera

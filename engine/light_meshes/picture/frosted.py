@@ -17,7 +17,7 @@ BENDS = 64  # a ray through glass bends at up to this many surfaces and then goe
 
 def frosted(ready: Prepared, rays: Rays, through: Rays, hits: Hits, share: NDArray,
             face: Face) -> list[tuple[str, Rays]]:
-    """The rays that rough glass sends on and back, one or more for each; of `face` what these are is taken away.
+    """Return the rays that rough glass sends on and back, one or more for each; of `face` what these are is taken away.
 
     Each meets a microfacet, which is a smooth surface of glass. through: the rays (n,) as they are behind surfaces.
     share (n,3): what of the light counts there.

@@ -172,7 +172,7 @@ def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], h
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:
-    """What rays (n,) are to programs of materials."""
+    """Return what rays (n,) are to programs of materials."""
     if kind == "camera":
         return np.full(len(rays.pixel), points.CAMERA, np.int8)
     if rays.mirrored is not None:

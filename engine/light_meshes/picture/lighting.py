@@ -135,7 +135,9 @@ class Lighting:
             return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
 
     def arriving(self, hits: Hits, direction: NDArray, check: Check, visibility: Method) -> NDArray[np.float64]:
-        """The light of all lamps (n,3) that a white matt surface at hits returns, with the shadows of `visibility`."""
+        """Return the light of all lamps (n,3) that a white matt surface at hits returns, with the shadows of
+        `visibility`.
+        """
         m = hits.table
         white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
         light = np.zeros((len(hits.P), 3))
@@ -145,7 +147,7 @@ class Lighting:
         return light
 
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
-        """These hits, in the light of all lights."""
+        """Return these hits, in the light of all lights."""
         kernels = self._kernels if hits.table is self._world.materials else None
         return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown, kernels)
 

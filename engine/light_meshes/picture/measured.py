@@ -35,7 +35,7 @@ class Measured:
 
     @cached_property
     def h(self) -> float:
-        """The step that suits what the camera sees."""
+        """Return the step that suits what the camera sees."""
         return step(self._world) if self._h is None else self._h
 
     @cached_property
@@ -78,7 +78,7 @@ class Measured:
 
 
 def _same_view(world: World, old: World) -> bool:
-    """Whether the old world's h was measured, in the same view of the same surfaces."""
+    """Return whether the old world's h was measured, in the same view of the same surfaces."""
     before = old.scene.settings
     return (before.auto_h and not before.measured_h and world.surfaces is old.surfaces
             and same(world.scene.camera, old.scene.camera)
@@ -86,7 +86,7 @@ def _same_view(world: World, old: World) -> bool:
 
 
 def step(world: World) -> float:
-    """A step h that suits what the camera sees: 1/200 of the picture's width at the median visible depth.
+    """Return a step h that suits what the camera sees: 1/200 of the picture's width at the median visible depth.
 
     The median over the picture is not moved by a far horizon or a large ground; a backdrop or a sky behind a gap of
     16 times the distance does not count. Two digits, so that it reads well.

@@ -111,7 +111,8 @@ def _triangles(scene: Scene, glass: bool) -> Part:
 
 
 def nodes(scene: Scene, world: World, radii: NDArray[np.float64], channels: int) -> Part:
-    """The nodes of light meshes around what the camera sees: by a coarse view, area·r/h³, or all that receivers reach.
+    """Return the nodes of light meshes around what the camera sees: by a coarse view, area·r/h³, or all that receivers
+    reach.
 
     radii (K,): of their balls in steps, ascending. channels: of a node's value, as `Plan.channels`. Those around what
     is seen in mirrors are left out.
@@ -124,7 +125,7 @@ def nodes(scene: Scene, world: World, radii: NDArray[np.float64], channels: int)
 
 
 def shares(scene: Scene, world: World, nodes: Sequence[Nodes]) -> list[Part]:
-    """The nodes that hold shares of lamps with a size, in the same way; none where there are no such lamps."""
+    """Return the nodes that hold shares of lamps with a size, in the same way; none where there are no such lamps."""
     size = count = 0.0
     for one in nodes:
         if one.points:
@@ -138,7 +139,7 @@ def shares(scene: Scene, world: World, nodes: Sequence[Nodes]) -> list[Part]:
 
 
 def _reached(scene: Scene, world: World, reach: float, h: float, each: float) -> float:
-    """How many nodes of a lattice of step h the camera's receivers reach, so many steps far.
+    """Return how many nodes of a lattice of step h the camera's receivers reach, so many steps far.
 
     each: bytes of a node; where all can not be many, no view is looked at.
     """

@@ -177,7 +177,7 @@ def _shadow_rate(p: Plan, scene: Scene, casters: Casters, passes: tuple[str, ...
 
 
 def _sized(scene: Scene, casters: Casters) -> list[str]:
-    """The names of the lights that have the soft shadow of their own shape."""
+    """Return the names of the lights that have the soft shadow of their own shape."""
     soft = union(casters.soft, len(scene.lights))
     return [light.name for i, light in enumerate(scene.lights) if light.softness == "SIZE" and has(soft, i)]
 

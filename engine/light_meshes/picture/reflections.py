@@ -18,7 +18,7 @@ LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lob
 
 def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: NDArray, events: NDArray,
               tile: Tile) -> list[tuple[str, Rays]]:
-    """The rays that surfaces reflect, of rays (n,) that count there with weight (n,3).
+    """Return the rays that surfaces reflect, of rays (n,) that count there with weight (n,3).
 
     mirror (n,3): the share that mirrors reflect. events (n,): how often rays were reflected, or bent, where that
     counts: max_depth bounds it, so that light does not divide for ever.
@@ -33,7 +33,7 @@ def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: 
 
 
 def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
-    """The rays that mirrors reflect with weight (n,3), of those that may (n,) go on."""
+    """Return the rays that mirrors reflect with weight (n,3), of those that may (n,) go on."""
     on = where((brightest(weight) > ready.scene.settings.cutoff) & may)
     if not len(on):
         return []
@@ -46,14 +46,16 @@ def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
 
 
 def upwards(ready: Prepared) -> NDArray[np.float64]:
-    """The unit vector (3,) that goes up in the picture."""
+    """Return the unit vector (3,) that goes up in the picture."""
     up = ready.scene.camera.matrix[:3, 1]
     return np.ascontiguousarray(up / np.linalg.norm(up))
 
 
 def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray,
              tile: Tile) -> list[tuple[str, Rays]]:
-    """The rays that lobes of microfacets reflect. For what they do not follow the mean of what is around is added."""
+    """Return the rays that lobes of microfacets reflect. For what they do not follow the mean of what is around is
+    added.
+    """
     if not len(rays.pixel):
         return []
     settings = ready.scene.settings
@@ -77,8 +79,8 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
 
 
 def _around(ready: Prepared, hits: Hits, direction: NDArray) -> NDArray[np.float64]:
-    """The radiance (n,3) around hits of rays along `direction`, for what no ray follows: the mean of what is gathered
-    there, or else the world's light, as if nothing stood before it.
+    """Return the radiance (n,3) around hits of rays along `direction`, for what no ray follows: the mean of what is
+    gathered there, or else the world's light, as if nothing stood before it.
     """
     if ready.lighting.everywhere is not None:
         return ready.lighting.everywhere(hits, lambda: None).light
@@ -90,13 +92,13 @@ def _around(ready: Prepared, hits: Hits, direction: NDArray) -> NDArray[np.float
 
 
 def _once_more(rays: Rays) -> Rays:
-    """Rays that are mirrored once more."""
+    """Return rays that are mirrored once more."""
     return rays if rays.mirrored is None else rays._replace(mirrored=rays.mirrored + np.int16(1))
 
 
 def going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
           step: int) -> list[tuple[str, Rays]]:
-    """The rays that go on through the surface with `weight`; step: 1 where they bend."""
+    """Return the rays that go on through the surface with `weight`; step: 1 where they bend."""
     on = where(brightest(weight) > ready.scene.settings.cutoff)
     if not len(on):
         return []
@@ -106,7 +108,7 @@ def going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, d
 
 def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,
             step: int) -> Rays:
-    """The rays that leave surfaces at P on the side of `normal`. step: 1 where they bend."""
+    """Return the rays that leave surfaces at P on the side of `normal`. step: 1 where they bend."""
     if rays.start is not None:
         straight = (direction == rays.direction).all(1, keepdims=True)
         rays = rays._replace(start=np.where(straight, rays.start, P), last=triangle)
@@ -114,7 +116,7 @@ def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: 
 
 
 def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
-    """What rays (n,) hit, as the light of lamps is seen there by those that a rough surface has spread out.
+    """Return what rays (n,) hit, as the light of lamps is seen there by those that a rough surface has spread out.
 
     Highlights are as wide as the lobe at least: smaller ones would be dots, which only some of the few rays find. And
     surfaces do not shine for which lamps stand, as these have highlights of their own.
@@ -140,7 +142,7 @@ def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
 
 
 def background(ready: Prepared, rays: Rays, ray: NDArray[np.int8]) -> NDArray[np.float64]:
-    """The radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces.
+    """Return the radiance (n,3), or one row (3,), that rays of these kinds (n,) see which miss all surfaces.
 
     Those of rough surfaces see what lights surfaces, as blurred as their rays are apart: lamps that stand for the
     world's suns have highlights of their own.

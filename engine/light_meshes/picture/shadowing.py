@@ -35,12 +35,12 @@ class Certify:
 
     @cached_property
     def casts(self) -> NDArray[np.bool_]:
-        """The triangles (T,) that shadow rays may meet."""
+        """Return the triangles (T,) that shadow rays may meet."""
         casts = np.array([o.visible_shadow for o in self._world.scene.objects], np.bool_)
         return casts[self._world.owner(np.arange(len(self._world.surfaces.triangles), dtype=np.int32))]
 
     def __call__(self, r: float) -> Certificate | None:
-        """The certificate for this radius; None: there are no bodies."""
+        """Return the certificate for this radius; None: there are no bodies."""
         if r not in self._made:
             with self._stats.stage("certificate"):
                 self._made[r] = self._taken(r) or certificate(self._world.surfaces, self.casts, r)
@@ -116,7 +116,7 @@ def shadowing(world: World, settings: Settings, casters: Casters, plan: Plan, me
 
 def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: Measured,
              certify: Certify) -> tuple[LatticeSetup, dict[int, float], list[str]]:
-    """The lattice, with a class of lights a radius; r of lights that have one of their own; and warnings."""
+    """Return the lattice, with a class of lights a radius; r of lights that have one of their own; and warnings."""
     lights, own = world.scene.lights, measured.own_radii
     soft = union(casters.soft, len(lights))
     steps, warnings = light_size.steps(lights, s, own)
@@ -136,7 +136,7 @@ def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: 
 
 def _refraction(world: World, s: Settings, casters: Casters, targets: Targets,
                 old: Shadowing | None) -> Refraction | None:
-    """How shadow paths bend; None: what bends blocks no light."""
+    """Return how shadow paths bend; None: what bends blocks no light."""
     solvers: dict[int, RefractedPaths] = {}
     if old and old.refraction and _same_paths(world, s, casters, targets, old):
         solvers = old.refraction.solvers
@@ -149,7 +149,7 @@ def _refraction(world: World, s: Settings, casters: Casters, targets: Targets,
 
 
 def _same_paths(world: World, s: Settings, casters: Casters, targets: Targets, old: Shadowing) -> bool:
-    """Whether the refracted paths' beams, by sets of casters, are those of the old picture."""
+    """Return whether the refracted paths' beams, by sets of casters, are those of the old picture."""
     sets, before = casters.sets, old.casters.sets
     return (world.glass is old.world.glass and s.h == old.settings.h and s.caustics == old.settings.caustics
             and all(np.array_equal(a, b) for a, b in zip(targets, old.targets, strict=True))

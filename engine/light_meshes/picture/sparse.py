@@ -80,7 +80,7 @@ class Blocks(NamedTuple):
 
 
 def typical(world: World, lighting: Lighting) -> float:
-    """The picture's light; of its brightest channel."""
+    """Return the picture's light; of its brightest channel."""
     m, lights = world.materials, len(world.scene.lights)
     direction, hits = world.coarse_view()
     matt = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
@@ -93,7 +93,7 @@ def typical(world: World, lighting: Lighting) -> float:
 
 
 def groups(world: World) -> NDArray[np.int64]:
-    """The number (L,) of each light's group: those that stand together as seen from the middle of the view."""
+    """Return the number (L,) of each light's group: those that stand together as seen from the middle of the view."""
     targets = world.lights.targets()
     _, hits = world.coarse_view()
     middle = np.median(hits.P, axis=0) if len(hits.P) else np.zeros(3)

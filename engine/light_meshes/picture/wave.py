@@ -35,20 +35,20 @@ class Rays(NamedTuple):
     left: NDArray[np.float64] | None = None  # (n,) of the sample, after what it saw so far and saw through
 
     def at(self, rows: NDArray) -> Rays:
-        """The rays of these rows, or where a mask (n,) is set."""
+        """Return the rays of these rows, or where a mask (n,) is set."""
         index = where(rows) if rows.dtype == np.bool_ else rows
         return Rays._make(a if a is None else taken(a, index) for a in self)
 
     def met(self, rows: NDArray[np.int64] | None, P: NDArray[np.float64]) -> Rays:
-        """The rays of these rows, or all, where they have met something: they are at P, and leave no surface."""
+        """Return the rays of these rows, or all, where they have met something: they are at P, and leave no surface."""
         rays = self._replace(origin=P, normal=None)
         if rows is None:
             return rays
         return Rays._make(a if a is None or a is P else taken(a, rows) for a in rays)
 
     def pieces(self, most: int) -> Iterator[Rays]:
-        """These rays, about `most` of them at a time, but all of a sample at once: what they find is added up in one
-        order, wherever the others are.
+        """Return these rays, about `most` of them at a time, but all of a sample at once: what they find is added up in
+        one order, wherever the others are.
         """
         if len(self.pixel) <= most:
             yield self
@@ -60,18 +60,18 @@ class Rays(NamedTuple):
             yield self.at(order[i:j])
 
     def seen_as(self, part: int) -> Rays:
-        """Rays that go on as `part`, if they have not been one yet."""
+        """Return rays that go on as `part`, if they have not been one yet."""
         return self if self.part is None else self._replace(part=np.where(self.part == 0, np.int8(part), self.part))
 
 
 def joined(children: list[Rays]) -> Rays:
-    """All these rays, in their order; what one of them lacks all lack."""
+    """Return all these rays, in their order; what one of them lacks all lack."""
     if len(children) == 1:
         return children[0]
     return Rays._make(None if a[0] is None else np.concatenate(a) for a in zip(*children, strict=True))
 
 
 def brightest(weight: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The largest of the three channels of weights (n,3)."""
+    """Return the largest of the three channels of weights (n,3)."""
     red, green, blue = weight.T
     return np.maximum(np.maximum(red, green), blue)

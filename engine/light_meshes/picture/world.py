@@ -51,7 +51,9 @@ class World:
     as_lamps: NDArray[np.bool_] | None = None  # (T,) triangles whose light comes from lamps in their place; None: none
 
     def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
-        """The hits of rays along `direction`, with what the programs of their materials say of them; see `Looks`."""
+        """Return the hits of rays along `direction`, with what the programs of their materials say of them; see
+        `Looks`.
+        """
         return self.looks(self.materials, hits, direction, ray)
 
     def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -90,7 +92,7 @@ class World:
 
 def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], None], old: World | None,
           lamps: tuple[Light, ...] = ()) -> World:
-    """The world of `scene` for a picture by `camera`.
+    """Return the world of `scene` for a picture by `camera`.
 
     old: that of the picture before, of which all is taken over that is still right. check() raises to give up.
     lamps: more lights than the scene has.
@@ -128,7 +130,8 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
 
 
 def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:
-    """The old triangles, if they are the same and in a frame that suits the camera; and the warnings about them."""
+    """Return the old triangles, if they are the same and in a frame that suits the camera; and the warnings about them.
+    """
     if old and scene.geometry is old.scene.geometry and _traced(scene) == _traced(old.scene) and (
             _frame_key(camera) == _frame_key(old.camera) or same_frame(old.surfaces, scene, camera)):
         return old.surfaces, old.lost
@@ -142,12 +145,12 @@ def _traced(scene: Scene) -> list[tuple[str, bool, bool]]:
 
 
 def _frame_key(camera: Camera) -> tuple:
-    """What of a camera decides about the frame."""
+    """Return what of a camera decides about the frame."""
     return camera.matrix.tolist(), camera.window, camera.perspective, camera.clip_start
 
 
 def _interfaces_key(scene: Scene, images: list[textures.Texture | None], camera: Camera) -> tuple:
-    """What `Interfaces` depends on beside the triangles."""
+    """Return what `Interfaces` depends on beside the triangles."""
     return (
         [(m.alpha, m.alpha_image, m.kt, m.mirror, m.ior, m.priority, m.fresnel, m.transparent_shadow, m.program)
          for m in scene.materials],

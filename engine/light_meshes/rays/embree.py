@@ -47,16 +47,16 @@ class Accelerator(Protocol):
     """The triangles of a scene, ready for rays. All of it can be called from several threads at once."""
 
     def closest(self, o: NDArray[np.float32], d: NDArray[np.float32], t: NDArray[np.float32]) -> Met:
-        """The first triangle on each of some ready-made rays; t becomes how far it is."""
+        """Return the first triangle on each of some ready-made rays; t becomes how far it is."""
 
     def occluded(self, o: NDArray[np.float32], d: NDArray[np.float32], t: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Whether any triangle is on each of some ready-made rays (n,)."""
+        """Return whether any triangle is on each of some ready-made rays (n,)."""
 
     def closest_of(self, *rays: Any) -> Met:
-        """The same as `closest` of the rays that the kernel tracer_rays makes of its first arguments."""
+        """Return the same as `closest` of the rays that the kernel tracer_rays makes of its first arguments."""
 
     def occluded_of(self, *segments: Any) -> NDArray[np.bool_]:
-        """The same as `occluded` of the rays that the kernel tracer_segments makes of its first arguments."""
+        """Return the same as `occluded` of the rays that the kernel tracer_segments makes of its first arguments."""
 
     def lit(self, *points: Any) -> int:
         """Do what the kernel embree_lit does with the arguments behind `scene`."""
@@ -78,7 +78,7 @@ def _nothing(n: int) -> Met:
 
 
 def accelerator(vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> Accelerator:
-    """The accelerator of triangles (T,3) of vertices (V,3). Raises MemoryError."""
+    """Return the accelerator of triangles (T,3) of vertices (V,3). Raises MemoryError."""
     return Direct(vertices, triangles) if _device() else ByRun(vertices, triangles)
 
 
@@ -239,7 +239,7 @@ def _device() -> Device | None:
 
 @functools.cache
 def _made() -> Device | None:
-    """The device of this process, which lives as long as it; None where there is none that embree.c can use."""
+    """Return the device of this process, which lives as long as it; None where there is none that embree.c can use."""
     if os.environ.get("LIGHT_MESHES_EMBREE") == "run":
         return None
     for path in _libraries():
@@ -262,7 +262,7 @@ def _address(function: Any) -> int:
 
 
 def _libraries() -> list[Path]:
-    """Where wheels of the three systems keep Embree's library."""
+    """Return where wheels of the three systems keep Embree's library."""
     package = Path(embreex.__file__).parent
     name = {"win32": "*embree4*.dll", "darwin": "*embree4*.dylib"}.get(sys.platform, "*embree4*.so*")
     return [path for folder in (package.parent / "embreex.libs", package / ".dylibs", package)

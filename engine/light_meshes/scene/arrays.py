@@ -96,12 +96,12 @@ def _joined(blocks: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 def fits(shape: tuple[int, ...], tail: tuple[int | None, ...]) -> bool:
-    """Whether a shape is (n, *tail); None in `tail` is any length."""
+    """Return whether a shape is (n, *tail); None in `tail` is any length."""
     return len(shape) == 1 + len(tail) and all(a in (b, None) for a, b in zip(tail, shape[1:], strict=True))
 
 
 def shape_of(tail: tuple[int | None, ...]) -> str:
-    """The shape (n, *tail) for a sentence."""
+    """Return the shape (n, *tail) for a sentence."""
     return ", ".join(["n", *("k" if n is None else str(n) for n in tail)])
 
 

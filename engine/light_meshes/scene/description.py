@@ -80,12 +80,12 @@ class Settings:
 
     @property
     def gathers(self) -> bool:
-        """Whether light comes from everywhere: from the world with occlusion, or from surface to surface."""
+        """Return whether light comes from everywhere: from the world with occlusion, or from surface to surface."""
         return (self.world_light == "SKY" or self.bounces > 0) and self.mode != "LOCAL"
 
     @property
     def by_sky(self) -> bool:
-        """Whether the world lights with occlusion and direction, and not as ambient light."""
+        """Return whether the world lights with occlusion and direction, and not as ambient light."""
         return self.gathers and self.world_light == "SKY"
 
 
@@ -111,7 +111,7 @@ class Camera:
     @classmethod
     def look_at(cls, eye: Sequence[float], target: Sequence[float], degrees: float, width: int, height: int,
                 up: Sequence[float] = (0.0, 0.0, 1.0), **more: Any) -> Camera:
-        """A perspective camera at `eye` that looks at `target`, for a picture of width × height pixels.
+        """Return a perspective camera at `eye` that looks at `target`, for a picture of width × height pixels.
 
         degrees is its field of view over the longer side, as in Blender; `more` are fields of Camera, by their names.
         Raises SceneError where that is no view.
@@ -127,7 +127,7 @@ class Camera:
     @classmethod
     def orthographic(cls, eye: Sequence[float], target: Sequence[float], size: float, width: int, height: int,
                      up: Sequence[float] = (0.0, 0.0, 1.0), **more: Any) -> Camera:
-        """A camera of parallel rays, at `eye` and looking at `target`, that sees `size` scene units.
+        """Return a camera of parallel rays, at `eye` and looking at `target`, that sees `size` scene units.
 
         size is that of the longer side, as in Blender; `more` are fields of Camera, by their names. Raises SceneError.
         """
@@ -273,7 +273,7 @@ class Geometry:
     @classmethod
     def from_meshes(cls, meshes: Sequence[Mesh], materials: Sequence[int | NDArray[np.integer[Any]]] | None = None,
                     instances: Sequence[tuple[int, int, ArrayLike]] | None = None) -> Geometry:
-        """All `meshes` in one set of arrays. `Scene.from_shapes` is simpler where each has one material.
+        """Return all `meshes` in one set of arrays. `Scene.from_shapes` is simpler where each has one material.
 
         materials: of each mesh the index of its material, or those (t,) of its triangles; None: all have material 0.
         instances: (mesh, object, matrix) for each place where a mesh stands, matrix (4,4) local to world; None: each
@@ -308,7 +308,7 @@ class Geometry:
 
 
 def _stack(arrays: Sequence[NDArray[Any]], empty: tuple[int, ...], dtype: type) -> NDArray[Any]:
-    """The arrays one after the other; of shape `empty` where they have no rows."""
+    """Return the arrays one after the other; of shape `empty` where they have no rows."""
     arrays = [a for a in arrays if len(a)]
     return np.concatenate(arrays).astype(dtype) if arrays else np.zeros(empty, dtype)
 
@@ -335,7 +335,7 @@ class Scene:
     @classmethod
     def from_shapes(cls, shapes: Sequence[Shape], camera: Camera, lights: Sequence[Light] = (),
                     settings: Settings | None = None, **more: Any) -> Scene:
-        """A scene of these shapes, each an object of its name; `more` are fields of Scene, by their names.
+        """Return a scene of these shapes, each an object of its name; `more` are fields of Scene, by their names.
 
         Materials and meshes that shapes share are there once. Raises SceneError where a shape is none.
         """
@@ -354,7 +354,9 @@ class Scene:
                    objects=tuple(Object(s.name, **s.flags) for s in shapes), settings=settings or Settings(), **more)
 
     def with_settings(self, **changes: Any) -> Scene:
-        """The scene with some settings changed, by their names. Raises SceneError where there is no such setting."""
+        """Return the scene with some settings changed, by their names. Raises SceneError where there is no such
+        setting.
+        """
         unknown = changes.keys() - names_of(Settings)
         if unknown:
             raise SceneError(f"there is no setting {quoted(min(unknown))}; there are {', '.join(names_of(Settings))}")
@@ -386,7 +388,7 @@ def names_of(cls: type) -> dict[str, Any]:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two descriptions have the same contents."""
+    """Return whether two descriptions have the same contents."""
     if a is b:
         return True
     if isinstance(a, np.ndarray):

@@ -63,7 +63,7 @@ class Material:
 
     @property
     def emits(self) -> bool:
-        """Whether the surface gives light of its own, at least where its program says so."""
+        """Return whether the surface gives light of its own, at least where its program says so."""
         return any(self.emission) or "emission" in self.program.values
 
 

@@ -38,7 +38,7 @@ class Mesh:
             object.__setattr__(self, name, None if values is None else numbers(values, f"a mesh's {name}", shape))
 
     def corner_normals(self) -> NDArray[np.float64]:
-        """The shading normals (t,3,3): the mesh's own, or each triangle's; 0 where a triangle has no area."""
+        """Return the shading normals (t,3,3): the mesh's own, or each triangle's; 0 where a triangle has no area."""
         if self.normals is not None:
             return self.normals
         a, b, c = (self.vertices[self.triangles[:, k]] for k in range(3))
@@ -95,13 +95,13 @@ def _indices(triangles: ArrayLike, vertices: int) -> NDArray[np.int64]:
 
 
 def rectangle(low: Sequence[float], high: Sequence[float], z: float = 0.0) -> Mesh:
-    """A level rectangle between the corners low (x, y) and high (x, y), at height z; it faces +z."""
+    """Return a level rectangle between the corners low (x, y) and high (x, y), at height z; it faces +z."""
     (x0, y0), (x1, y1) = numbers(low, "low", (2,)), numbers(high, "high", (2,))
     return Mesh([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], [(0, 1, 2), (0, 2, 3)])
 
 
 def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
-    """A closed box along the axes between the corners low (x, y, z) and high (x, y, z)."""
+    """Return a closed box along the axes between the corners low (x, y, z) and high (x, y, z)."""
     ends = numbers(low, "low", (3,)), numbers(high, "high", (3,))
     corners = [(ends[i][0], ends[j][1], ends[k][2]) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -109,7 +109,8 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 
 def cylinder(radius: float, z0: float, z1: float, sides: int = 48, smooth: bool = False) -> Mesh:
-    """A closed prism around the z axis from z0 to z1, with so many sides; smooth: they are shaded as a round one's.
+    """Return a closed prism around the z axis from z0 to z1, with so many sides; smooth: they are shaded as a round
+    one's.
 
     Raises SceneError with fewer than 3 sides.
     """
@@ -134,7 +135,8 @@ def cylinder(radius: float, z0: float, z1: float, sides: int = 48, smooth: bool 
 
 
 def sphere(radius: float, segments: int = 32, rings: int = 16, smooth: bool = True) -> Mesh:
-    """A sphere around the origin with its poles on z, of so many meridians and, from pole to pole, rings of faces.
+    """Return a sphere around the origin with its poles on z, of so many meridians and, from pole to pole, rings of
+    faces.
 
     smooth: shaded as a round one, not flat. Raises SceneError with fewer than 3 segments or 2 rings.
     """

@@ -27,7 +27,7 @@ class Profile:
 
 
 def profile(data: Any, where: str) -> Profile:
-    """The checked profile of a JSON object. Raises SceneError; `where`: which one it is."""
+    """Return the checked profile of a JSON object. Raises SceneError; `where`: which one it is."""
     if not isinstance(data, dict) or set(data) != {"name", "horizontal", "vertical", "values"} or not isinstance(
             data["name"], str):
         raise SceneError(f"{where} must be an object of name, horizontal, vertical and values")

@@ -93,23 +93,23 @@ class Program:
         return needs, asked
 
     def images(self) -> set[int]:
-        """The images that it looks at."""
+        """Return the images that it looks at."""
         return {int(o.arguments[0]) for o in self.operations if o.name == "image"}
 
     def profiles(self) -> set[int]:
-        """The profiles that it looks at."""
+        """Return the profiles that it looks at."""
         return {int(o.arguments[0]) for o in self.operations if o.name == "ies"}
 
     def asks(self) -> set[str]:
-        """The names of its operations."""
+        """Return the names of its operations."""
         return {o.name for o in self.operations}
 
     def sees(self, *names: str) -> bool:
-        """Whether it has an operation of one of these names."""
+        """Return whether it has an operation of one of these names."""
         return any(o.name in names for o in self.operations)
 
     def sees_camera(self) -> bool:
-        """Whether what it gives depends on where the camera is."""
+        """Return whether what it gives depends on where the camera is."""
         return any(o.name in ("to_camera", "window") or (
             o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0]) for o in self.operations)
 
@@ -118,7 +118,7 @@ NO_PROGRAM = Program()
 
 
 def plain(program: Program) -> dict[str, Any]:
-    """The program as a snapshot's JSON has it."""
+    """Return the program as a snapshot's JSON has it."""
     def argument(a: Any) -> Any:
         return list(a) if isinstance(a, tuple) else a
     return {"operations": [[o.name, *map(argument, o.arguments)] for o in program.operations],
@@ -126,7 +126,7 @@ def plain(program: Program) -> dict[str, Any]:
 
 
 def of_lamp(data: Any, where: str) -> Program:
-    """The checked program of a lamp, of a JSON object. Raises SceneError; `where`: of which lamp."""
+    """Return the checked program of a lamp, of a JSON object. Raises SceneError; `where`: of which lamp."""
     made = program(data, where, OF_LIGHT, NOT_OF_LAMPS)
     if any(o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0] for o in made.operations):
         raise SceneError(f"{where}: its program takes a value beside a point, which lamps have not")
@@ -134,7 +134,7 @@ def of_lamp(data: Any, where: str) -> Program:
 
 
 def program(data: Any, where: str, names: Collection[str] = PARAMETERS, without: Collection[str] = OF_LAMPS) -> Program:
-    """The checked program of a JSON object. Raises SceneError, which says where; `where`: of which material.
+    """Return the checked program of a JSON object. Raises SceneError, which says where; `where`: of which material.
 
     names: of what it may set; without: which operations it may not have.
     """
@@ -210,7 +210,7 @@ def _check_choices(name: str, arguments: list[Any], where: str) -> None:
 
 
 def _reference(argument: Any, count: int, where: str) -> Any:
-    """A number, or a register below `count` as a tuple."""
+    """Return a number, or a register below `count` as a tuple."""
     if isinstance(argument, list) and len(argument) == 1 and type(argument[0]) is int and 0 <= argument[0] < count:
         return (argument[0],)
     if isinstance(argument, int | float) and not isinstance(argument, bool) and abs(argument) <= 1e300:

@@ -197,7 +197,7 @@ def read(path: Path, mapped: bool = True) -> Scene:
 
 
 def profiles(items: Any) -> tuple[Profile, ...]:
-    """The checked profiles of a JSON list. Raises SceneError."""
+    """Return the checked profiles of a JSON list. Raises SceneError."""
     if not isinstance(items, list | tuple):
         raise SceneError("scene.json: profiles must be a list")
     return tuple(profile(item, f"profile {n}") for n, item in enumerate(items))
@@ -237,7 +237,7 @@ def _many(cls: type, data: dict[str, Any], key: str) -> tuple[Any, ...]:
 
 
 def built(cls: type, data: Any, where: str) -> Any:
-    """A dataclass from a JSON object, each value checked against the type of the field's default."""
+    """Return a dataclass from a JSON object, each value checked against the type of the field's default."""
     if not isinstance(data, dict):
         raise SceneError(f"scene.json: {where} is missing or not an object")
     fields = names_of(cls)

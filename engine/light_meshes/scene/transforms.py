@@ -14,34 +14,34 @@ Matrix = NDArray[np.float64]
 
 
 def translate(x: float, y: float, z: float) -> Matrix:
-    """The matrix that moves by (x, y, z)."""
+    """Return the matrix that moves by (x, y, z)."""
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z
     return matrix
 
 
 def scale(x: float, y: float, z: float) -> Matrix:
-    """The matrix that stretches along the axes; a negative factor mirrors."""
+    """Return the matrix that stretches along the axes; a negative factor mirrors."""
     return np.diag([x, y, z, 1.0])
 
 
 def rotate_x(angle: float) -> Matrix:
-    """The matrix that turns around the x axis, from y to z."""
+    """Return the matrix that turns around the x axis, from y to z."""
     return _rotate(angle, 1, 2)
 
 
 def rotate_y(angle: float) -> Matrix:
-    """The matrix that turns around the y axis, from z to x."""
+    """Return the matrix that turns around the y axis, from z to x."""
     return _rotate(angle, 2, 0)
 
 
 def rotate_z(angle: float) -> Matrix:
-    """The matrix that turns around the z axis, from x to y."""
+    """Return the matrix that turns around the z axis, from x to y."""
     return _rotate(angle, 0, 1)
 
 
 def _rotate(angle: float, a: int, b: int) -> Matrix:
-    """The turn from axis a to axis b."""
+    """Return the turn from axis a to axis b."""
     matrix = np.eye(4)
     matrix[[a, b], [a, b]] = np.cos(angle)
     matrix[a, b], matrix[b, a] = -np.sin(angle), np.sin(angle)
@@ -49,7 +49,8 @@ def _rotate(angle: float, a: int, b: int) -> Matrix:
 
 
 def look_at(eye: Sequence[float], target: Sequence[float], up: Sequence[float] = (0.0, 0.0, 1.0)) -> Matrix:
-    """The matrix, local to world, of a camera at `eye` that looks at `target`: −z goes there, y as far up as it can.
+    """Return the matrix, local to world, of a camera at `eye` that looks at `target`: −z goes there, y as far up as it
+    can.
 
     Where the view goes along `up`, which then says nothing, y is up; or z where that is no help either. Raises
     SceneError where eye and target are one point, or up is 0.

@@ -66,7 +66,7 @@ def _check_arrays(geometry: Geometry) -> None:
 
 
 def _values(item: Any) -> dict[str, Any]:
-    """The fields of a dataclass, by their names."""
+    """Return the fields of a dataclass, by their names."""
     return {f.name: _plain(getattr(item, f.name)) for f in dataclasses.fields(item)}
 
 

@@ -23,7 +23,9 @@ class Declared(Protocol):
 
 
 def checked_mapping(where: str, given: Mapping[str, Any], declared: Mapping[str, Any]) -> dict[str, Scalar]:
-    """The values of all that is `declared` (name → `Declared`): those given, defaults elsewhere. Raises SceneError."""
+    """Return the values of all that is `declared` (name → `Declared`): those given, defaults elsewhere. Raises
+    SceneError.
+    """
     for name in given:
         if name not in declared:
             raise SceneError(f"{where}: there is no property {quoted(name)}"

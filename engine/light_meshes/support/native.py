@@ -67,7 +67,7 @@ def _code(text: str) -> Any:
 
 @cache
 def _knows_arrays() -> bool:
-    """Whether arrays have the memory layout that all releases of numpy so far have."""
+    """Return whether arrays have the memory layout that all releases of numpy so far have."""
     some = np.zeros(3)
     return all(ctypes.c_void_p.from_address(id(a) + _DATA).value == a.ctypes.data for a in (some, some[1:], some[2:]))
 

@@ -53,7 +53,7 @@ def sky(n: int, *arguments: Any) -> tuple[NDArray[np.float64], ...]:
 
 
 def _direction(elevation: float, rotation: float) -> NDArray[np.float64]:
-    """The unit vector (3,) to a place of the sky; rotation turns from y towards x."""
+    """Return the unit vector (3,) to a place of the sky; rotation turns from y towards x."""
     flat = np.cos(elevation)
     return np.array([flat * np.sin(rotation), flat * np.cos(rotation), np.sin(elevation)])
 
@@ -62,7 +62,7 @@ def _direction(elevation: float, rotation: float) -> NDArray[np.float64]:
 
 
 def _scattered(w: Weather, direction: NDArray[np.float64], sun: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The sky's light (n,3) without the sun's disc."""
+    """Return the sky's light (n,3) without the sun's disc."""
     tables = (_single if w.model == SINGLE else _multiple)(*w[1:2], *w[3:7])
     away = np.arctan2(direction[:, 0], direction[:, 1]) - w.rotation
     away = np.abs((away + np.pi) % (2 * np.pi) - np.pi)
@@ -88,7 +88,7 @@ def _henyey(mu: NDArray[np.float64], g: float) -> NDArray[np.float64]:
 
 
 def _looked_up(tables: NDArray[np.float64], away: NDArray, elevation: NDArray, phases: tuple) -> NDArray[np.float64]:
-    """The sum of tables (k, rows, AZIMUTHS, 3), each times its phase function (n,), at these places."""
+    """Return the sum of tables (k, rows, AZIMUTHS, 3), each times its phase function (n,), at these places."""
     rows = tables.shape[1]
     up = np.sqrt(np.abs(elevation) / (np.pi / 2)) * (ELEVATIONS - 1)
     y = up if rows == ELEVATIONS else np.copysign(up, elevation) + ELEVATIONS - 1.5
@@ -98,7 +98,8 @@ def _looked_up(tables: NDArray[np.float64], away: NDArray, elevation: NDArray, p
 
 
 def _grid(below: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The unit directions (rows·AZIMUTHS, 3) of a table, where the sun is towards y; more of them at the horizon.
+    """Return the unit directions (rows·AZIMUTHS, 3) of a table, where the sun is towards y; more of them at the
+    horizon.
 
     With what is below it none is at the horizon, where the ground begins, but two are beside it, as in Blender's table.
     """
@@ -114,7 +115,7 @@ def _grid(below: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _disc(w: Weather, direction: NDArray[np.float64], sun: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The light (n,3) of the sun's disc: darker at its limb, and redder below than above."""
+    """Return the light (n,3) of the sun's disc: darker at its limb, and redder below than above."""
     found = np.zeros((len(direction), 3))
     if w.size <= 0:
         return found
@@ -166,13 +167,13 @@ def _densities(P: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _to_the_top(P: NDArray[np.float64], d: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far (…,) it is from places along unit d to the end of the air."""
+    """Return how far (…,) it is from places along unit d to the end of the air."""
     b = (P * d).sum(-1)
     return np.sqrt(np.maximum(b * b + _TOP**2 - (P * P).sum(-1), 0)) - b
 
 
 def _depths(P: NDArray[np.float64], d: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How much air, dust and ozone (…,3) light meets from places along d, as metres of the densest."""
+    """Return how much air, dust and ozone (…,3) light meets from places along d, as metres of the densest."""
     far = _to_the_top(P, d)
     total = np.zeros((*P.shape[:-1], 3))
     for node, weight in zip(_NODES, _WEIGHTS, strict=True):
@@ -182,7 +183,7 @@ def _depths(P: NDArray[np.float64], d: NDArray[np.float64]) -> NDArray[np.float6
 
 @lru_cache(8)
 def _single(elevation: float, altitude: float, air: float, dust: float, ozone: float) -> NDArray[np.float64]:
-    """The tables of SINGLE: of air and of dust."""
+    """Return the tables of SINGLE: of air and of dust."""
     d, rows = _grid(below=False)
     sun, density = _direction(elevation, 0.0), np.array([air, dust, ozone])
     eye = np.array([0.0, 0.0, _GROUND + np.clip(altitude, 1, 59999)])
@@ -206,7 +207,7 @@ def _single(elevation: float, altitude: float, air: float, dust: float, ozone: f
 
 
 def _single_sun(w: Weather) -> NDArray[np.float64]:
-    """The colours (2,3) of the lowest and of the highest point of the sun's disc."""
+    """Return the colours (2,3) of the lowest and of the highest point of the sun's disc."""
     eye = np.array([0.0, 0.0, _GROUND + np.clip(w.altitude, 1, 59999)])
     if w.elevation + w.size / 2 <= 0:
         return np.zeros((2, 3))
@@ -241,7 +242,7 @@ class _Air(NamedTuple):
 
 
 def _air_at(height: NDArray[np.float64], air: float, dust: float, ozone: float) -> _Air:
-    """The air at heights (…,), km."""
+    """Return the air at heights (…,), km."""
     h = np.maximum(height, 0.0)[..., None]
     molecules = _AIR_4 * (air * np.exp(-0.07771971 * h**1.16364243))
     log = np.log(np.maximum(h, 1e-4))
@@ -252,7 +253,9 @@ def _air_at(height: NDArray[np.float64], air: float, dust: float, ozone: float) 
 
 
 def _reach(distance: NDArray[np.float64], cosine: NDArray[np.float64], radius: float) -> tuple[NDArray, NDArray]:
-    """How far it is to the near and to the far side of a sphere around the earth's middle; NaN where it is missed."""
+    """Return how far it is to the near and to the far side of a sphere around the earth's middle; NaN where it is
+    missed.
+    """
     with np.errstate(invalid="ignore"):
         root = np.sqrt(radius**2 - distance**2 * (1 - cosine**2))
     return -distance * cosine - root, -distance * cosine + root
@@ -260,7 +263,9 @@ def _reach(distance: NDArray[np.float64], cosine: NDArray[np.float64], radius: f
 
 def _transmittance(cosine: NDArray[np.float64], height: NDArray[np.float64], air: float, dust: float,
                    ozone: float) -> NDArray[np.float64]:
-    """What is left (…,4) of sunlight that comes to `height` (km) from a direction with this cosine to the zenith."""
+    """Return what is left (…,4) of sunlight that comes to `height` (km) from a direction with this cosine to the
+    zenith.
+    """
     distance = EARTH + height
     step = _reach(distance, cosine, EARTH + THICK)[1] / _MARCH
     depth = np.zeros((*np.shape(step), 4))
@@ -273,7 +278,7 @@ def _transmittance(cosine: NDArray[np.float64], height: NDArray[np.float64], air
 
 @lru_cache(8)
 def _multiple(elevation: float, altitude: float, air: float, dust: float, ozone: float) -> NDArray[np.float64]:
-    """The tables of MULTIPLE: of molecules, of particles, and of what came to both from everywhere."""
+    """Return the tables of MULTIPLE: of molecules, of particles, and of what came to both from everywhere."""
     d, rows = _grid(below=True)
     eye, sun = EARTH + np.clip(altitude, 1, 99999) / 1000, _direction(elevation, 0.0)
     h, c = np.meshgrid(np.linspace(0, THICK, _HEIGHTS), np.linspace(-1, 1, _COSINES), indexing="ij")
@@ -298,7 +303,7 @@ def _multiple(elevation: float, altitude: float, air: float, dust: float, ozone:
 
 
 def _between(lit: NDArray[np.float64], cosine: NDArray, height: NDArray) -> NDArray[np.float64]:
-    """The table of transmittances (heights, cosines, 4) at these places, linearly."""
+    """Return the table of transmittances (heights, cosines, 4) at these places, linearly."""
     x, y = np.clip(cosine * 0.5 + 0.5, 0, 1) * (_COSINES - 1), np.clip(height / THICK, 0, 1) * (_HEIGHTS - 1)
     i, j = np.minimum(x.astype(np.int64), _COSINES - 2), np.minimum(y.astype(np.int64), _HEIGHTS - 2)
     fx, fy = (x - i)[:, None], (y - j)[:, None]
@@ -307,7 +312,7 @@ def _between(lit: NDArray[np.float64], cosine: NDArray, height: NDArray) -> NDAr
 
 
 def _often(lit: NDArray[np.float64], cosine: NDArray, height: NDArray, distance: NDArray) -> NDArray[np.float64]:
-    """What comes to places from everywhere: from the ground, and (a fit) from air that was lit by air."""
+    """Return what comes to places from everywhere: from the ground, and (a fit) from air that was lit by air."""
     seen = 2 * np.pi * (1 - np.sqrt(np.maximum(1 - (EARTH / distance) ** 2, 0)))[:, None]  # solid angle of the earth
     up = np.ones_like(cosine)
     climbed = _between(lit, up, 0 * up) / _between(lit, up, height)
@@ -317,7 +322,7 @@ def _often(lit: NDArray[np.float64], cosine: NDArray, height: NDArray, distance:
 
 
 def _multiple_sun(w: Weather) -> NDArray[np.float64]:
-    """The colours (2,3) of the lowest and of the highest point of the sun's disc."""
+    """Return the colours (2,3) of the lowest and of the highest point of the sun's disc."""
     elevation = w.elevation + np.array([-0.5, 0.5]) * w.size
     height = np.full(2, np.clip(w.altitude, 1, 99999) / 1000)
     left = _transmittance(np.sin(elevation), height, w.air, w.dust, w.ozone)

@@ -37,7 +37,7 @@ class Spread(NamedTuple):
 def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float64], fan: NDArray[np.int32],
               depth: NDArray[np.integer], may: NDArray[np.bool_], up: NDArray[np.float64], samples: int,
               cutoff: float) -> Spread:
-    """What surfaces reflect of their surroundings whose material is `blurred`; nothing at all others.
+    """Return what surfaces reflect of their surroundings whose material is `blurred`; nothing at all others.
 
     direction (n,3): of the rays that hit them, which count with weight (n,3), have met `depth` (n,) lobes before, and
     are those of `fan` (n,). may (n,): which may go on. up (3,): the camera's, unit. samples: of a pixel. Rays with
@@ -71,7 +71,7 @@ class Facets(NamedTuple):
 
 def facets(roughness: NDArray[np.float64], hits: Hits, direction: NDArray[np.float64], fan: NDArray[np.int32],
            depth: NDArray[np.integer], up: NDArray[np.float64], samples: int) -> Facets:
-    """The microfacets that rays of `direction` (n,3) meet at glass of this roughness (n,); see `spread`.
+    """Return the microfacets that rays of `direction` (n,3) meet at glass of this roughness (n,); see `spread`.
 
     All have the same share of a ray's light: what one masks others send on.
     """
@@ -84,7 +84,9 @@ def facets(roughness: NDArray[np.float64], hits: Hits, direction: NDArray[np.flo
 
 
 def unmasked(roughness: NDArray[np.float64], to: NDArray[np.float64], away: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What microfacets that an eye sees at the cosine `to` do not mask of the light at the cosine `away`, all (n,)."""
+    """Return what microfacets that an eye sees at the cosine `to` do not mask of the light at the cosine `away`, all
+    (n,).
+    """
     aa = roughness**4
     own, other = (np.sqrt(1 + aa * (1 / np.maximum(c, 1e-3)**2 - 1)) for c in (to, away))
     return np.where(away > 0, (1 + own) / (own + other), 0.0)

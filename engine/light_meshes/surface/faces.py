@@ -43,7 +43,8 @@ class Faces:
 
     def mean(self, run: Run, fixed: bool, lamp: NDArray[np.int64], P: NDArray[np.float64],
              N: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What `run` gives (n,3) in the mean for receivers at P with normals N (n,3). lamp (n,): the lamp of each.
+        """Return what `run` gives (n,3) in the mean for receivers at P with normals N (n,3). lamp (n,): the lamp of
+        each.
 
         fixed: it asks only for the place on the face.
         """
@@ -71,7 +72,9 @@ class Faces:
         return np.einsum("nk,nkj->nj", weight.reshape(n, -1), light) / weight.reshape(n, -1).sum(1)[:, None]
 
     def met(self, lamp: NDArray[np.int64], origin: NDArray[np.float64], direction: NDArray[np.float64]) -> Sources:
-        """The points of faces that rays see, from origin along unit direction, both (n,3). lamp (n,): whose face."""
+        """Return the points of faces that rays see, from origin along unit direction, both (n,3). lamp (n,): whose
+        face.
+        """
         axis, centre = self._axis[lamp], self._spaces.centre[lamp]
         facing = np.einsum("ni,ni->n", direction, axis)
         far = np.einsum("ni,ni->n", centre - origin, axis) / np.where(facing != 0, facing, 1.0)
@@ -80,7 +83,9 @@ class Faces:
         return Sources(self._spaces, lamp, place, axis, -direction, far, self._uv(lamp, at))
 
     def _seen(self, lamp: NDArray[np.int64], P: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-        """The rectangle, low and high (n,2) along the half-axes, in which all is from where a receiver gets light."""
+        """Return the rectangle, low and high (n,2) along the half-axes, in which all is from where a receiver gets
+        light.
+        """
         way, half = P - self._spaces.centre[lamp], self._half[lamp]
         under = np.stack([np.einsum("ni,ni->n", way, self._u[lamp]), np.einsum("ni,ni->n", way, self._v[lamp])], 1)
         reach = np.maximum(np.einsum("ni,ni->n", way, self._axis[lamp]), 0) * self._edge[lamp]
@@ -89,7 +94,9 @@ class Faces:
 
     def _weighed(self, lamp: NDArray[np.int64], at: NDArray[np.float64], cells: Cells, P: NDArray[np.float64],
                  N: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
-        """The points (n,k,k,3) of faces at `at`, the ways from there to the receivers, and what each adds (n,k,k)."""
+        """Return the points (n,k,k,3) of faces at `at`, the ways from there to the receivers, and what each adds
+        (n,k,k).
+        """
         place = (self._spaces.centre[lamp][:, None, None] + at[..., :1] * self._u[lamp][:, None, None]
                  + at[..., 1:] * self._v[lamp][:, None, None])
         way = P[:, None, None] - place
@@ -112,7 +119,7 @@ class Faces:
 
     def _from_sums(self, run: Run, lamp: NDArray[np.int64], low: NDArray[np.float64], high: NDArray[np.float64],
                    weight: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The mean from sums over a grid; weight (n,k,k): of the cells of MANY between low and high (n,2)."""
+        """Return the mean from sums over a grid; weight (n,k,k): of the cells of MANY between low and high (n,2)."""
         out = np.empty((len(lamp), 3))
         for i in np.unique(lamp):
             rows = np.flatnonzero(lamp == i)
@@ -133,7 +140,7 @@ class Faces:
         return np.maximum(out, 0.0)
 
     def _summed(self, run: Run, i: int) -> NDArray[np.float64]:
-        """The sums (side+1,side+1,4) of colours and of the inside of the face, from its first corner on."""
+        """Return the sums (side+1,side+1,4) of colours and of the inside of the face, from its first corner on."""
         side = self._side
         at = np.stack(np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 - 1] * 2, indexing="ij"), axis=2).reshape(-1, 2)
         place = self._spaces.centre[i] + (at * self._half[i]) @ np.stack([self._u[i], self._v[i]])

@@ -84,7 +84,7 @@ class Lamps:
         return out
 
     def seen(self, i: int, origin: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the nodes of lamp i say for rays that see it, from origin along unit direction, all (n,3)."""
+        """Return what the nodes of lamp i say for rays that see it, from origin along unit direction, all (n,3)."""
         group = next((group for group in self._groups if i in group.lamps), None)
         if group is None:
             return np.tile(self._suns[i].astype(np.float64), (len(origin), 1))
@@ -94,7 +94,7 @@ class Lamps:
 
     def _light(self, group: Group, lamp: NDArray[np.int64], P: NDArray[np.float64],
                N: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the nodes of lamps (n,) say for receivers: (n,3)."""
+        """Return what the nodes of lamps (n,) say for receivers: (n,3)."""
         if group.type == "AREA":
             return self._faces.mean(lambda points: self._run(group, points), group.fixed, lamp, P, N)
         if group.ball:
@@ -108,12 +108,12 @@ class Lamps:
 
 
 def _varies(light: Light) -> bool:
-    """Whether the light of a lamp may change where its distance does not, or at once."""
+    """Return whether the light of a lamp may change where its distance does not, or at once."""
     return bool(light.program) and not (KINDS[light.type].directional or light.program.asks() <= _SMOOTH)
 
 
 def _groups(lights: Sequence[Light]) -> Iterator[Group]:
-    """The lamps that have programs, those together that run as one."""
+    """Return the lamps that have programs, those together that run as one."""
     alike: dict[tuple, list[int]] = {}
     for i, light in enumerate(lights):
         if light.program:
@@ -125,14 +125,14 @@ def _groups(lights: Sequence[Light]) -> Iterator[Group]:
 
 
 def _ball(light: Light) -> bool:
-    """Whether the light is the mean over a sphere. What a spot has as UV goes by the way alone."""
+    """Return whether the light is the mean over a sphere. What a spot has as UV goes by the way alone."""
     over = OVER_BALLS - ({"uv", "parametric"} if light.type == "SPOT" else set())
     return (light.type in ("POINT", "SPOT") and light.radius > 0 and not light.facing_disc
             and bool(light.program.asks() & over))
 
 
 def _structure(program: Program) -> Iterator[Any]:
-    """What must be the same in programs that run as one: all but numbers, images and profiles."""
+    """Return what must be the same in programs that run as one: all but numbers, images and profiles."""
     for o in program.operations:
         fixed = {place for place, *_ in CHOICES.get(o.name, ())}.union(_SAME.get(o.name, ()))
         yield o.name, *(a if isinstance(a, tuple) or (k in fixed and (o.name, k) not in _FREE) else None

@@ -35,7 +35,7 @@ class Looks:
             self._around = Around(scene, surfaces, camera)
 
     def __call__(self, table: Materials, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
-        """The hits of rays along `direction` (n,3) with rows of their own where their material has a program.
+        """Return the hits of rays along `direction` (n,3) with rows of their own where their material has a program.
 
         Its normal, if it says one, becomes the shading normal Ns. ray (n,): kinds of rays, as `points` has them.
         """

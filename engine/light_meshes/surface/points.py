@@ -29,7 +29,7 @@ class Around:
         self.camera, self.to_camera = camera, np.linalg.inv(camera.matrix)[:3]
 
     def pixel(self, P: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How wide (n,) a pixel is at points P (n,3), scene units, measured across the line of sight."""
+        """Return how wide (n,) a pixel is at points P (n,3), scene units, measured across the line of sight."""
         c = self.camera
         left, right, bottom, top = c.window
         wide, high = abs(right - left) / c.width, abs(top - bottom) / c.height
@@ -55,12 +55,12 @@ class Points(NamedTuple):
     around: Around
 
     def at(self, rows: NDArray) -> Points:
-        """These points only."""
+        """Return these points only."""
         return Points._make([*(a[rows] for a in self[:-1]), self.around])
 
     @property
     def instance(self) -> NDArray[np.int32]:
-        """The instances (n,) that they belong to."""
+        """Return the instances (n,) that they belong to."""
         return self.around.surfaces.instance[self.triangle]
 
     def at_corners(self, values: NDArray) -> NDArray[np.float64]:
@@ -77,7 +77,7 @@ class Points(NamedTuple):
 
     @property
     def parametric(self) -> NDArray[np.float64]:
-        """Where on their triangles points are: the shares (n,2) of the first and of the second corner."""
+        """Return where on their triangles points are: the shares (n,2) of the first and of the second corner."""
         return self.at_corners(np.broadcast_to(np.eye(3), (len(self.around.surfaces.materials), 3, 3)))[:, :2]
 
     def steps(self, width: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -89,8 +89,8 @@ class Points(NamedTuple):
         return along, np.cross(self.Ng, along)
 
     def shifted(self, direction: int, width: float) -> Points:
-        """These points, moved by the first (1) or second (2) of `steps`; 0: not moved. What a triangle has at its
-        corners goes on evenly beyond its edges.
+        """Return these points, moved by the first (1) or second (2) of `steps`; 0: not moved. What a triangle has at
+        its corners goes on evenly beyond its edges.
         """
         P = self.P + self.steps(width)[direction - 1] if direction else self.P
         moved = self._replace(P=P)

@@ -29,7 +29,7 @@ def _columns(a: NDArray) -> Sequence[Register]:
 
 
 def noise(n: int, dimensions: float, kind: float, normalize: float, *rest: Register) -> Sequence[Register]:
-    """The Noise texture: a value and a colour. rest: x, y, z, w, detail, roughness, lacunarity, offset, gain and
+    """Return the Noise texture: a value and a colour. rest: x, y, z, w, detail, roughness, lacunarity, offset, gain and
     distortion. kind: see the enum in noise.h.
     """
     out = np.empty((n, 4))
@@ -38,21 +38,21 @@ def noise(n: int, dimensions: float, kind: float, normalize: float, *rest: Regis
 
 
 def white_noise(n: int, dimensions: float, *place: Register) -> Sequence[Register]:
-    """The White Noise texture at x, y, z, w: a value and a colour."""
+    """Return the White Noise texture at x, y, z, w: a value and a colour."""
     out = np.empty((n, 4))
     _white_noise(_block(n, *place), int(dimensions), out)
     return _columns(out)
 
 
 def bend(n: int, x: Register, y: Register, z: Register, detail: Register, roughness: Register) -> Sequence[Register]:
-    """What the Wave texture is distorted by, from −1 to 1."""
+    """Return what the Wave texture is distorted by, from −1 to 1."""
     out = np.empty(n)
     _bend(_block(n, x, y, z, 0.0), _block(n, detail, roughness), out)
     return (out,)
 
 
 def magic(n: int, x: Register, y: Register, z: Register, distortion: Register, depth: float) -> Sequence[Register]:
-    """The Magic texture's colour."""
+    """Return the Magic texture's colour."""
     out = np.empty((n, 3))
     _magic(_block(n, x, y, z, 0.0), _block(n, distortion)[:, 0].copy(), int(depth), out)
     return _columns(out)
@@ -60,7 +60,7 @@ def magic(n: int, x: Register, y: Register, z: Register, distortion: Register, d
 
 def brick(n: int, offset: float, offset_frequency: float, squash: float, squash_frequency: float, x: Register,
           y: Register, *how: Register) -> Sequence[Register]:
-    """The Brick texture: each brick's tint, and how much is mortar. how: see the kernel."""
+    """Return the Brick texture: each brick's tint, and how much is mortar. how: see the kernel."""
     out = np.empty((n, 2))
     _brick(_block(n, x, y, 0.0, 0.0), _block(n, *how), offset, int(offset_frequency), squash, int(squash_frequency),
            out)
@@ -69,8 +69,8 @@ def brick(n: int, offset: float, offset_frequency: float, squash: float, squash_
 
 def voronoi(n: int, dimensions: float, feature: float, metric: float, normalize: float, hashed: float,
             *rest: Register) -> Sequence[Register]:
-    """The Voronoi texture: distance or radius, a colour, and a place (4), by choices that voronoi.c names. rest: x, y,
-    z, w, detail, roughness, lacunarity, smoothness, exponent and randomness.
+    """Return the Voronoi texture: distance or radius, a colour, and a place (4), by choices that voronoi.c names. rest:
+    x, y, z, w, detail, roughness, lacunarity, smoothness, exponent and randomness.
     """
     out = np.empty((n, 8))
     _voronoi(_block(n, *rest[:4]), _block(n, *rest[4:]), int(dimensions), int(feature), int(metric), int(normalize),

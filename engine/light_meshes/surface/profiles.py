@@ -24,7 +24,7 @@ class Lookup:
         self._values = np.vstack([values[:1], values, values[-2, None]])
 
     def __call__(self, across: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The light (n,) at horizontal angles `across` and vertical angles `up`, both (n,) in radians."""
+        """Return the light (n,) at horizontal angles `across` and vertical angles `up`, both (n,) in radians."""
         i, x = _place(self._across, across)
         j, y = _place(self._up, up)
         a, b, c, d = (_cubic([self._values[i + row, j + k] for k in range(4)], y) for row in range(4))
@@ -34,13 +34,13 @@ class Lookup:
 
 
 def _place(angles: NDArray[np.float64], at: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The interval (n,) of `angles` in which each angle is, and how far in it, 0 to 1."""
+    """Return the interval (n,) of `angles` in which each angle is, and how far in it, 0 to 1."""
     i = np.clip(np.searchsorted(angles, at, "left") - 1, 0, len(angles) - 2)
     width = angles[i + 1] - angles[i]
     return i, np.clip(np.divide(at - angles[i], width, out=np.zeros(len(at)), where=width > 0), 0.0, 1.0)
 
 
 def _cubic(values: Sequence[NDArray[np.float64]], x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A Catmull-Rom spline through four values, between the second (x = 0) and the third (1)."""
+    """Return a Catmull-Rom spline through four values, between the second (x = 0) and the third (1)."""
     a, b, c, d = values
     return 0.5 * (((d + 3 * (b - c) - a) * x + (2 * a - 5 * b + 4 * c - d)) * x + (c - a)) * x + b

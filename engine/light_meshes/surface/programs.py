@@ -24,7 +24,7 @@ Register = Any  # (n,) float64, or a number
 
 def run(program: Program, points: Points, textures: Sequence[Texture | None],
         wanted: Collection[str] = PARAMETERS) -> dict[str, NDArray[np.float64]]:
-    """The parameters that `program` sets: (n,) or, of colours, (n,3), held to what a Material may have.
+    """Return the parameters that `program` sets: (n,) or, of colours, (n,3), held to what a Material may have.
 
     wanted: of which parameters only; what they do not need is not computed. An argument may be an array instead of a
     number, with one for each instance: so programs that differ in numbers only are run as one (`lamps`).
@@ -96,7 +96,7 @@ def _object_normal(points: Points) -> tuple[NDArray, ...]:
 
 
 def _world_normal(points: Points, x: Register, y: Register, z: Register) -> Sequence[Register]:
-    """A normal of the object's own space in the world, with length 1; 0 where it has no direction."""
+    """Return a normal of the object's own space in the world, with length 1; 0 where it has no direction."""
     normal = np.empty((len(points.P), 3))
     normal[:, 0], normal[:, 1], normal[:, 2] = x, y, z
     normal = np.einsum("nji,nj->ni", points.around.to_object[:, :, :3][points.instance], normal)
@@ -104,13 +104,13 @@ def _world_normal(points: Points, x: Register, y: Register, z: Register) -> Sequ
 
 
 def _location(points: Points) -> tuple[NDArray, ...]:
-    """Where the object's origin is in the world."""
+    """Return where the object's origin is in the world."""
     back = np.linalg.pinv(points.around.to_object[:, :, :3])
     return _columns(-np.einsum("nij,nj->ni", back, points.around.to_object[:, :, 3])[points.instance])
 
 
 def _channel(values: NDArray, channel: int, points: Points) -> Register:
-    """A channel of attributes (T,3,A); 0 where no mesh has it."""
+    """Return a channel of attributes (T,3,A); 0 where no mesh has it."""
     if channel >= values.shape[2]:
         return 0.0
     return points.at_corners(values[:, :, channel:channel + 1])[:, 0]
@@ -122,14 +122,14 @@ def _instance_value(points: Points, channel: float) -> Sequence[Register]:
 
 
 def _in_camera(points: Points, x: Register, y: Register, z: Register) -> Sequence[Register]:
-    """A place of the world as the camera has it: x to the right, y up, z away from it."""
+    """Return a place of the world as the camera has it: x to the right, y up, z away from it."""
     m = points.around.to_camera
     across, up, back = (m[i, 0] * x + m[i, 1] * y + m[i, 2] * z + m[i, 3] for i in range(3))
     return across, up, -back
 
 
 def _window(points: Points) -> Sequence[Register]:
-    """Where in the picture the camera sees the points: 0 to 1 from left to right and from bottom to top."""
+    """Return where in the picture the camera sees the points: 0 to 1 from left to right and from bottom to top."""
     camera = points.around.camera
     left, right, bottom, top = camera.window
     x, y, z = _in_camera(points, *points.P.T)
@@ -140,7 +140,8 @@ def _window(points: Points) -> Sequence[Register]:
 
 def _bump(points: Points, here: Register, first: Register, second: Register, x: Register, y: Register, z: Register,
           strength: Register, distance: Register, width: float) -> Sequence[Register]:
-    """The normal (x, y, z) of a surface that is raised by heights: at the points, and one of `Points.steps` further.
+    """Return the normal (x, y, z) of a surface that is raised by heights: at the points, and one of `Points.steps`
+    further.
 
     Blinn, "Simulation of wrinkled surfaces" (1978), as Cycles has it: the normal less the heights' gradient.
     """
@@ -164,8 +165,8 @@ def unit(a: NDArray[np.float64], otherwise: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _box(points: Points, blend: Register) -> Sequence[Register]:
-    """How much of each of three images shows that are projected along x, y and z in the object's space, as Blender
-    mixes them: blend is how soft the edges of the box are.
+    """Return how much of each of three images shows that are projected along x, y and z in the object's space, as
+    Blender mixes them: blend is how soft the edges of the box are.
     """
     n = np.abs(np.stack(_object_normal(points), axis=1))
     n /= n.sum(1, keepdims=True)
@@ -191,7 +192,7 @@ def _object_scale(points: Points) -> Sequence[Register]:
 
 
 def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Register]:
-    """The light of profiles at horizontal and vertical angles x and y."""
+    """Return the light of profiles at horizontal and vertical angles x and y."""
     out, numbers = np.empty(len(points.P)), np.broadcast_to(number, len(points.P))
     x, y = np.broadcast_to(x, len(out)), np.broadcast_to(y, len(out))
     for n in np.unique(numbers):
@@ -249,7 +250,7 @@ _OPERATIONS: dict[str, Callable[..., Register]] = {
 
 
 def _table(x: Register, table: NDArray[np.float64], interpolates: bool, extrapolates: bool) -> Register:
-    """The table at place x, which counts its entries from 0."""
+    """Return the table at place x, which counts its entries from 0."""
     x = np.nan_to_num(np.asarray(x, np.float64))
     if not extrapolates:
         x = np.clip(x, 0, len(table) - 1)

@@ -24,7 +24,7 @@ _BOUNDS = {"AREA": 1, "SPOT": 2}
 
 
 def radiance(light: Light) -> NDArray[np.float64]:
-    """The radiance (3,) of a lamp with a size, as it is seen along its axis."""
+    """Return the radiance (3,) of a lamp with a size, as it is seen along its axis."""
     return np.array(light.intensity, np.float64) * (np.pi / sized.area(light))
 
 
@@ -33,7 +33,7 @@ def _is_seen(light: Light) -> bool:
 
 
 def seen_in_mirrors(light: Light) -> bool:
-    """Whether rays that mirrors reflect see the lamp."""
+    """Return whether rays that mirrors reflect see the lamp."""
     return light.seen_in_mirrors and _is_seen(light)
 
 
@@ -57,8 +57,8 @@ class SeenLamps:
 
     def light(self, origin: NDArray[np.float64], direction: NDArray[np.float64], reach: NDArray[np.float64],
               ray: NDArray[np.int8]) -> NDArray[np.float64]:
-        """The radiance (n,3) of the lamps that rays meet, from origin (n,3) along unit direction (n,3), before `reach`
-        (n,). ray (n,): their kinds, as in `points`.
+        """Return the radiance (n,3) of the lamps that rays meet, from origin (n,3) along unit direction (n,3), before
+        `reach` (n,). ray (n,): their kinds, as in `points`.
         """
         light, bits = np.empty((len(origin), 3)), np.left_shift(1, ray).astype(np.uint8)
         _lamps(origin, direction, reach, bits, *self._plain, light)
@@ -76,7 +76,7 @@ class SeenLamps:
 
 
 def _arrays(found: Sequence[tuple[Light, int]]) -> tuple[NDArray, ...]:
-    """What the kernel wants to know of lamps, and of the kinds of rays that see them."""
+    """Return what the kernel wants to know of lamps, and of the kinds of rays that see them."""
     lights = [light for light, _ in found]
     return (np.array([_shape(light) for light in lights], np.int8),
             np.array([_BOUNDS.get(light.type, 0) for light in lights], np.int8),
@@ -101,12 +101,14 @@ def _shape(light: Light) -> int:
 
 
 def _across(light: Light) -> NDArray[np.float64]:
-    """The vectors (2,3) in the plane of a face whose products with a place on it are its two coordinates, −1 … 1."""
+    """Return the vectors (2,3) in the plane of a face whose products with a place on it are its two coordinates, −1 …
+    1.
+    """
     if light.type != "AREA":
         return np.zeros((2, 3))
     return np.linalg.pinv(np.array([light.area_u, light.area_v], np.float64).T)
 
 
 def _limits(light: Light) -> tuple[float, float]:
-    """What bounds the directions in which the lamp shines; without bounds a slope of 0 (AREA) or a wide cone."""
+    """Return what bounds the directions in which the lamp shines; without bounds a slope of 0 (AREA) or a wide cone."""
     return registry.KINDS[light.type].numbers(light)

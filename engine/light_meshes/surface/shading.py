@@ -104,12 +104,14 @@ class Materials(NamedTuple):
     diffuse_roughness: NDArray[np.float64]
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-        """What the kernels want to know of GGX, a row (26,) a material, and its tables; (None, None): none has it."""
+        """Return what the kernels want to know of GGX, a row (26,) a material, and its tables; (None, None): none has
+        it.
+        """
         return (np.column_stack(self[17:]), _facet_tables()) if (
             self.ggx.any() or self.diffuse_roughness.any()) else (None, None)
 
     def behind(self) -> Materials:
-        """What surfaces are for the light that comes through them, scattered: matt on their other side."""
+        """Return what surfaces are for the light that comes through them, scattered: matt on their other side."""
         none, black = np.zeros_like(self.kd), np.zeros_like(self.Od)
         return self._replace(Od=self.translucent, ka=np.ones_like(none), kd=np.ones_like(none), ks=none, emission=black,
                              image=np.full_like(self.image, -1), ggx=np.zeros_like(self.ggx),
@@ -130,7 +132,9 @@ class Materials(NamedTuple):
 
 @cache
 def _facet_tables() -> NDArray[np.float64]:
-    """What microfacets reflect in all, by roughness and angle (ggx.h): the same for all scenes, made when needed."""
+    """Return what microfacets reflect in all, by roughness and angle (ggx.h): the same for all scenes, made when
+    needed.
+    """
     tables = np.empty(TABLES)
     if _tables(tables):
         raise AssertionError("the tables of ggx.h have another size")
@@ -186,7 +190,7 @@ class Lit(NamedTuple):
     kernels: Kernels | None = None  # those of these lights and materials, if they are at hand
 
     def at(self, rows: slice) -> Lit:
-        """These receivers."""
+        """Return these receivers."""
         return self._replace(hits=self.hits.at(rows), direction=self.direction[rows], Od=self.Od[rows])
 
     @property
@@ -234,8 +238,8 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
 
 
 def rough_only(materials: Materials, row: NDArray[np.int32]) -> Materials | None:
-    """The materials without the highlights of lobes that are as smooth as mirrors, whose rays see the lamps themselves;
-    None where none of those at `row` (n,) has such a lobe.
+    """Return the materials without the highlights of lobes that are as smooth as mirrors, whose rays see the lamps
+    themselves; None where none of those at `row` (n,) has such a lobe.
     """
     base = materials.ggx & (materials.roughness < SMOOTHEST)
     coat = materials.ggx & (materials.coat > 0) & (materials.coat_roughness < SMOOTHEST)

@@ -47,8 +47,8 @@ class Sky:
         self.dark = not (self._table.mean if self._table else self._color).any()  # whether `light` is 0
 
     def seen(self, direction: NDArray[np.float64], ray: NDArray[np.int8] | None = None) -> NDArray[np.float64]:
-        """The radiance (n,3) that rays of unit `direction` (n,3) see who miss all surfaces, as sharp as it is; one
-        row (3,) where it is the same in all directions.
+        """Return the radiance (n,3) that rays of unit `direction` (n,3) see who miss all surfaces, as sharp as it is;
+        one row (3,) where it is the same in all directions.
 
         ray (n,): kinds of rays, as `points` has them; None: all are those that light surfaces.
         """
@@ -62,7 +62,7 @@ class Sky:
 
     def light(self, direction: NDArray[np.float64],
               width: float | NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """The radiance (n,3), or one row (3,), that lights surfaces from unit `direction` (n,3).
+        """Return the radiance (n,3), or one row (3,), that lights surfaces from unit `direction` (n,3).
 
         It is the mean in a cone of the solid angle `width` (steradians; one for all, or (n,)), so that rays that share
         the sky among them gather all of it, without noise; None: as fine as the table is. It is without the suns that
@@ -71,12 +71,12 @@ class Sky:
         return self._table.look(direction, width) if self._table else self._color
 
     def alike(self, other: Sky) -> bool:
-        """Whether the same light comes from the same directions."""
+        """Return whether the same light comes from the same directions."""
         return self._key == other._key and bool((self._color == other._color).all())
 
     @property
     def suns(self) -> tuple[Light, ...]:
-        """The lamps that stand for what is small and bright in the world, and is not in `light`."""
+        """Return the lamps that stand for what is small and bright in the world, and is not in `light`."""
         return tuple(light for light, _ in self.found)
 
     def decisions(self) -> list[tuple[str, str, str]]:
@@ -116,14 +116,14 @@ class Sky:
 
 
 def _turned(camera: Camera) -> Any:
-    """What programs ask about a camera, which looks at directions only: where it is does not count."""
+    """Return what programs ask about a camera, which looks at directions only: where it is does not count."""
     to_camera = np.linalg.inv(camera.matrix)[:3]
     to_camera[:, 3] = 0
     return SimpleNamespace(camera=camera, to_camera=to_camera)
 
 
 def _key(scene: Scene, textures: Sequence[Texture | None], camera: Camera) -> tuple[Any, ...]:
-    """All on which the table depends."""
+    """Return all on which the table depends."""
     s = scene.settings
     seen = (camera.matrix.tobytes(), camera.window, camera.perspective) if scene.world.sees_camera() else None
     images = [(t := textures[i]) and t.key for i in sorted(scene.world.images())]

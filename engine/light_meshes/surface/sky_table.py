@@ -24,7 +24,7 @@ CHANGES = 1 / 64  # how many texels are sampled so finely at most, as a share
 
 
 def directions(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The unit directions (n,3) of places on the square (n,), each 0 to 1."""
+    """Return the unit directions (n,3) of places on the square (n,), each 0 to 1."""
     px, py = 2 * x - 1, 2 * y - 1
     u, v = np.abs(px), np.abs(py)
     signed = 1 - (u + v)  # positive in the upper half
@@ -36,7 +36,7 @@ def directions(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def inside(texels: NDArray[np.int64], size: int, count: int) -> NDArray[np.float64]:
-    """The unit directions (n, count², 3) of a grid of count² places in each of these texels (n,)."""
+    """Return the unit directions (n, count², 3) of a grid of count² places in each of these texels (n,)."""
     step = (np.arange(count) + 0.5) / count
     x = (texels % size)[:, None, None] + step[None, None, :]
     y = (texels // size)[:, None, None] + step[None, :, None]
@@ -59,7 +59,8 @@ class Table:
         self._texels = np.ascontiguousarray(np.concatenate(levels), np.float32)
 
     def look(self, direction: NDArray[np.float64], width: float | NDArray[np.float64] | None) -> NDArray[np.float64]:
-        """The radiance (n,3) that comes from unit `direction` (n,3) in a cone of the solid angle `width`, steradians.
+        """Return the radiance (n,3) that comes from unit `direction` (n,3) in a cone of the solid angle `width`,
+        steradians.
 
         width: one for all, or (n,); None: as fine as the table is.
         """
@@ -73,7 +74,7 @@ class Table:
 
 
 def tabulated(radiance: Radiance, size: int, samples: int, check: Callable[[], None]) -> NDArray[np.float64]:
-    """The mean radiance (size²,3) in each texel, by samples² directions in it; more where it changes much."""
+    """Return the mean radiance (size²,3) in each texel, by samples² directions in it; more where it changes much."""
     found = _means(radiance, np.arange(size * size), size, samples, check)
     steep = _steepness(found.reshape(size, size, 3)).ravel()
     most = max(1, int(size * size * CHANGES))

@@ -36,7 +36,7 @@ FEW = Cells(CELLS)
 
 
 def _disc() -> NDArray[np.float64]:
-    """The points (5,5,2) of cells on the unit disc: Shirley and Chiu's map, which keeps areas."""
+    """Return the points (5,5,2) of cells on the unit disc: Shirley and Chiu's map, which keeps areas."""
     x, y = np.meshgrid(2 * FEW.at - 1, 2 * FEW.at - 1, indexing="ij")
     flat = np.abs(x) > np.abs(y)
     r = np.where(flat, x, y)
@@ -82,7 +82,7 @@ class Sources:
 
     @cached_property
     def uv(self) -> NDArray[np.float64]:
-        """The place (n,2) on a lamp, 0 to 1: on its face, in its cone, or on a sphere around it."""
+        """Return the place (n,2) on a lamp, 0 to 1: on its face, in its cone, or on a sphere around it."""
         if self._uv is not None:
             return self._uv
         s = self.around
@@ -98,7 +98,7 @@ class Sources:
 
     @property
     def parametric(self) -> NDArray[np.float64]:
-        """The same, as Cycles has it."""
+        """Return the same, as Cycles has it."""
         return self.uv
 
     def shifted(self, direction: int, width: float) -> Sources:
@@ -107,7 +107,8 @@ class Sources:
 
 
 def toward(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -> Sources:
-    """The points of lamps that are asked at their centre, for receivers at P (n,3). instance (n,): which lamps."""
+    """Return the points of lamps that are asked at their centre, for receivers at P (n,3). instance (n,): which lamps.
+    """
     way = P - spaces.centre[instance]
     far = np.sqrt(np.einsum("ni,ni->n", way, way))
     way /= np.maximum(far, 1e-300)[:, None]
@@ -119,7 +120,9 @@ def toward(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) 
 
 def met(spaces: Spaces, instance: NDArray[np.int64], origin: NDArray[np.float64],
         direction: NDArray[np.float64]) -> Sources:
-    """The points of spheres and of discs turned to the eye that rays see, from origin along unit direction, (n,3)."""
+    """Return the points of spheres and of discs turned to the eye that rays see, from origin along unit direction,
+    (n,3).
+    """
     to, radius = spaces.centre[instance] - origin, spaces.radius[instance]
     along, square = np.einsum("ni,ni->n", to, direction), np.einsum("ni,ni->n", to, to)
     disc = spaces.disc[instance]
@@ -148,6 +151,6 @@ def balls(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -
 
 
 def suns(spaces: Spaces, instance: NDArray[np.int64], travels: NDArray[np.float64]) -> Sources:
-    """The points of suns whose light travels along `travels` (n,3): the same for all receivers."""
+    """Return the points of suns whose light travels along `travels` (n,3): the same for all receivers."""
     n = len(instance)
     return Sources(spaces, instance, travels, travels, travels, np.full(n, ENDLESS), np.full((n, 2), 0.5))

@@ -36,7 +36,7 @@ class _Spot(NamedTuple):
 
 
 def suns(finest: NDArray[np.float64], radiance: Radiance) -> list[tuple[Light, float]]:
-    """The lamps for what is small and bright, each with its share of all light; `finest` loses their light.
+    """Return the lamps for what is small and bright, each with its share of all light; `finest` loses their light.
 
     finest (size²,3): the table of `sky_table.tabulated`, of `radiance`.
     """
@@ -65,7 +65,7 @@ def suns(finest: NDArray[np.float64], radiance: Radiance) -> list[tuple[Light, f
 
 def _spot(finest: NDArray[np.float64], near: NDArray[np.int64], brightest: int, toward: NDArray[np.float64],
           radiance: Radiance) -> _Spot:
-    """The bright place around the texel `brightest`, in the texels `near`."""
+    """Return the bright place around the texel `brightest`, in the texels `near`."""
     size = round(len(finest) ** 0.5)
     level = finest[near].mean(1)
     edge = EDGE * float(finest[brightest].mean())

@@ -47,7 +47,7 @@ class Lattice(NamedTuple):
 
 
 def above_a_plane(reach: float) -> float:
-    """How many nodes, about, a ball of radius r = reach·h around a point of a plane has above it."""
+    """Return how many nodes, about, a ball of radius r = reach·h around a point of a plane has above it."""
     return 2 * np.pi / 3 * reach**3
 
 
