@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from . import __version__
 from .scene.description import Scene
 from .scene.errors import SceneError, UsageError
-from .support import console, interrupts, processors, scratch
+from .support import allocation, console, interrupts, processors, scratch
 from .support.sources import KernelError
 from .support.text import shown
 
@@ -50,6 +50,7 @@ def main(argv: list[str] | None = None) -> int:
     console.prepare()
     arguments = _parser().parse_args(_attached(sys.argv[1:] if argv is None else argv))
     interrupts.listen()
+    allocation.keep()
     try:
         arguments.run(arguments)
         return 0

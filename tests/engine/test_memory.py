@@ -175,3 +175,32 @@ def test_limits_of_control_groups(tmp_path):
     group(tmp_path / "memory" / "batch", {"memory.limit_in_bytes": 3 * GIB, "memory.usage_in_bytes": GIB}, 0)
     text = "3:cpu,cpuacct:/x\n4:memory:/batch/step\n0::/job/task\n"
     assert sorted(memory.left_in(text, tmp_path)) == [2 * GIB, 7 * GIB]
+
+
+KEPT = """
+import sys, threading
+import numpy as np
+from light_meshes.support import allocation
+from light_meshes.support.statistics import peak_memory
+if sys.argv[1] == "keep":
+    allocation.keep()
+turn, end = threading.Lock(), threading.Barrier(9)
+def tiles():
+    with turn:
+        for _ in range(20):
+            np.ones(10 << 20, np.uint8)
+    end.wait()
+before = peak_memory()
+for _ in range(8):
+    threading.Thread(target=tiles).start()
+end.wait()
+print(peak_memory() - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the settings are those of Linux' C library")
+def test_threads_use_the_memory_that_others_have_freed():
+    """Eight threads, each of which has 10 MiB for a while, one after the other."""
+    found = [int(subprocess.run([sys.executable, "-c", KEPT, how], capture_output=True, text=True, check=True).stdout)
+             for how in ("keep", "leave")]
+    assert found[0] < 25 << 20 < 60 << 20 < found[1]

@@ -34,6 +34,11 @@ try:
     from light_meshes.picture.render import render_image
 except ImportError:
     from light_meshes.render import render_image
+try:
+    from light_meshes.support import allocation
+    allocation.keep()
+except ImportError:
+    pass
 print(json.dumps(light_meshes.__version__), flush=True)
 loaded = {}
 for line in sys.stdin:

@@ -57,7 +57,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
-from ..support import processors, scratch
+from ..support import allocation, processors, scratch
 from ..support.sources import KernelError
 
 if TYPE_CHECKING:
@@ -307,6 +307,7 @@ def end(folder: Path, code: int = 0) -> None:
 
 def main() -> None:
     """Run the service on this process's stdin and stdout."""
+    allocation.keep()
     events = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # a stray print must not break the protocol
     folder = scratch.make(Path(tempfile.gettempdir()))

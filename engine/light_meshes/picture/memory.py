@@ -31,7 +31,8 @@ from ..surface import textures
 from .lighting import SHADED
 from .world import World
 
-BASE = 80 << 20  # Python and its libraries
+BASE = 50 << 20  # Python and its libraries
+IMAGES = 30 << 20  # OpenImageIO, if there are images
 MESH = 60  # for a triangle in the snapshot, once for all its instances; data that is not used stays in the file
 TRIANGLE, VERTEX = 60, 12  # for an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
@@ -87,7 +88,7 @@ def _textures(scene: Scene) -> list[Part]:
         return []
     image, largest = max(found, key=lambda one: one[1].bytes)
     what = f"{len(found)} image {'textures' if len(found) > 1 else 'texture'}"
-    return [Part(float(sum(layout.bytes for _, layout in found)),
+    return [Part(float(IMAGES + sum(layout.bytes for _, layout in found)),
                  f"{what}, the largest '{image.name}' of {largest.width:,} × {largest.height:,}", "scale images down")]
 
 
