@@ -184,7 +184,7 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
            check: Callable[[], None]) -> dict[str, NDArray]:
     """Add the light of the surfaces that rays hit. Returns the shadow passes there. `first` is as in `_wave`."""
     work = tile.work(len(weight))
-    hits = softened(ready, rays, hits)
+    hits = softened(ready, rays, hits, kind == "camera")
     if first and ready.sparse:
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work)
     else:

@@ -13,6 +13,7 @@ from ..rays.camera import filter_offsets
 from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
 from ..support.statistics import Statistics
+from ..surface.curvature import curvature
 from ..surface.seen import SeenLamps
 from . import automatic_step, emitters, everywhere, memory, reuse
 from .lighting import Lighting
@@ -73,6 +74,10 @@ class Prepared:
                 previous.everywhere if previous else None)
             self.lighting.everywhere = self.everywhere.records
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
+        self.curved = None  # where highlights of lamps may be smaller than the distance of samples
+        if scene.lights and self.world.materials.ggx.any():
+            same = previous is not None and previous.curved is not None and previous.surfaces is self.world.surfaces
+            self.curved = previous.curved if previous and same else curvature(self.world.surfaces)
         self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)
         self.sparse = None
