@@ -31,6 +31,7 @@ from .job import temporary_folder, threads
 
 SLICE_SECONDS = 0.04  # duration of a slice of the export, between two redraws
 TICK_SECONDS = 0.01  # how often the engine's output is read
+TELL_SECONDS = 0.5  # how often it is said what the engine does
 ENDING_SECONDS = 0.3  # another part has asked this engine to end, and it removes its files first
 RESTARTS = 2  # after this many engines in a row that end before they finish a picture, the view waits for a change
 # [divisor of the resolution, samples]; after these steps, all samples of a render
@@ -67,6 +68,7 @@ class Viewport:
         self._asked: _Asked | None = None
         self._picture = screen.Picture()
         self._text = ""
+        self._told = 0.0  # when it was said what the engine does
         self._failed = False  # set until something changes
         self._lost = 0  # engines that ended since the last finished picture
         self._timer = self._tick  # stored once, because Blender identifies timers by the function object
@@ -167,7 +169,7 @@ class Viewport:
         steps = STEPS + ([[1, self._samples]] if self._samples > 1 else [])
         number = self._session.send(
             "view", snapshot=str(self._scene), framebuffer=str(self._scene.with_name("view")),
-            camera=self._view.camera, passes=["Combined"], steps=steps, threads=self._threads)
+            camera=self._view.camera, passes=["Combined"], steps=steps, direct=True, threads=self._threads)
         self._asked = _Asked(number, self._scene, self._view)
         self._say("Rendering")
 
@@ -211,7 +213,7 @@ class Viewport:
 
     def _hear(self) -> None:
         """Handle the engine's events."""
-        picture = None
+        picture, stage = None, ""
         assert self._session
         while event := self._session.poll(0):
             kind, last = event["event"], self._asked
@@ -221,6 +223,8 @@ class Viewport:
                 raise session.EngineError(f"Light Meshes: {event['message']}")
             if kind == "picture":
                 picture = event
+            elif kind == "progress":
+                stage = event["stage"]
             elif kind in session.LAST_EVENTS:
                 assert last and self._scenes
                 last.running = False
@@ -234,6 +238,9 @@ class Viewport:
                     self._refused(event["message"])
         if picture:
             self._show(picture)
+        if stage and self._asked and self._asked.running and time.monotonic() - self._told > TELL_SECONDS:
+            self._told = time.monotonic()  # not more often: it makes Blender draw the view again
+            self._say(stage)
 
     def _refused(self, message: str) -> None:
         """The engine cannot make the picture that was asked for, but it goes on running."""
