@@ -22,14 +22,16 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import console, engine_python, screen, session, view
+from . import console, engine_python, screen, session, view, waiting
 from .export import ExportError, camera
 from .export.scenes import Scenes
 from .export.snapshot import handing_over
 from .export.walk import settings
 from .job import temporary_folder, threads
 
-SLICE_SECONDS = 0.04  # duration of a slice of the export, between two redraws
+SLICE_SECONDS = 0.04  # duration of the first slice of an export, between two redraws; each later one is longer,
+LONGER, LONGEST = 1.5, 0.16  # by this factor, but not longer than this many seconds
+WRITE_SECONDS = 0.06  # Blender waits so long for files; else it would draw the view first, and that may take longer
 TICK_SECONDS = 0.01  # how often the engine's output is read
 TELL_SECONDS = 0.5  # how often it is said what the engine does
 ENDING_SECONDS = 0.3  # another part has asked this engine to end, and it removes its files first
@@ -112,11 +114,13 @@ class Viewport:
             bpy.app.timers.unregister(self._timer)
         viewports.discard(self)
         self._leave(session.Session.end)
+        waiting.soon()  # the artist may come back to this shading
 
     def _go_on(self, context, depsgraph) -> None:
         if not self._session:
             engine_python.set_temporary(temporary_folder())
-            self._session = session.Session(engine_python.chosen(), polite=True)
+            self._session = session.ready()
+            self._session.make_polite()
             self._say("Starting the engine")
         if (self._exporting or self._differs) and not self._session.alive:
             raise self._session.gone()  # it ended while idle; a new one gets the request
@@ -147,12 +151,14 @@ class Viewport:
         with handing_over():
             path = self._scenes.advance(depsgraph, self._slice, eye, lambda ob: ob.visible_in_viewport_get(space))
         if path:
+            self._scenes.written(WRITE_SECONDS)
             self._scene, self._exporting, self._slice = path, False, SLICE_SECONDS
             self._samples = settings(scene, depsgraph.view_layer_eval)["samples"]
             self._threads = threads(scene)
             if not self._waits and self.statistics:  # nothing that is visible has changed
                 self._say(summary(self.statistics))
         else:
+            self._slice = max(self._slice, min(self._slice * LONGER, LONGEST))
             self._say("Exporting the scene")
             self._redraw()
 

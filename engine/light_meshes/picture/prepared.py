@@ -54,7 +54,7 @@ class Prepared:
         parts = memory.before(dataclasses.replace(scene, camera=view), passes)
         memory.check(parts)
 
-        bare = world(scene, view, stats, check, previous.world if previous else None)
+        bare = world(scene, view, stats, check, previous.world if previous else None, whole=not quick)
         self.world: World = emitters.lit(bare, scene, stats, check)
         scene = self.world.scene  # with the lamps that stand for the world's suns, and for surfaces that give light
         measured = Measured(self.world, previous.measured if previous else None)
