@@ -1,4 +1,4 @@
-"""Light Meshes: a Blender render engine with noise-free soft shadows from point lights."""
+"""Light Meshes: a Blender render engine with soft shadows and indirect light, without noise."""
 
 import sys
 

@@ -1,7 +1,7 @@
 """The engine as a child process: one JSON object a line on stdin and stdout, log on stderr.
 
 First the child writes
-    {"event": "ready", "version": "0.1.0", "folder": PATH}
+    {"event": "ready", "version": "0.2.0", "folder": PATH}
 where PATH is a new private folder (mode 0700) that parent and child share. The child owns the folder and removes it
 when it ends: after "quit", when its stdin closes (so it never outlives the parent), and on SIGTERM or SIGHUP. When a
 child starts, it removes the folders of children that were killed.
