@@ -166,7 +166,7 @@ class Saying:
     def __call__(self, done: int) -> None:
         """Say that so many tiles are done."""
         share = PREPARING + (1 - PREPARING) * done / self._tiles
-        self._progress(min(share, 1.0), f"{self._stage} {done} of {self._tiles} tiles")
+        self._progress(min(share, 1.0), f"{self._stage}, {done} of {self._tiles} tiles done")
 
     def now_and_then(self, done: int) -> None:
         """Say it, if it has not been said for a while. Threads may call this often."""
@@ -179,7 +179,7 @@ class Saying:
             gathered, before = sum(s for name, s in spent if name.startswith("gathered light")), self._spent
             self._spent = gathered, sum(s for _, s in spent)
             most = self._spent[0] - before[0] > (self._spent[1] - before[1]) / 2
-            self._stage = "Gathering light for" if most else "Rendering"
+            self._stage = "Gathering light" if most else "Rendering"
         self(done)
 
 
