@@ -38,6 +38,7 @@ ENDING_SECONDS = 0.3  # another part has asked this engine to end, and it remove
 RESTARTS = 2  # after this many engines in a row that end before they finish a picture, the view waits for a change
 # [divisor of the resolution, samples]; after these steps, all samples of a render
 STEPS = [[8, 1], [4, 1], [2, 1], [1, 1]]
+DIRECT = True  # pictures of direct light come before these, if these are expected to take long
 
 viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()  # all open views
 
@@ -175,7 +176,7 @@ class Viewport:
         steps = STEPS + ([[1, self._samples]] if self._samples > 1 else [])
         number = self._session.send(
             "view", snapshot=str(self._scene), framebuffer=str(self._scene.with_name("view")),
-            camera=self._view.camera, passes=["Combined"], steps=steps, direct=True, threads=self._threads)
+            camera=self._view.camera, passes=["Combined"], steps=steps, direct=DIRECT, threads=self._threads)
         self._asked = _Asked(number, self._scene, self._view)
         self._say("Rendering")
 
