@@ -317,11 +317,14 @@ def ready() -> Session:
     return Session(python)
 
 
-def wait_for_work() -> None:
-    """Start an engine that waits, unless there is one."""
-    if not _waiting:
-        with contextlib.suppress(EngineError):  # it cannot start; the one that is asked for says why
+def wait_for_work() -> bool:
+    """Start an engine that waits, unless there is one. Return whether it could be started, and lives."""
+    try:
+        if not _waiting:
             _waiting.append(Session(engine_python.chosen()))
+        return all(session.alive for session in list(_waiting))  # none: it has been taken since
+    except EngineError:  # the one that is asked for says why
+        return False
 
 
 def end_waiting() -> None:

@@ -73,7 +73,8 @@ def story():
     yield lambda: len(viewport_module.viewports) == 1
     yield lambda: viewport().pictures
     yield idle
-    tell("begin", children=len(children()), waited=children() == waited, waiting=len(waiting()), text=viewport()._text, longest=viewport().longest | {})
+    tell("begin", children=len(children()), waited=children() == waited, waiting=len(waiting()),
+         text=viewport()._text, longest=viewport().longest | {})
 
     def edit():
         ball.data.vertices[5].co.z += 0.5
