@@ -135,7 +135,8 @@ class Grids:
         """
         n = len(P)
         found = Around(np.empty((n, 3), np.uint64), np.empty((n, 3)), np.empty(n))
-        _around(*self.shape, self.other, self.flipped, self.longest, self.corner, self.coarse, level, triangle, P, Ng, *found)
+        _around(*self.shape, self.other, self.flipped, self.longest, self.corner, self.coarse, level, triangle, P, Ng,
+                *found)
         return found
 
     def places(self, keys: NDArray[np.uint64]) -> Places:
