@@ -165,8 +165,8 @@ class Saying:
 
     def __call__(self, done: int) -> None:
         """Say that so many tiles are done."""
-        share = PREPARING + (1 - PREPARING) * done / self._tiles
-        self._progress(min(share, 1.0), f"{self._stage}, {done} of {self._tiles} tiles done")
+        share = 1 - (1 - PREPARING) * (1 - done / self._tiles)  # which is 1 in the end
+        self._progress(share, f"{self._stage}, {done} of {self._tiles} tiles done")
 
     def now_and_then(self, done: int) -> None:
         """Say it, if it has not been said for a while. Threads may call this often."""
