@@ -33,6 +33,7 @@ class Plan:
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
     blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
+    follows: bool = True  # rays are sent along them; otherwise they show the world only
     translucent: bool = False  # light comes through some surfaces scattered
     frosted: bool = False  # some glass is rough
     spreads: bool = False  # of which some are bright, and spread rays out

@@ -30,7 +30,7 @@ def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: 
     lobes = hits.table.blurred[hits.row]
     rows = np.flatnonzero(lobes)
     children = mirrored(ready, rays, hits, np.where(lobes[:, None], 0.0, weight * mirror), may)
-    return children + _blurred(ready, rays.at(rows), hits.at(rows), weight[rows], may[rows], tile)
+    return children + _blurred(ready, rays.at(rows), hits.at(rows), weight[rows], may[rows] & ready.plan.follows, tile)
 
 
 def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -380,6 +381,7 @@ def _check_shape(shape: Shape, n: int) -> None:
         raise SceneError(f"{where}: an object has no {quoted(min(unknown))}; it has {', '.join(names_of(Object))}")
 
 
+@cache
 def names_of(cls: type) -> dict[str, Any]:
     """Return field name → default of a description class, in order."""
     return {f.name: f.default for f in fields(cls)}

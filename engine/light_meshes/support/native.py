@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +84,13 @@ class Kernel:
         scalars = [_SCALARS[kind][0] if shape is None else ctypes.c_void_p for _, kind, shape, *_ in self._arguments]
         self._call.argtypes = [ctypes.c_int64] * len(self._lengths) + scalars
         self._call.restype = ctypes.c_int64
-        self.fast = self._compiled() if _knows_arrays() else self.checked
+
+    @cached_property
+    def fast(self) -> Any:
+        """The quickest function that calls the kernel. It is made at the first call: a picture needs few of all
+        kernels, and each takes a millisecond to compile.
+        """
+        return self._compiled() if _knows_arrays() else self.checked
 
     def of(self, *first: Any) -> Any:
         """Return a function that calls the kernel with these first arguments, which are checked once, here.
