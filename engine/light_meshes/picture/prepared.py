@@ -15,6 +15,7 @@ from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
 from ..support.statistics import Statistics
 from ..surface.curvature import curvature
+from ..surface.points import CAMERA
 from ..surface.seen import SeenLamps
 from . import automatic_step, emitters, everywhere, first, memory, reuse
 from .everywhere import Everywhere
@@ -84,6 +85,9 @@ class Prepared:
         self.memory = memory.expected(parts)  # in bytes
         self.nodes_kept = reuse.nodes(self.shadowing, before)
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
+        if self.plan.shares and self.plan.blurred:
+            direction, hits = self.world.coarse_view()
+            self.lighting.measure(self.world.look(hits, direction, np.full(len(direction), CAMERA, np.int8)), direction)
         self.everywhere: Everywhere | None = None
         if self.plan.gathers:
             self.everywhere = everywhere.everywhere(

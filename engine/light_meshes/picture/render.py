@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..film.images import Framebuffer, crop_of
 from ..gathered.records import SharedRecordsError
 from ..scene.description import Camera, Scene
+from ..shadows.grouped import PARTS
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
@@ -233,6 +234,8 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         report[name] = counts[name]
     if counts["lamp_pairs"]:  # of a receiver and a lamp with a size
         report |= {name: counts[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")}
+    if counts["grouped_receivers"]:
+        report["light_bound"] = counts["grouped_light"] / PARTS / counts["grouped_receivers"]
     if ready.plan.gathers:
         for name in ("records", "gathered_rays", "gathered_short_rays"):
             report[name] = counts[name]

@@ -68,6 +68,8 @@ class Settings:
     leak_free: bool = False  # end of paper §5: use ξ of the first segment for each path
     # compute light meshes' light only at points this many pixels apart and interpolate; 1: at each sample
     shadow_rate: int = 1
+    # with LIGHT_MESHES: lamps that together give at most this share of a place's light share a shadow there; 0: none
+    light_threshold: float = 0.0
     light_samples: int = 64  # shadow rays per light, only for AREA_SAMPLING
     seed: int = 0  # for AREA_SAMPLING
     method: Mapping[str, Scalar] | None = None  # settings that the shadow method has for itself; None: its defaults

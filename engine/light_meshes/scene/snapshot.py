@@ -85,6 +85,7 @@ _RANGES = {
     (Settings, "ambient"): (0.0, 1e6),
     (Settings, "filter_size"): (0.0, 10.0),
     (Settings, "shadow_rate"): (1, 16),
+    (Settings, "light_threshold"): (0.0, 1.0),
     (Settings, "light_samples"): (1, 65536),
     (Settings, "seed"): (0, 2**31 - 1),
     (Settings, "mist_start"): (0.0, 1e30),
