@@ -2,6 +2,7 @@
 
     python addon/build.py [-o FOLDER] [NAME …]            # zips; NAME is one of them, such as linux-x64
     python addon/build.py --wheels [-o FOLDER] [NAME …]   # wheels; NAME is one of them, such as linux-x86_64
+    python addon/build.py --release --website URL         # all zips and all wheels, as they are published
 
 A zip serves one platform and all Blenders: it holds the add-on, the engine's wheel and all packages that Blender lacks,
 for each Python that a Blender has. numpy is left out, as all Blenders have it. The packages' versions and hashes are
@@ -22,6 +23,8 @@ import time
 import tomllib
 import zipfile
 from calendar import timegm
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,17 +70,29 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit code: 0 if all is built and checked."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("names", metavar="NAME", nargs="*", help="platforms (default: all)")
-    parser.add_argument("--wheels", action="store_true", help="build the engine's wheels and no zips")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--wheels", action="store_true", help="build the engine's wheels and no zips")
+    which.add_argument("--release", action="store_true", help="build all zips and all wheels")
+    parser.add_argument("--website", metavar="URL", default="", help="where the project is, for the zips' manifest; "
+                        "the extensions platform asks for it")
     parser.add_argument("-o", "--output", metavar="FOLDER", type=Path, default=ROOT / "dist")
     options = parser.parse_args(arguments)
     known = list(TARGETS if options.wheels else PLATFORMS)
+    jobs: list[tuple[Callable[[str, Path], tuple[Path, str]], str]] = []
+    if not options.wheels:
+        jobs += [(partial(build_zip, website=options.website), name) for name in PLATFORMS]
+    jobs += [(build_wheel, name) for name in TARGETS] if options.wheels or options.release else []
     try:
+        if options.website and not re.fullmatch(r"https?://\S+", options.website):
+            raise BuildError(f"{options.website!r} is no address of a website: it must begin with https://")
         if unknown := [name for name in options.names if name not in known]:
             raise BuildError(f"there is no {' or '.join(unknown)}; there are {', '.join(known)}")
         options.output.mkdir(parents=True, exist_ok=True)
-        for name in options.names or known:
+        for build, name in jobs:
+            if options.names and name not in options.names:
+                continue
             start = time.perf_counter()
-            path, said = (build_wheel if options.wheels else build_zip)(name, options.output)
+            path, said = build(name, options.output)
             size, took = path.stat().st_size / 1e6, time.perf_counter() - start
             print(f"{path}: {size:.2f} MB, {took:.0f} s, {said}", flush=True)
     except (BuildError, LibraryError) as e:
@@ -125,25 +140,25 @@ def _without_isolation() -> list[str]:
     return ["--no-build-isolation"] if here else []
 
 
-def build_zip(platform: str, folder: Path) -> tuple[Path, str]:
+def build_zip(platform: str, folder: Path, website: str = "") -> tuple[Path, str]:
     """Write the zip for a key of PLATFORMS into `folder`. Returns its path, and what Blender's check says of it."""
     path = folder / f"light_meshes-{version()}-{platform}.zip"
     with tempfile.TemporaryDirectory() as temporary:
         wheels = [build_wheel(PLATFORMS[platform].target, Path(temporary))[0], *download(platform, Path(temporary))]
-        write_zip(platform, wheels, path)
+        write_zip(platform, wheels, path, website)
     if path.stat().st_size > LARGEST:
         raise BuildError(f"{path} has {path.stat().st_size / 1e6:.1f} MB, more than {LARGEST / 1e6:.0f}")
     return path, validate(path)
 
 
-def write_zip(platform: str, wheels: list[Path], path: Path) -> None:
-    """Write a zip with the add-on and these wheels to `path`."""
+def write_zip(platform: str, wheels: list[Path], path: Path, website: str = "") -> None:
+    """Write a zip with the add-on and these wheels to `path`; website: see `manifest`."""
     wheels = sorted(wheels, key=lambda wheel: wheel.name)
     with zipfile.ZipFile(path, "w") as archive:
         for file in sorted(p for p in ADDON.rglob("*.py") if p.name not in TOOLS):
             _add(archive, file.relative_to(ADDON).as_posix(), file.read_bytes())
         _add(archive, "LICENSE", (ROOT / "LICENSE").read_bytes())
-        _add(archive, "blender_manifest.toml", manifest(platform, [wheel.name for wheel in wheels]).encode())
+        _add(archive, "blender_manifest.toml", manifest(platform, [wheel.name for wheel in wheels], website).encode())
         for wheel in wheels:
             _add(archive, f"wheels/{wheel.name}", wheel.read_bytes(), zipfile.ZIP_STORED)
 
@@ -162,11 +177,14 @@ def version() -> str:
     return repeated
 
 
-def manifest(platform: str, wheels: list[str]) -> str:
-    """Return the text of the add-on's manifest, with the parts that differ from zip to zip."""
+def manifest(platform: str, wheels: list[str], website: str = "") -> str:
+    """Return the text of the add-on's manifest, with the parts that differ from zip to zip, and the address of the
+    project's website, if one is given.
+    """
     own, tables = (ADDON / "blender_manifest.toml").read_text(encoding="utf-8").split("\n[", 1)
+    where = f"website = {json.dumps(website)}\n" if website else ""
     listed = json.dumps([f"./wheels/{name}" for name in wheels], indent=2)
-    return f'{own}platforms = ["{platform}"]\nwheels = {listed}\n\n[{tables}'
+    return f'{own}{where}platforms = ["{platform}"]\nwheels = {listed}\n\n[{tables}'
 
 
 def download(platform: str, folder: Path, pythons: tuple[str, ...] = PYTHONS) -> list[Path]:

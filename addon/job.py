@@ -1,5 +1,6 @@
 """One render of one view layer: the requests to the engine, and the messages to Blender meanwhile."""
 
+import re
 import shutil
 import time
 from pathlib import Path
@@ -32,6 +33,7 @@ class Job:
         self._snapshots = 0
         self._asked = 0.0
         self._said = ""
+        self._drawing: tuple[float, float] | None = None  # when drawing began, and the progress then
         self._warnings: dict[str, None] = {}
 
     def __enter__(self):
@@ -172,10 +174,22 @@ class Job:
 
     def _progress(self, event: str, fraction: float, stage: str, **_) -> None:
         self.engine.update_progress(fraction)
-        self._say(stage)
+        self._say(re.sub(r", \d+ of .*", "", stage) if bpy.app.background else self._remaining(fraction, stage) + stage)
         if self.engine.is_preview:
             return
         observers.notify(event=event, frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
+
+    def _remaining(self, fraction: float, stage: str) -> str:
+        """How long the render will still take, by the tiles that are done, as Blender shows times; empty at first."""
+        if "tiles" not in stage:  # it is still being prepared
+            self._drawing = None
+            return ""
+        now = time.monotonic()
+        began, at = self._drawing = self._drawing or (now, fraction)
+        if fraction <= at or now - began < SHOW_SECONDS:
+            return ""
+        minutes, seconds = divmod((now - began) * (1 - fraction) / (fraction - at), 60)
+        return f"Remaining:{minutes:02.0f}:{seconds:05.2f} | "
 
     def _say(self, text: str) -> None:
         # In a window this updates the displayed time; in the background Blender would print a line for each.

@@ -152,6 +152,12 @@ class LightMeshesScene(bpy.types.PropertyGroup):
                     "agree, and computed where they do not. 1 computes it everywhere; 4 is faster with many lights",
         min=1, max=16, soft_max=8, default=1, update=_changed,
     )
+    light_threshold: FloatProperty(
+        name="Light Threshold",
+        description="Lamps that together give at most this share of the light somewhere have one shadow there. "
+                    "0 lets each have its own; .01 is faster with hundreds of lamps",
+        min=0.0, max=1.0, soft_max=0.1, default=0.0, precision=3, update=_changed,
+    )
     light_samples: IntProperty(
         name="Shadow Rays",
         description="Shadow rays per light. More make soft shadows less noisy, and take longer",

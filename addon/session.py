@@ -7,6 +7,7 @@ it never outlives Blender, whatever ends Blender.
 
 import collections
 import contextlib
+import ctypes
 import json
 import os
 import queue
@@ -14,6 +15,7 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -59,10 +61,10 @@ def timeout() -> float:
 class Session:
     """A running engine. Only one thread at a time may use it.
 
-    `polite`: give the process a lower priority, so that Blender goes first if both need the processor.
+    See `make_polite` for a process that lets Blender go first.
     """
 
-    def __init__(self, python: str, polite: bool = False) -> None:
+    def __init__(self, python: str) -> None:
         self.python, self.temporary = python, engine_python.temporary()
         self.folder: Path | None = None  # shared with the engine; known once the engine is ready
         self.keeps = False  # whether it keeps what it prepared for the last render, for the next one
@@ -80,20 +82,24 @@ class Session:
             self._process = subprocess.Popen(
                 engine_python.command(python), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 env=engine_python.environment(), text=True, encoding="utf-8", errors="replace",
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0)
-                | (getattr(subprocess, "BELOW_NORMAL_PRIORITY_CLASS", 0) if polite else 0),
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
         except OSError as e:
             raise EngineError(f"The Light Meshes engine cannot start: {python} cannot be run ({e.strerror}). "
                               "Choose another Python in the add-on's preferences") from e
-        if polite and hasattr(os, "setpriority"):
-            with contextlib.suppress(OSError):  # the process ended at once; `poll` reports it
-                os.setpriority(os.PRIO_PROCESS, self._process.pid, POLITENESS)
         self._heard = self._looked = self._listens_since = time.monotonic()
         # Threads are used because Windows cannot wait for a pipe with a timeout.
         self._readers = [threading.Thread(target=f, daemon=True) for f in (self._read_events, self._read_log)]
         for reader in self._readers:
             reader.start()
+
+    def make_polite(self) -> None:
+        """Give the process a lower priority, so that Blender goes first if both need the processor."""
+        if hasattr(os, "setpriority"):
+            with contextlib.suppress(OSError):  # the process has ended; `poll` reports it
+                os.setpriority(os.PRIO_PROCESS, self._process.pid, POLITENESS)
+        elif sys.platform == "win32":
+            ctypes.windll.kernel32.SetPriorityClass(int(self._process._handle), subprocess.BELOW_NORMAL_PRIORITY_CLASS)
 
     @property
     def alive(self) -> bool:
@@ -280,6 +286,7 @@ def _broken_pipe_survived():
 RENDER, PREVIEW = "render", "preview"
 
 _sessions: dict[str, Session] = {}
+_waiting: list[Session] = []  # at most one, which the next that needs an engine takes; threads take it by pop()
 _enders: list[threading.Thread] = []
 statistics: dict = {}  # of the last render: the engine's figures, and its "scene" and "frame"
 
@@ -288,11 +295,42 @@ def current(purpose: str = RENDER) -> Session:
     """Return the engine for `purpose`, and start it if necessary. It may not be ready yet; poll it."""
     python = engine_python.chosen()
     session = _sessions.get(purpose)
-    if session and not (session.usable and session.python == python and session.temporary == engine_python.temporary()):
+    if session and not _fits(session, python):
         discard(purpose)
     if purpose not in _sessions:
-        _sessions[purpose] = Session(python)
+        _sessions[purpose] = ready()
     return _sessions[purpose]
+
+
+def _fits(session: Session, python: str) -> bool:
+    return session.usable and session.python == python and session.temporary == engine_python.temporary()
+
+
+def ready() -> Session:
+    """Return an engine that nobody else uses: the one that waits, or a new one."""
+    python = engine_python.chosen()
+    with contextlib.suppress(IndexError):  # none waits
+        session = _waiting.pop()
+        if _fits(session, python):
+            return session
+        in_background(session.kill)
+    return Session(python)
+
+
+def wait_for_work() -> bool:
+    """Start an engine that waits, unless there is one. Return whether it could be started, and lives."""
+    try:
+        if not _waiting:
+            _waiting.append(Session(engine_python.chosen()))
+        return all(session.alive for session in list(_waiting))  # none: it has been taken since
+    except EngineError:  # the one that is asked for says why
+        return False
+
+
+def end_waiting() -> None:
+    """End the engine that waits, without waiting for its end."""
+    with contextlib.suppress(IndexError):
+        in_background(_waiting.pop().end)
 
 
 def forget() -> None:
@@ -319,6 +357,7 @@ def end() -> None:
     """End all engines in an orderly way, and wait until they are gone. Otherwise an uninstallation would find files in
     use.
     """
+    end_waiting()
     while _sessions:
         _sessions.popitem()[1].end()
     for thread in _enders:

@@ -22,19 +22,23 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import console, engine_python, screen, session, view
+from . import console, engine_python, screen, session, view, waiting
 from .export import ExportError, camera
 from .export.scenes import Scenes
 from .export.snapshot import handing_over
 from .export.walk import settings
 from .job import temporary_folder, threads
 
-SLICE_SECONDS = 0.04  # duration of a slice of the export, between two redraws
+SLICE_SECONDS = 0.04  # duration of the first slice of an export, between two redraws; each later one is longer,
+LONGER, LONGEST = 1.5, 0.16  # by this factor, but not longer than this many seconds
+WRITE_SECONDS = 0.06  # Blender waits so long for files; else it would draw the view first, and that may take longer
 TICK_SECONDS = 0.01  # how often the engine's output is read
+TELL_SECONDS = 0.5  # how often it is said what the engine does
 ENDING_SECONDS = 0.3  # another part has asked this engine to end, and it removes its files first
 RESTARTS = 2  # after this many engines in a row that end before they finish a picture, the view waits for a change
 # [divisor of the resolution, samples]; after these steps, all samples of a render
 STEPS = [[8, 1], [4, 1], [2, 1], [1, 1]]
+DIRECT = True  # pictures of direct light come before these, if these are expected to take long
 
 viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()  # all open views
 
@@ -67,6 +71,7 @@ class Viewport:
         self._asked: _Asked | None = None
         self._picture = screen.Picture()
         self._text = ""
+        self._told = 0.0  # when it was said what the engine does
         self._failed = False  # set until something changes
         self._lost = 0  # engines that ended since the last finished picture
         self._timer = self._tick  # stored once, because Blender identifies timers by the function object
@@ -110,11 +115,13 @@ class Viewport:
             bpy.app.timers.unregister(self._timer)
         viewports.discard(self)
         self._leave(session.Session.end)
+        waiting.soon()  # the artist may come back to this shading
 
     def _go_on(self, context, depsgraph) -> None:
         if not self._session:
             engine_python.set_temporary(temporary_folder())
-            self._session = session.Session(engine_python.chosen(), polite=True)
+            self._session = session.ready()
+            self._session.make_polite()
             self._say("Starting the engine")
         if (self._exporting or self._differs) and not self._session.alive:
             raise self._session.gone()  # it ended while idle; a new one gets the request
@@ -145,12 +152,14 @@ class Viewport:
         with handing_over():
             path = self._scenes.advance(depsgraph, self._slice, eye, lambda ob: ob.visible_in_viewport_get(space))
         if path:
+            self._scenes.written(WRITE_SECONDS)
             self._scene, self._exporting, self._slice = path, False, SLICE_SECONDS
             self._samples = settings(scene, depsgraph.view_layer_eval)["samples"]
             self._threads = threads(scene)
             if not self._waits and self.statistics:  # nothing that is visible has changed
                 self._say(summary(self.statistics))
         else:
+            self._slice = max(self._slice, min(self._slice * LONGER, LONGEST))
             self._say("Exporting the scene")
             self._redraw()
 
@@ -167,7 +176,7 @@ class Viewport:
         steps = STEPS + ([[1, self._samples]] if self._samples > 1 else [])
         number = self._session.send(
             "view", snapshot=str(self._scene), framebuffer=str(self._scene.with_name("view")),
-            camera=self._view.camera, passes=["Combined"], steps=steps, threads=self._threads)
+            camera=self._view.camera, passes=["Combined"], steps=steps, direct=DIRECT, threads=self._threads)
         self._asked = _Asked(number, self._scene, self._view)
         self._say("Rendering")
 
@@ -211,7 +220,7 @@ class Viewport:
 
     def _hear(self) -> None:
         """Handle the engine's events."""
-        picture = None
+        picture, stage = None, ""
         assert self._session
         while event := self._session.poll(0):
             kind, last = event["event"], self._asked
@@ -221,6 +230,8 @@ class Viewport:
                 raise session.EngineError(f"Light Meshes: {event['message']}")
             if kind == "picture":
                 picture = event
+            elif kind == "progress":
+                stage = event["stage"]
             elif kind in session.LAST_EVENTS:
                 assert last and self._scenes
                 last.running = False
@@ -234,6 +245,9 @@ class Viewport:
                     self._refused(event["message"])
         if picture:
             self._show(picture)
+        if stage and self._asked and self._asked.running and time.monotonic() - self._told > TELL_SECONDS:
+            self._told = time.monotonic()  # not more often: it makes Blender draw the view again
+            self._say(stage)
 
     def _refused(self, message: str) -> None:
         """The engine cannot make the picture that was asked for, but it goes on running."""

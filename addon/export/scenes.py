@@ -12,7 +12,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -86,8 +86,12 @@ class Scenes:
             description["materials"] = [m | {"image": -1, "alpha_image": -1} for m in description["materials"]]
         return self._save(arrays, description)
 
-    def written(self) -> bool:
-        """Return whether all files are written. Raises ExportError if one could not be written."""
+    def written(self, seconds: float = 0.0) -> bool:
+        """Return whether all files are written, or are within this many seconds. Raises ExportError if one could not be
+        written.
+        """
+        if seconds and self._jobs:
+            wait(self._jobs, seconds)
         while self._jobs and self._jobs[0].done():
             with handing_over():
                 self._jobs.pop(0).result()

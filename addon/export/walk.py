@@ -83,8 +83,8 @@ def settings(scene, view_layer) -> dict:
     """Return the engine's settings from the scene's properties, with the replacements of the view layer."""
     own = scene.light_meshes
     return {name: getattr(own, name) for name in (
-        "mode", "shadows", "h", "kI", "auto_h", "weights", "shadow_rate", "light_samples", "max_depth", "ambient",
-        "refraction", "glass", "leak_free")} | {
+        "mode", "shadows", "h", "kI", "auto_h", "weights", "shadow_rate", "light_threshold", "light_samples",
+        "max_depth", "ambient", "refraction", "glass", "leak_free")} | {
         **everywhere.of(scene),
         "caustics": caustics_of(own),
         "samples": min(view_layer.samples, MOST_SAMPLES) or own.samples,

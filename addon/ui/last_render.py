@@ -71,6 +71,9 @@ def rows(s: dict, scene) -> list[tuple[str, str]]:
     if s.get("lamp_pairs"):
         result.append(("Lamps with a Size", f"{share(s['ray_pairs'], s['lamp_pairs'])} of the points needed rays, "
                                             f"{share(s['mixed_pairs'], s['lamp_pairs'])} are near penumbrae"))
+    if "light_bound" in s:
+        result.append(("Light Threshold", f"on average the light is wrong by less than {s['light_bound']:.2%} of that "
+                                          "without shadows"))
     result += [(name, f"r {penumbra.length(scene, r)}") for name, r in [*s.get("light_radii", {}).items()][:10]]
     if "refracted_paths" in s:
         result.append(("Refracted Paths", f"{s['refracted_paths']:,}, {s['path_rays']:,} rays"))

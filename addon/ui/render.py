@@ -55,6 +55,7 @@ class LIGHT_MESHES_PT_shadows(LightMeshesPanel, bpy.types.Panel):
             layout.prop(settings, "kI")
             layout.prop(settings, "weights")
             layout.prop(settings, "shadow_rate")
+            layout.prop(settings, "light_threshold")
             table(layout, context, _meaning(context.scene))
         elif settings.shadows == 'AREA_SAMPLING':
             layout.prop(settings, "light_samples")

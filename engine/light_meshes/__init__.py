@@ -1,4 +1,4 @@
-"""Light Meshes: soft shadows from point lights by the light meshes method (Debelov et al., 2008).
+"""Light Meshes: soft shadows and light from everywhere, without noise (after Debelov et al., 2008).
 
 What a program needs to describe a scene, render it and write the picture is here; docs/python.md shows how. A name is
 imported when it is first used: the version costs no time, and a scene's description no more than numpy.
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:
     del sys.path[0]  # remove the current folder from the path when run as a program: nothing in it may be run
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from .film.passes import PASSES

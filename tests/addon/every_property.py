@@ -37,6 +37,7 @@ from property_scenes import (
     slab_in_air,
     stage,
     under_a_lamp,
+    under_lamps,
     wide_radius,
     zooming_out,
 )
@@ -77,6 +78,11 @@ def less_noisy(before, after):
 def hardly_changed(before, after):
     difference = np.abs(after.astype(float) - before)
     return 0 < difference.max() <= 1 / 64 and (difference**2).mean() ** 0.5 <= 1 / 512
+
+
+def near(before, after):
+    difference = np.abs(after.astype(float) - before)
+    return difference.max() > 0 and (difference**2).mean() ** 0.5 <= 1 / 16
 
 
 def dimmer_spot(before, after):
@@ -120,6 +126,7 @@ ROWS = [
     Row("scene", "kI", 6.0, wider),
     Row("scene", "weights", 'UNIFORM', wider, coarse),
     Row("scene", "shadow_rate", 4, hardly_changed, under_a_lamp),
+    Row("scene", "light_threshold", 0.2, near, under_lamps),
     Row("scene", "refraction", 'NONE', brighter, glass_slab),
     Row("scene", "glass", 'PAPER', darker, pane),
     Row("scene", "caustics", 'PAPER', dimmer_spot, lens),

@@ -187,6 +187,7 @@ def test_the_statistics_of_lamps_with_a_size(lit, render):
         lamp.angle = 0.2
     else:
         lamp.shadow_soft_size = 0.2
+    lit.light_meshes.auto_h, lit.light_meshes.h = False, 0.3  # in so small a picture nodes of finer steps are not asked
     render(lit)
     s = session.statistics
     rows = dict(last_render.rows(s, lit))
@@ -199,3 +200,12 @@ def test_the_statistics_of_lamps_with_a_size(lit, render):
     s = session.statistics
     assert f", r {s['r']:.3g}" in viewport.summary(s) and f", r {s['r']:.4g}, " in job.summary(s)
     assert "Lamps with a Size" not in dict(last_render.rows(s, lit))
+    assert "Light Threshold" not in dict(last_render.rows(s, lit))
+    second = lamp.copy()
+    second.light_meshes.softness = 'SCENE'
+    lit.collection.objects.link(bpy.data.objects.new("Second", second))
+    lit.light_meshes.light_threshold = 1.0
+    render(lit)
+    row = dict(last_render.rows(session.statistics, lit))["Light Threshold"]
+    assert row == (f"on average the light is wrong by less than {session.statistics['light_bound']:.2%} of that "
+                   "without shadows")

@@ -60,7 +60,7 @@ def test_the_material_panel_shows_translated_colors(scene, node_material):
 def test_scene_properties_reach_the_engine(scene, add_plane, snapshot):
     add_plane()
     values = {"mode": 'RAY_CASTING', "shadows": 'AREA_SAMPLING', "h": 0.25, "kI": 2.5, "auto_h": False, "samples": 7,
-                  "light_samples": 33, "shadow_rate": 4, "max_depth": 2, "ambient": 0.5}
+                  "light_samples": 33, "shadow_rate": 4, "light_threshold": 0.125, "max_depth": 2, "ambient": 0.5}
     snapshot(scene)  # what comes after an evaluation must reach the next one
     for key, value in values.items():
         setattr(scene.light_meshes, key, value)

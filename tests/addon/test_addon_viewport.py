@@ -74,6 +74,10 @@ def test_nothing_leaks(told):
     assert late[2] < early[2] + 125 and late[3] < 1.1 * early[3] + 50
 
 
+def test_a_view_takes_the_engine_that_waits(told):
+    assert told["begin"]["waited"] and told["begin"]["waiting"] <= 1  # another one, perhaps
+
+
 def test_engine_ends_with_its_view(told):
     assert told["closed"]["viewports"] == told["another file"]["viewports"] == 0
     assert not told["closed"]["files"] and not told["another file"]["files"]

@@ -35,6 +35,7 @@ from viewport_tools import (
     view_module,
     viewport,
     viewport_module,
+    waiting,
     window,
 )
 
@@ -65,13 +66,15 @@ def story():
     with context():
         bpy.ops.view3d.view_all()
     rotate(0.3)
-    yield lambda: True
+    yield lambda: waiting()
+    waited = [engine._process.pid for engine in waiting()]
 
     space().shading.type = 'RENDERED'
     yield lambda: len(viewport_module.viewports) == 1
     yield lambda: viewport().pictures
     yield idle
-    tell("begin", children=len(children()), text=viewport()._text, longest=viewport().longest | {})
+    tell("begin", children=len(children()), waited=children() == waited, waiting=len(waiting()),
+         text=viewport()._text, longest=viewport().longest | {})
 
     def edit():
         ball.data.vertices[5].co.z += 0.5
@@ -241,10 +244,11 @@ def story():
     space().shading.type = 'SOLID'
     yield lambda: not children()
     tell("closed", viewports=len(viewport_module.viewports), files=files_of_sessions())
+    yield lambda: waiting()
     space().shading.type = 'RENDERED'
     yield lambda: children()
     scene.render.engine = 'BLENDER_WORKBENCH'
-    yield lambda: not children()
+    yield lambda: not children() and not waiting()
     scene.render.engine = 'LIGHT_MESHES'
     yield lambda: children()
     bpy.ops.wm.read_homefile(use_factory_startup=True, load_ui=False)

@@ -60,6 +60,22 @@ def test_manifests():
         assert found == own | {"platforms": [platform], "wheels": ["./wheels/a.whl", "./wheels/b.whl"]}
 
 
+def test_a_zip_is_as_the_extensions_platform_wants_it(tmp_path):
+    """No byte code, a website, short sentences without a full stop, and Blender's own check has nothing to say."""
+    path = tmp_path / "light_meshes.zip"
+    build.write_zip("linux-x64", [], path, "https://example.org/light-meshes")
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+        found = tomllib.loads(archive.read("blender_manifest.toml").decode())
+    assert all(name.endswith((".py", "LICENSE", "blender_manifest.toml")) for name in names)
+    assert not [name for name in names if "__pycache__" in name]
+    assert found["website"] == "https://example.org/light-meshes" and "Blender" not in found["name"]
+    for sentence in (found["tagline"], *found["permissions"].values()):
+        assert len(sentence) <= 64 and sentence[-1].isalnum()
+    assert build.validate(path) in ("valid", "not validated, as there is neither a bpy nor a blender")
+    assert build.main(["--website", "nowhere", "-o", str(tmp_path)]) == 1
+
+
 def test_the_folder_is_a_valid_extension():
     """As a developer enables it in place, without a zip."""
     bpy = importlib.util.find_spec("bpy")

@@ -18,7 +18,7 @@ from scenes import (
     with_lights,
     with_objects,
 )
-from sized_lamps import Seen, one_width, rmse, scene_of
+from sized_lamps import Seen, nodes_everywhere, one_width, rmse, scene_of  # noqa: F401
 
 QUICK = [("posts", "sphere"), ("boxes", "sun"), ("board", "rectangle"), ("ball", "disc")]
 

@@ -21,7 +21,7 @@ def view(child, number, name="scene", **more):
     """The events of a view, and its pictures."""
     child.send(command="view", id=number, snapshot=name, framebuffer="view", passes=["Combined"],
                **({"camera": None, "steps": [[4, 1], [2, 1], [1, 1], [1, 3]]} | more))
-    events = child.of(number)
+    events = [e for e in child.of(number) if e["event"] != "progress"]
     return events, [np.load(child.folder / "view" / str(e["step"]) / "Combined.npy")
                     for e in events if e["event"] == "picture"]
 

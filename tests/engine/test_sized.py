@@ -215,3 +215,22 @@ def test_a_lamp_that_is_not_sized_is_what_it_was():
     scene = table(lamp, 16)
     other = replace(scene, lights=(replace(scene.lights[0], facing_disc=True),))
     np.testing.assert_array_equal(render_image(scene).passes["Combined"], render_image(other).passes["Combined"])
+
+
+def test_spots_reach_no_fewer_receivers_side_by_side():
+    """Cones pass blocks of receivers by, and receivers in them, only where each alone is not reached either."""
+    random = np.random.default_rng(11)
+    reached = 0
+    for n in range(60):
+        angle, radius = random.uniform(0.05, 3.0), random.choice([0.01, 0.3])
+        light = Light("lamp", "SPOT", ONE, direction=tuple(unit(random.normal(size=3)).tolist()), spot_angle=angle,
+                      radius=radius, facing_disc=bool(n % 2), softness="SIZE", spot_blend=0.5)
+        P = random.normal(size=3) * 2 + random.choice([0.01, 0.5]) * random.normal(size=(64, 3))
+        N = unit(-P + random.normal(size=P.shape))
+        found = omega(light, P, N, N)[2]
+        far = np.linalg.norm(P, axis=1)
+        off = np.arccos(np.clip((P / far[:, None]) @ np.array(light.direction), -1, 1))
+        off = off - np.where(far > radius, np.arcsin(np.minimum(radius / far, 1)), np.pi)
+        assert (found == ((off < angle / 2) & (-(P * N).sum(1) + radius > 0)))[np.abs(off - angle / 2) > 1e-6].all()
+        reached += found.sum()
+    assert 500 < reached < 3000

@@ -13,9 +13,9 @@ from light_meshes.picture import memory
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import draw, render_image
 from light_meshes.shadows.method import Receivers
-from light_meshes.shadows.sized import rays
+from light_meshes.shadows.ray_counts import most
 from scenes import four_lights, with_lights
-from sized_lamps import Seen, rmse, scene_of
+from sized_lamps import Seen, nodes_everywhere, rmse, scene_of  # noqa: F401
 
 
 @pytest.fixture(scope="module")
@@ -194,4 +194,19 @@ def test_two_points_of_quality_with_many_lamps():
     four, sixteen = (rmse(seen.by("AREA_SAMPLING", n), truth) for n in (4, 16))
     balanced, fine = (rmse(seen.by("LIGHT_MESHES", h=0.0375 / kI, kI=kI), truth) for kI in (3.0, 4.0))
     assert fine <= sixteen and fine < balanced <= 0.6 * four
-    assert [rays(kI, lamps) for kI, lamps in ((3.0, 5), (4.0, 5), (3.0, 4))] == [(8, 16), (16, 32), (16, 32)]
+    assert [most(kI, lamps)[:2] for kI, lamps in ((3.0, 5), (4.0, 5), (3.0, 4))] == [(8, 16), (16, 32), (16, 32)]
+
+
+def test_rays_that_are_shared_out_are_as_near_as_four_to_each_lamp():
+    """In pictures, where the method knows what each lamp gives: with few nodes, so that rays answer."""
+    first = scene_of("boxes", "sphere", 48, h=0.0125, kI=3.0)
+    places = ((1.0, 0.7, 2.5), (-0.9, 0.8, 2.2), (0.3, -1.1, 2.6), (-1.2, -0.6, 2.4), (3.1, 0.2, 2.8), (0.4, 4.0, 1.5))
+    scene = with_lights(first, *(replace(first.lights[0], name=str(n), position=at) for n, at in enumerate(places)))
+    pictures = {name: render_image(scene.with_settings(**values)) for name, values in (
+        ("truth", {"shadows": "AREA_SAMPLING", "light_samples": 400}), ("fine", {"kI": 4.0}), ("balanced", {}),
+        ("four", {"shadows": "AREA_SAMPLING", "light_samples": 4, "seed": 1}))}
+    truth = pictures["truth"].passes["Combined"]
+    error = {name: rmse(picture.passes["Combined"], truth) for name, picture in pictures.items()}
+    assert error["fine"] < error["balanced"] <= error["four"]
+    rays = {name: picture.statistics["shadow_rays"] for name, picture in pictures.items()}
+    assert rays["balanced"] < 0.4 * rays["fine"]

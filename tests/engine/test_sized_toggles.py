@@ -10,7 +10,7 @@ from light_meshes.picture.render import render_image
 from light_meshes.scene import snapshot
 from light_meshes.scene.description import Material
 from scenes import GREY, all_lights, four_lights, point, settings, tabletop, with_lights, with_objects
-from sized_lamps import Seen, rmse, scene_of
+from sized_lamps import Seen, nodes_everywhere, rmse, scene_of  # noqa: F401
 
 
 def table(pixels=64, **light):

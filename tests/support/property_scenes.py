@@ -134,6 +134,15 @@ def under_a_lamp():
     bpy.context.scene.light_meshes.h = 0.2
 
 
+def under_lamps():
+    """40 lamps whose shadows come apart, in four rows."""
+    bpy.data.lights["Sun"].energy = 0
+    small = bpy.data.lights.new("Lamp", 'POINT')
+    small.energy, small.shadow_soft_size, small.light_meshes.softness = 10, 0.1, 'SCENE'
+    for n in range(40):
+        add(small, location=(n // 10 - 2.5, n % 10 / 2 - 2.25, 3))
+
+
 def sampled():
     own = bpy.context.scene.light_meshes
     own.shadows, own.light_samples = 'AREA_SAMPLING', 2

@@ -6,20 +6,31 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 from light_meshes import Light, Mesh, Scene, Shape, box, cylinder, rectangle, rotate_z, sphere, translate
 from light_meshes.picture.prepared import Prepared
 from light_meshes.rays.camera import camera_rays
+from light_meshes.shadows import sized
 from light_meshes.shadows.method import Receivers
 from scenes import GREY, look_down, settings
 
 HALF = 1.0  # of the square receiver
+
+
+@pytest.fixture(autouse=True, scope="module")
+def nodes_everywhere() -> Iterator[None]:
+    """Nodes are asked however few receivers there are: for tests of nodes in small pictures, which import this."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sized, "DENSE", 1e-9)
+        yield
 
 
 def floor() -> Shape:

@@ -14,7 +14,8 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
 addon = next(name[:-len(".viewport")] for name in sys.modules if name.endswith("light_meshes.viewport"))
-viewport_module, screen, view_module = (sys.modules[f"{addon}.{name}"] for name in ("viewport", "screen", "view"))
+viewport_module, screen, view_module, session = (
+    sys.modules[f"{addon}.{name}"] for name in ("viewport", "screen", "view", "session"))
 TEMPORARY = Path(os.environ["TMPDIR"])
 PATIENCE = 300  # seconds for one step
 _last = {}  # the pixels that were shown last
@@ -77,12 +78,21 @@ def pixels():
     return _last[id(viewport()._picture)]
 
 
+def waiting():
+    """Return the engines that wait for work, which nobody uses yet: one at most."""
+    found = list(session._waiting)
+    assert len(found) <= 1
+    return found
+
+
 def children():
+    """Return the engines that are in use."""
     command = ["ps", "-A", "-ww", "-o", "pid=,ppid=,args="]  # whole lines, whatever COLUMNS says
     table = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     rows = [line.split(None, 2) for line in table.splitlines()]
     return [int(p) for p, parent, command in rows
-            if int(parent) == os.getpid() and "light_meshes.frontends.service" in command]
+            if int(parent) == os.getpid() and "light_meshes.frontends.service" in command
+            and int(p) not in [s._process.pid for s in waiting()]]
 
 
 def resident(pid):
@@ -198,7 +208,7 @@ def context_region():
 
 
 def files_of_sessions():
-    return [p.name for p in TEMPORARY.glob("light-meshes-*")]
+    return [p.name for p in TEMPORARY.glob("light-meshes-*") if p not in [s.folder for s in waiting()]]
 
 
 def play(story):

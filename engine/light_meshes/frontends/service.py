@@ -1,7 +1,7 @@
 """The engine as a child process: one JSON object a line on stdin and stdout, log on stderr.
 
 First the child writes
-    {"event": "ready", "version": "0.1.0", "folder": PATH}
+    {"event": "ready", "version": "0.2.0", "folder": PATH}
 where PATH is a new private folder (mode 0700) that parent and child share. The child owns the folder and removes it
 when it ends: after "quit", when its stdin closes (so it never outlives the parent), and on SIGTERM or SIGHUP. When a
 child starts, it removes the folders of children that were killed.
@@ -13,10 +13,11 @@ of the scene files in a folder; passes.py lists the passes):
         still valid, which it decides by comparing their contents; the picture is the same. Default: keep nothing
         "threads": 4: the number of threads, also for view and measure; null: one for each processor
     {"command": "view", "id": 7, "snapshot": "scene-12.json", "framebuffer": "view", "passes": ["Combined"],
-        "camera": {…}, "steps": [[8, 1], [4, 1], [2, 1], [1, 1], [1, 4]]}
+        "camera": {…}, "steps": [[8, 1], [4, 1], [2, 1], [1, 1], [1, 4]], "direct": true}
         a picture that gets better in steps of (divisor of the resolution, samples per pixel). It implies "keep". The
         snapshot is not read again if it is that of the last command with keep. camera: the camera of the rays, as in
-        scene.json; h is still measured with the snapshot's own camera. null: use the snapshot's camera for both
+        scene.json; h is still measured with the snapshot's own camera. null: use the snapshot's camera for both.
+        direct: pictures of direct light may come first, if all light takes long; then some steps are left out
     {"command": "measure", "id": 2, "snapshot": "scene"}     the h that `auto_h` would choose for this scene,
         and r of each light whose softness is LIGHT_SIZE; null for other lights, and if r cannot be measured
     {"command": "cancel", "id": 1}                           ends that command at its next batch, or before it starts
@@ -24,11 +25,11 @@ of the scene files in a folder; passes.py lists the passes):
 Child → parent:
     {"event": "started", "id": 1, "width": w, "height": h, "passes": {"Combined": 4, "Depth": 1}}
         the framebuffer files PASS.npy exist now: float32 (h, w, channels), rows bottom-up, zero where not done
-    {"event": "progress", "id": 1, "fraction": 0.25, "stage": "Rendering"}
+    {"event": "progress", "id": 1, "fraction": 0.25, "stage": "Rendering, 12 of 48 tiles done"}
     {"event": "tile", "id": 1, "box": [x0, y0, x1, y1]}      these pixels are final
     {"event": "picture", "id": 7, "step": 0, "width": w, "height": h, "passes": {"Combined": 4}}
-        a step of a view is done; its passes are FRAMEBUFFER/STEP/PASS.npy. A coarser picture shows exactly the same
-        view as the full one; its sides are rounded up
+        a step of a view is done; its passes are FRAMEBUFFER/STEP/PASS.npy. Steps are counted from 0, those of direct
+        light, too. A coarser picture shows exactly the same view as the full one; its sides are rounded up
     {"event": "done", "id": 1, "statistics": {…}, "warnings": [sentence, …]}      for a view: those of its last step,
         and under "steps" a few figures of each step
     {"event": "measured", "id": 2, "h": 0.05, "radii": [0.12, null]}
@@ -52,7 +53,6 @@ import sys
 import tempfile
 import threading
 import traceback
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,8 +61,8 @@ from ..support import allocation, processors, scratch
 from ..support.sources import KernelError
 
 if TYPE_CHECKING:
-    from ..picture.prepared import Prepared
     from ..scene.description import Scene
+    from .views import Kept
 
 ALIVE_SECONDS = 1.0
 _FIGURES = ("width", "height", "samples", "seconds", "nodes", "nodes_kept", "long_rays", "short_rays", "shadow_rays")
@@ -76,7 +76,7 @@ class Service:
         self._lock = threading.Lock()
         self._queue: queue.Queue[dict[str, Any]] = queue.Queue()
         self._cancelled: set[Any] = set()
-        self._kept: Prepared | None = None  # of the last command with keep
+        self._kept: Kept | None = None  # of the last command with keep
         self._snapshot: tuple[tuple, Scene] | None = None  # (file, its contents)
 
     def run(self) -> None:
@@ -85,7 +85,7 @@ class Service:
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._alive, daemon=True).start()
         with contextlib.suppress(KernelError):  # the first command reports it
-            from ..picture import render  # noqa: F401  now, while the parent still writes its snapshot
+            from . import views  # noqa: F401  now, while the parent still writes its snapshot
         while True:
             message = self._queue.get()
             if message["command"] == "quit":
@@ -133,6 +133,7 @@ class Service:
         from ..film import images as film
         from ..picture import memory, render
         from ..scene import snapshot
+        from .views import Kept
 
         keep = _checked(message, "keep", bool, False)
         if not keep:
@@ -147,33 +148,30 @@ class Service:
             self._send(event="progress", id=number, fraction=fraction, stage=stage)
 
         progress(0.0, "Preparing")
-        ready = render.prepare(scene, passes, lambda: number in self._cancelled, self._kept)
+        ready = render.prepare(scene, passes, lambda: number in self._cancelled,
+                               self._kept.before if self._kept else None, progress=progress)
         if keep:
-            self._kept = ready
+            self._kept = Kept(whole=ready)
         done = render.draw(ready, frame, cancelled=lambda: number in self._cancelled, progress=progress,
                            tile=lambda box: self._send(event="tile", id=number, box=box))
         frame.flush()
         self._send(event="done", id=number, statistics=done.statistics, warnings=done.warnings)
 
     def _view(self, number: Any, message: dict[str, Any]) -> None:
-        from ..film.images import Framebuffer
-        from ..picture import render
-        from ..rays.camera import coarser
         from ..scene import snapshot
+        from . import views
 
-        def cancelled() -> bool:
-            return number in self._cancelled
+        def progress(fraction: float, stage: str) -> None:
+            self._send(event="progress", id=number, fraction=fraction, stage=stage)
 
         passes, steps, folder = _passes(message), _steps(message), self._path(message, "framebuffer")
         camera = None if message.get("camera") is None else snapshot.camera(message["camera"])
-        scene = self._scene(message)
+        scene, direct = self._scene(message), _checked(message, "direct", bool, False)
+        self._kept = self._kept or views.Kept()
         figures = []
-        for step, (divisor, samples) in enumerate(steps):
-            self._kept = ready = render.prepare(
-                replace(scene, settings=replace(scene.settings, samples=samples)), passes, cancelled, self._kept,
-                coarser(camera or scene.camera, divisor))
-            frame = Framebuffer.create(ready.scene, passes)
-            done = render.draw(ready, frame, cancelled=cancelled)
+        for step, done in enumerate(views.pictures(
+                self._kept, scene, camera, steps, passes, direct, lambda: number in self._cancelled, progress)):
+            frame = done.frame
             frame.save(folder / str(step))
             self._send(event="picture", id=number, step=step, width=frame.width, height=frame.height,
                        passes=frame.channels)

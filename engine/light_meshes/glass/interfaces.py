@@ -34,7 +34,10 @@ class Face(NamedTuple):
 class Interfaces:
     """The properties of a scene's materials that concern transparency."""
 
-    def __init__(self, scene: Scene, surfaces: Surfaces, textures: list[Texture | None], looks: Looks) -> None:
+    def __init__(self, scene: Scene, surfaces: Surfaces, textures: list[Texture | None], looks: Looks,
+                 whole: bool = True) -> None:
+        """whole: whether triangles in one place are looked for, which takes long with many sheets."""
+        self.whole = whole
         m, self._looks = scene.materials, looks
         self._surfaces, self._textures = surfaces, textures
         self._alpha = np.array([x.alpha for x in m], np.float64)
@@ -67,7 +70,7 @@ class Interfaces:
         owner = scene.geometry.instance_object[surfaces.instance]
         self._in_shadow_paths = self.lets_through & (casts[owner] if len(owner) else False)
         self.bends_shadows = bool((self._in_shadow_paths & self.bending).any())
-        self.stacks = stacks(surfaces, self.passes, self.bending)
+        self.stacks = stacks(surfaces, self.passes, self.bending) if whole else None
         self.transparent = bool(self.passes.any())
         self.cutouts = bool(cut[material].any())
         self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())

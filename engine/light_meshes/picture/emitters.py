@@ -70,7 +70,8 @@ def lit(bare: World, scene: Scene, stats: Statistics, check: Callable[[], None])
         return bare
     as_lamps = np.zeros(len(bare.surfaces.triangles), np.bool_)
     as_lamps[taken] = True
-    return dataclasses.replace(world(scene, bare.camera, stats, check, bare, tuple(lamps)), as_lamps=as_lamps)
+    with_lamps = world(scene, bare.camera, stats, check, bare, tuple(lamps), bare.glass.whole)
+    return dataclasses.replace(with_lamps, as_lamps=as_lamps)
 
 
 def emitting(bare: World) -> Emitting:

@@ -15,7 +15,7 @@ from ..surface import points
 from .frosted import BENDS, frosted
 from .prepared import Prepared
 from .reflections import background, going, reflected, softened
-from .wave import Rays, joined
+from .wave import Rays, brightest, joined
 
 # Surfaces that a ray meets at most, also those that have no effect. Where two faces of a body meet, a ray along one of
 # them could else, by rounding, meet both again and again.
@@ -184,7 +184,9 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
            check: Callable[[], None]) -> dict[str, NDArray]:
     """Add the light of the surfaces that rays hit. Returns the shadow passes there. `first` is as in `_wave`."""
     work = tile.work(len(weight))
-    hits = softened(ready, rays, hits)
+    hits = softened(ready, rays, hits, kind == "camera")
+    if ready.plan.shares:
+        hits = hits._replace(apart=_apart(ready, rays, hits), weight=brightest(weight))
     if first and ready.sparse:
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work)
     else:
@@ -194,6 +196,17 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
     if ready.plan.translucent:
         _shine_through(ready, rays, weight, hits, tile, check)
     return light.shadows
+
+
+def _apart(ready: Prepared, rays: Rays, hits: Hits) -> NDArray[np.float64]:
+    """How far apart hits are, as `Hits.apart` has it: as the rays of the samples are, which mirrors do not change."""
+    camera = ready.scene.camera
+    left, right, bottom, top = camera.window
+    step = max((right - left) / camera.width, (top - bottom) / camera.height) / np.sqrt(len(ready.offsets))
+    far = np.full(len(hits.P), step)
+    if camera.perspective:
+        far *= np.sqrt(((hits.P - camera.matrix[:3, 3])**2).sum(1))
+    return far if rays.blur is None else np.where(rays.blur > 0, np.inf, far)
 
 
 def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,

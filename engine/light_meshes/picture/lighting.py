@@ -41,6 +41,7 @@ class Lighting:
         self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
         self._kernels = shading.kernels(world.lights, world.materials)
         shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
+        self.usual = 0.0  # the light of a usual pixel, where it was measured
         self._shown = shown if plan.reflections and shown.any() else None
         self.everywhere: Records | None = None  # light from everywhere, where the scene has it
         s = world.scene.settings
@@ -182,6 +183,35 @@ class Lighting:
             method = visibility or self._method
             probe = work[part] if work is not None and self._plan.kind.counts else None
             rows = None if narrow is None else narrow[part]
-            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows), check, probe)
+            weight, shown = self._weights(lit, active, method.weighs)
+            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows, some.apart, weight, shown), check,
+                       probe)
             self.terminator.fade(some, self._targets, S)
             yield part, lit, active, S
+
+    def _weights(self, lit: shading.Lit, active: NDArray[np.uint64],
+                 always: bool) -> tuple[NDArray[np.float32] | None, NDArray[np.float64] | None]:
+        """`weight` and `shown` of receivers, see `Receivers`. always: whether the method asks for the former anyway."""
+        hits, shown = lit.hits, None
+        if hits.apart is not None and self.usual > 0:
+            shown = np.where(np.isinf(hits.apart), hits.weight / self.usual, 0.0)
+        if not always and (shown is None or not shown.any()):
+            return None, None
+        with self._stats.stage("shading"):
+            weight = shading.each(lit, active)
+            if self._plan.threshold and self._world.lamps.any:  # a bound needs what nodes of lamps say
+                every = pairs.seen(active, len(self._world.scene.lights))
+                weight *= self.emitted(lit, every).max(2)
+            return weight, shown
+
+    def measure(self, hits: Hits, direction: NDArray) -> None:
+        """Find the light of a usual pixel, from hits of the camera's rays with `direction`: what half of those that
+        lamps light return more than, without shadows.
+        """
+        if not len(hits.P) or not self._world.scene.lights:
+            return
+        lit = self._surfaces(hits, direction, colours.matt(hits, self._world.textures))
+        active = np.empty((len(hits.P), (len(self._world.scene.lights) + 63) // 64), np.uint64)
+        shading.reaching(lit, False, active)
+        light = shading.each(lit, active).sum(1, dtype=np.float64)
+        self.usual = float(np.median(light[light > 0])) if light.any() else 0.0

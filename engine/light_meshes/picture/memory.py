@@ -67,6 +67,8 @@ def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
     painted = any(light.program for light in scene.lights)  # then each lamp's light has three channels
     work = rays * RAY + shaded * (LIT + 8 * glass + 12 * painted)
     if KINDS[scene.settings.shadows].lattice:
+        work += shaded * (4 * any(light.softness == "SIZE" for light in scene.lights)  # what each lamp gives
+                          + 12 * (scene.settings.light_threshold > 0))
         near = above_a_plane(scene.settings.kI)  # nodes of a receiver; the receivers of a batch share most of them
         part = 4 if glass else 1  # where surfaces let light through a candidate takes more, and there are fewer at once
         work += min(rays * near, CANDIDATES / part) * CANDIDATE * part + 3 * shaded * (24 if glass else 0.5)

@@ -16,11 +16,12 @@ import numpy as np
 from ..film.passes import DEBUG
 from ..glass.interfaces import Interfaces
 from ..scene.description import Light, Material, Scene
+from ..shadows import ray_counts
 from ..shadows.casters import Casters, smooth_lights, union
 from ..shadows.method import Kind
 from ..shadows.radius import extent
 from ..shadows.registry import KINDS, NONE
-from ..shadows.sized import LEVELS, RAYS, rays
+from ..shadows.sized import LEVELS
 from ..support.bits import has
 
 LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that nodes may answer
@@ -33,6 +34,7 @@ class Plan:
     shadows: str = NONE  # the name of a shadow method in the registry
     reflections: bool = False
     blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
+    follows: bool = True  # rays are sent along them; otherwise they show the world only
     translucent: bool = False  # light comes through some surfaces scattered
     frosted: bool = False  # some glass is rough
     spreads: bool = False  # of which some are bright, and spread rays out
@@ -41,6 +43,8 @@ class Plan:
     uniform_skip: bool = False
     shadow_rate: int = 1  # distance in pixels of the points whose light is computed; between them it is interpolated
     certificate: bool = False  # no short rays are traced where nothing else is near
+    threshold: bool = False  # one lamp of a group stands for the shadows of all
+    shares: bool = False  # nodes hold shares of lamps with a size
     certifies_lamps: bool = False  # the same for lamps with a size, which it spares more rays
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
@@ -84,6 +88,7 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         p.decide("node values", values[0], f"{values[1]}, {len(scene.lights)} lights")
     if KINDS[s.shadows].lattice and p.shadows != NONE:
         _lamps_with_a_size(p, scene, casters, pinpoints)
+    _light_threshold(p, scene)
     if s.shadow_rate > 1:
         _shadow_rate(p, scene, casters, passes)
     if p.kind.lattice:
@@ -176,6 +181,16 @@ def _shadow_rate(p: Plan, scene: Scene, casters: Casters, passes: tuple[str, ...
              "what the camera sees is interpolated between points up to so many pixels apart")
 
 
+def _light_threshold(p: Plan, scene: Scene) -> None:
+    """Decide whether lamps have shadows in groups."""
+    s = scene.settings
+    p.threshold = p.shadows != NONE and KINDS[s.shadows].lattice and s.light_threshold > 0 and len(scene.lights) > 1
+    if p.threshold:
+        p.decide("light threshold", f"{s.light_threshold:g}",
+                 "lamps that together give at most this share of the light somewhere have one shadow there: a group's "
+                 "error is below it, and that of all below what the statistics say")
+
+
 def _sized(scene: Scene, casters: Casters) -> list[str]:
     """Return the names of the lights that have the soft shadow of their own shape."""
     soft = union(casters.soft, len(scene.lights))
@@ -197,15 +212,16 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
         p.decide("lamps smaller than a pixel", "sharp",
                  f"{names(small)}: one ray says all, the edges in view are {max(pinpoints.values()):.2g} pixels wide")
     if lamps:
-        first, most = rays(scene.settings.kI, len(lamps))
+        rays, shared = ray_counts.most(scene.settings.kI, len(lamps)), ray_counts.many(scene.settings.kI, len(lamps))
         how, why = "shares at nodes", (
-            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; {first} rays "
-            f"where it is narrower than r, up to {most} where " +
-            ("something is near" if most > RAYS else "they disagree"))
+            f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; "
+            + (f"{int(ray_counts.COUNTS[0])} to {rays.most} rays, by what the lamp gives, where it is narrower than r"
+               if shared else f"{rays.first} rays where it is narrower than r, up to {rays.most} where something is "
+               "near")
+            + (", or where light comes through surfaces" if p.channels else ""))
+        p.shares = not p.paths
         if p.paths:
             how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
-        elif p.channels:
-            how, why = "rays", f"light comes through surfaces: up to {most} from each receiver to each lamp"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")
 
 

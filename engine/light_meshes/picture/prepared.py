@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -13,8 +14,11 @@ from ..rays.camera import filter_offsets
 from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
 from ..support.statistics import Statistics
+from ..surface.curvature import curvature
+from ..surface.points import CAMERA
 from ..surface.seen import SeenLamps
-from . import automatic_step, emitters, everywhere, memory, reuse
+from . import automatic_step, emitters, everywhere, first, memory, reuse
+from .everywhere import Everywhere
 from .lighting import Lighting
 from .measured import Measured
 from .plan import darkness, plan
@@ -23,23 +27,36 @@ from .sparse import Sparse
 from .world import World, world
 
 
+class Before(Protocol):
+    """What was prepared before: `Prepared`, or parts of two."""
+
+    world: World
+    measured: Measured
+    shadowing: Shadowing
+    everywhere: Everywhere | None
+
+
 class Prepared:
     """A scene made ready: its world, its plan, the shadow method that this asks for, and the lighting."""
 
-    def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",), *, previous: Prepared | None = None,
-                 camera: Camera | None = None, check: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",), *, previous: Before | None = None,
+                 camera: Camera | None = None, check: Callable[[], None] = lambda: None, quick: bool = False,
+                 told: Callable[[str], None] | None = None) -> None:
         """previous: what was prepared before, of which all that is still right is taken over.
 
         camera: of the rays, where it is not the scene's; h is measured by the scene's. `check` raises to give up.
+        quick: of a scene that `first.direct` made; what takes long is left out. told: is called with the name of each
+        stage that begins.
         """
         began = time.perf_counter()
         stats, view = Statistics(), camera or scene.camera
+        stats.told = told
         radius.check(scene.settings)
         registry.check(scene.settings)
         parts = memory.before(dataclasses.replace(scene, camera=view), passes)
         memory.check(parts)
 
-        bare = world(scene, view, stats, check, previous.world if previous else None)
+        bare = world(scene, view, stats, check, previous.world if previous else None, whole=not quick)
         self.world: World = emitters.lit(bare, scene, stats, check)
         scene = self.world.scene  # with the lamps that stand for the world's suns, and for surfaces that give light
         measured = Measured(self.world, previous.measured if previous else None)
@@ -48,6 +65,8 @@ class Prepared:
         casters = automatic_step.without(self.world.casters, step.sharp | measured.pinpoints, len(scene.lights))
         self.scene = dataclasses.replace(self.world.scene, settings=settings, camera=view)  # as it is drawn
         self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason, measured.pinpoints)
+        if quick:
+            first.plain(self.plan)
         for what, value, why in self.world.sky.decisions():
             self.plan.decide(what, value, why)
         if self.world.as_lamps is not None:
@@ -66,13 +85,20 @@ class Prepared:
         self.memory = memory.expected(parts)  # in bytes
         self.nodes_kept = reuse.nodes(self.shadowing, before)
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
-        self.everywhere: everywhere.Everywhere | None = None
+        if self.plan.shares and self.plan.blurred:
+            direction, hits = self.world.coarse_view()
+            self.lighting.measure(self.world.look(hits, direction, np.full(len(direction), CAMERA, np.int8)), direction)
+        self.everywhere: Everywhere | None = None
         if self.plan.gathers:
             self.everywhere = everywhere.everywhere(
                 self.world, self.plan, self.lighting, settings, measured.h if settings.auto_h else settings.h, stats,
                 previous.everywhere if previous else None)
             self.lighting.everywhere = self.everywhere.records
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
+        self.curved = None  # where highlights of lamps may be smaller than the distance of samples
+        if scene.lights and self.world.materials.ggx.any():
+            same = previous is not None and previous.curved is not None and previous.surfaces is self.world.surfaces
+            self.curved = previous.curved if previous and same else curvature(self.world.surfaces)
         self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)
         self.sparse = None
@@ -81,6 +107,7 @@ class Prepared:
             self.sparse = Sparse(self.world, self.lighting, casters, (settings.h, reach), self.offsets, stats)
 
         self.passes, self.stats = tuple(passes), stats
+        stats.told = None
         self.measured: Measured = measured
         self.measured_h = measured.h if settings.auto_h else 0.0
         self.surfaces, self.tracer, self.glass = self.world.surfaces, self.world.tracer, self.world.glass

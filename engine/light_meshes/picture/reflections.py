@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..film.passes import REFLECTED, Tile
 from ..rays.geometry import Hits
 from ..support.rows import taken, where
-from ..surface import shading
+from ..surface import curvature, shading
 from ..surface.blurred import spread
 from .prepared import Prepared
 from .wave import Rays, brightest
@@ -30,7 +30,7 @@ def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: 
     lobes = hits.table.blurred[hits.row]
     rows = np.flatnonzero(lobes)
     children = mirrored(ready, rays, hits, np.where(lobes[:, None], 0.0, weight * mirror), may)
-    return children + _blurred(ready, rays.at(rows), hits.at(rows), weight[rows], may[rows], tile)
+    return children + _blurred(ready, rays.at(rows), hits.at(rows), weight[rows], may[rows] & ready.plan.follows, tile)
 
 
 def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
@@ -119,26 +119,35 @@ def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: 
     return rays._replace(weight=weight, origin=P, normal=normal, direction=direction, depth=rays.depth + np.int16(step))
 
 
-def softened(ready: Prepared, rays: Rays, hits: Hits) -> Hits:
-    """Return what rays (n,) hit, as the light of lamps is seen there by those that a rough surface has spread out.
+def softened(ready: Prepared, rays: Rays, hits: Hits, seen: bool) -> Hits:
+    """Return what rays (n,) hit, as the light of lamps is seen there: highlights are wider that few samples would miss.
 
-    Highlights are as wide as the lobe at least: smaller ones would be dots, which only some of the few rays find. And
-    surfaces do not shine for which lamps stand, as these have highlights of their own.
+    seen: by camera rays; then those where the surface turns much within a pixel. And of rays that a rough surface has
+    spread out those that are smaller than the lobe; and there surfaces do not shine for which lamps stand, as these
+    have highlights of their own.
     """
-    if rays.blur is None:
-        return hits
     m, row = hits.table, hits.row
-    wider = m.ggx[row] & ((m.roughness[row] < rays.blur) | (m.coat_roughness[row] < rays.blur))
-    if ready.world.as_lamps is not None:
-        wider |= (rays.blur > 0) & ready.world.as_lamps[hits.triangle]
-    rows = np.flatnonzero(wider)
+    turns = None
+    if seen and ready.curved is not None:
+        share = min(1.0, ready.scene.settings.filter_size) / len(ready.offsets)**0.5
+        turns = curvature.variance(ready.curved, ready.scene.camera, share, hits, rays.direction)
+    if rays.blur is None and turns is None:
+        return hits
+    new = [r[row] for r in (m.roughness, m.coat_roughness)]
+    if turns is not None:
+        new = [curvature.widened(r, turns) for r in new]
+    if rays.blur is not None:
+        new = [np.maximum(r, rays.blur) for r in new]
+    wider = m.ggx[row] & ((new[0] != m.roughness[row]) | (new[1] != m.coat_roughness[row]))
+    dark = np.zeros(len(row), np.bool_)
+    if ready.world.as_lamps is not None and rays.blur is not None:
+        dark = (rays.blur > 0) & ready.world.as_lamps[hits.triangle]
+    rows = np.flatnonzero(wider | dark)
     if not len(rows):
         return hits
     own = shading.Materials._make(column[row[rows]] for column in m)
-    for roughness in (own.roughness, own.coat_roughness):
-        np.maximum(roughness, rays.blur[rows], out=roughness)
-    if ready.world.as_lamps is not None:
-        own.emission[ready.world.as_lamps[hits.triangle[rows]] & (rays.blur[rows] > 0)] = 0.0
+    own.roughness[:], own.coat_roughness[:] = new[0][rows], new[1][rows]
+    own.emission[dark[rows]] = 0.0
     row = row.copy()
     row[rows] = len(m.ka) + np.arange(len(rows), dtype=np.int32)
     return hits._replace(row=row, table=shading.Materials._make(

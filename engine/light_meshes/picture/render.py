@@ -15,15 +15,24 @@ from numpy.typing import NDArray
 from ..film.images import Framebuffer, crop_of
 from ..gathered.records import SharedRecordsError
 from ..scene.description import Camera, Scene
+from ..shadows.grouped import PARTS
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
 from . import reuse
 from .integrator import radiance
 from .memory import BATCH, LARGER, SPREAD
-from .prepared import Prepared
+from .prepared import Before, Prepared
 
 SHOWN = 8  # lamps of which the statistics tell one by one how their shadows were found
+
+
+Progress = Callable[[float, str], None]  # is called with the share of the work that is done, and what is being done
+# Stages of preparing, in their order, and the share of the progress that they are in all. How long they take is not
+# known before.
+STAGES = ("geometry", "textures", "sky", "accelerator", "emitters", "certificate", "gathered light: prepared")
+PREPARING = 0.05
+SAID_SECONDS = 0.5  # between two times when it is said what threads do
 
 
 class Cancelled(Exception):  # noqa: N818  (it is no error)
@@ -60,30 +69,36 @@ def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> in
 
 
 def prepare(scene: Scene, passes: Sequence[str], cancelled: Callable[[], bool] = lambda: False,
-            previous: Prepared | None = None, camera: Camera | None = None) -> Prepared:
+            previous: Before | None = None, camera: Camera | None = None, quick: bool = False,
+            progress: Progress = lambda f, s: None) -> Prepared:
     """Return `Prepared`. Raises Cancelled when cancelled() returns True."""
     def check() -> None:
         if cancelled():
             raise Cancelled
 
+    def told(stage: str) -> None:
+        check()
+        if stage in STAGES:
+            progress(PREPARING * STAGES.index(stage) / len(STAGES), f"Preparing: {stage.partition(':')[0]}")
+
+    progress(0.0, "Preparing")
     check()
-    return Prepared(scene, passes, previous=previous, camera=camera, check=check)
+    return Prepared(scene, passes, previous=previous, camera=camera, check=check, quick=quick, told=told)
 
 
 def render(
     scene: Scene, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
-    cancelled: Callable[[], bool] = lambda: False, progress: Callable[[float, str], None] = lambda f, s: None,
+    cancelled: Callable[[], bool] = lambda: False, progress: Progress = lambda f, s: None,
     tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
 ) -> Result:
     """Prepare and draw `scene`; see `draw`."""
-    progress(0.0, "Preparing")
-    ready = prepare(scene, tuple(frame.passes), cancelled)
+    ready = prepare(scene, tuple(frame.passes), cancelled, progress=progress)
     return draw(ready, frame, threads=threads, tile_size=tile_size, cancelled=cancelled, progress=progress, tile=tile)
 
 
 def draw(
     ready: Prepared, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
-    cancelled: Callable[[], bool] = lambda: False, progress: Callable[[float, str], None] = lambda f, s: None,
+    cancelled: Callable[[], bool] = lambda: False, progress: Progress = lambda f, s: None,
     tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
 ) -> Result:
     """Draw a prepared scene into `frame`.
@@ -96,16 +111,18 @@ def draw(
     def check() -> None:
         if cancelled() or stopped.is_set():
             raise Cancelled
+        saying.now_and_then(done)
 
     stopped = threading.Event()
-    check()
+    if cancelled():
+        raise Cancelled
     crop = crop_of(ready.scene)
     threads = threads or processors.count()
     if tile_size is None:
         batch = BATCH * (LARGER if ready.sparse else 1) // (SPREAD if ready.plan.spreads else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     tiles = _tiles(crop, tile_size)
-    lock, done = threading.Lock(), 0
+    lock, done, saying = threading.Lock(), 0, Saying(ready, len(tiles), progress)
 
     def work(box: tuple[int, int, int, int]) -> None:
         nonlocal done
@@ -117,7 +134,7 @@ def draw(
         with lock:
             done += 1
             tile((x0, y0, x1, y1))
-            progress(done / len(tiles), "Rendering")
+            saying(done)
 
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(work, box) for box in tiles]
@@ -137,6 +154,34 @@ def draw(
             raise
     return Result(frame, _report(ready, frame, tiles, threads, ready.seconds + time.perf_counter() - started),
                   [*ready.warnings, *ready.shadowing.path_warnings()])
+
+
+class Saying:
+    """Says how far a picture is, and whether threads rather gather light or do the rest."""
+
+    def __init__(self, ready: Prepared, tiles: int, progress: Progress) -> None:
+        self._seconds, self._tiles, self._progress = ready.stats.seconds, tiles, progress
+        self._gathers, self._said, self._stage = ready.plan.gathers, time.monotonic(), "Rendering"
+        self._spent = 0.0, 0.0
+
+    def __call__(self, done: int) -> None:
+        """Say that so many tiles are done."""
+        share = 1 - (1 - PREPARING) * (1 - done / self._tiles)  # which is 1 in the end
+        self._progress(share, f"{self._stage}, {done} of {self._tiles} tiles done")
+
+    def now_and_then(self, done: int) -> None:
+        """Say it, if it has not been said for a while. Threads may call this often."""
+        now = time.monotonic()
+        if now - self._said < SAID_SECONDS:
+            return
+        self._said = now
+        if self._gathers:
+            spent = list(self._seconds.items())
+            gathered, before = sum(s for name, s in spent if name.startswith("gathered light")), self._spent
+            self._spent = gathered, sum(s for _, s in spent)
+            most = self._spent[0] - before[0] > (self._spent[1] - before[1]) / 2
+            self._stage = "Gathering light" if most else "Rendering"
+        self(done)
 
 
 def render_image(scene: Scene, passes: Sequence[str] = ("Combined",), threads: int | None = None,
@@ -189,6 +234,8 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
         report[name] = counts[name]
     if counts["lamp_pairs"]:  # of a receiver and a lamp with a size
         report |= {name: counts[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")}
+    if counts["grouped_receivers"]:
+        report["light_bound"] = counts["grouped_light"] / PARTS / counts["grouped_receivers"]
     if ready.plan.gathers:
         for name in ("records", "gathered_rays", "gathered_short_rays"):
             report[name] = counts[name]

@@ -13,6 +13,7 @@ from ..rays.tracer import Targets
 from ..scene.description import Settings
 from ..shadows import radius as light_size
 from ..shadows.casters import Casters, union
+from ..shadows.grouped import Grouped
 from ..shadows.meshes.averaging import classes
 from ..shadows.meshes.certificate import Certificate, certificate
 from ..shadows.meshes.lattice import lattice
@@ -106,8 +107,10 @@ def shadowing(world: World, settings: Settings, casters: Casters, plan: Plan, me
     if plan.kind.lattice:
         of_lattice, radii, warnings = _lattice(world, settings, casters, plan, measured, certify)
     own = plan.kind.own(settings if plan.shadows == settings.shadows else Settings())  # the plan may need no more
-    method = plan.kind.make(Setup(world.scene.lights, targets, world.tracer, stats, casters, settings, own, through,
-                                  of_lattice))
+    setup = Setup(world.scene.lights, targets, world.tracer, stats, casters, settings, own, through, of_lattice)
+    method = plan.kind.make(setup)
+    if plan.threshold:
+        method = Grouped(setup, method)
     certify.close()
     proof = of_lattice.certificate if of_lattice else None
     return Shadowing(world, settings, casters, targets, method, plan.channels, plan.paths, refraction, proof, certify,

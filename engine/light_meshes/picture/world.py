@@ -91,11 +91,11 @@ class World:
 
 
 def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], None], old: World | None,
-          lamps: tuple[Light, ...] = ()) -> World:
+          lamps: tuple[Light, ...] = (), whole: bool = True) -> World:
     """Return the world of `scene` for a picture by `camera`.
 
     old: that of the picture before, of which all is taken over that is still right. check() raises to give up.
-    lamps: more lights than the scene has.
+    lamps: more lights than the scene has. whole: see `Interfaces`.
     """
     with stats.stage("geometry"):
         if old and same(scene.geometry, old.scene.geometry):  # one copy in memory, and known to be equal
@@ -113,10 +113,11 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
         scene = dataclasses.replace(scene, lights=(*scene.lights, *lamps)) if lamps else scene
     looks = Looks(scene, surfaces, images, camera)
     alike = old if old and surfaces is old.surfaces else None
-    if alike and _interfaces_key(scene, images, camera) == _interfaces_key(alike.scene, alike.textures, alike.camera):
+    if alike and alike.glass.whole >= whole and (
+            _interfaces_key(scene, images, camera) == _interfaces_key(alike.scene, alike.textures, alike.camera)):
         glass = alike.glass
     else:
-        glass = Interfaces(scene, surfaces, images, looks)
+        glass = Interfaces(scene, surfaces, images, looks, whole)
     check()
     with stats.stage("accelerator"):
         settings, kind = scene.settings, KINDS[scene.settings.shadows]

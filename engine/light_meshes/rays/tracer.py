@@ -92,6 +92,11 @@ class Tracer:
                     self._seen[kind, number] = seen
         self.embree_scenes = len(self.built)
 
+    def has(self, kind: str, casters: int = 0) -> bool:
+        """Whether rays of this kind can meet any triangle of this set of casters."""
+        _, original = self._embree[kind, casters]
+        return original is None or len(original) > 0
+
     def closest(
         self, kind: str, origin: NDArray[np.float64], direction: NDArray[np.float64],
         normal: NDArray[np.float64] | None = None, reach: NDArray[np.float64] | None = None, casters: int = 0,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,8 @@ class Settings:
     leak_free: bool = False  # end of paper §5: use ξ of the first segment for each path
     # compute light meshes' light only at points this many pixels apart and interpolate; 1: at each sample
     shadow_rate: int = 1
+    # with LIGHT_MESHES: lamps that together give at most this share of a place's light share a shadow there; 0: none
+    light_threshold: float = 0.0
     light_samples: int = 64  # shadow rays per light, only for AREA_SAMPLING
     seed: int = 0  # for AREA_SAMPLING
     method: Mapping[str, Scalar] | None = None  # settings that the shadow method has for itself; None: its defaults
@@ -382,6 +385,7 @@ def _check_shape(shape: Shape, n: int) -> None:
         raise SceneError(f"{where}: an object has no {quoted(min(unknown))}; it has {', '.join(names_of(Object))}")
 
 
+@cache
 def names_of(cls: type) -> dict[str, Any]:
     """Return field name → default of a description class, in order."""
     return {f.name: f.default for f in fields(cls)}

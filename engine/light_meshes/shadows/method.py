@@ -52,6 +52,12 @@ class Receivers(NamedTuple):
     lift: Lift | None = None  # where light grazes smooth surfaces, rays start above their facets; None: nowhere
     # (n,W) bits that the method sets of lights whose S may change within less than r; None: nobody wants to know
     narrow: NDArray[np.uint64] | None = None
+    apart: NDArray[np.float64] | None = None  # (n,) see `Hits`
+    weight: NDArray[np.float32] | None = None  # (n,L) of active lights: what P returns of their light; None: not known
+    # (n,) where rough surfaces show P: what of its light counts in the picture, over the light of a usual pixel; 0
+    # elsewhere. None: 0 everywhere
+    shown: NDArray[np.float64] | None = None
+    several: NDArray[np.uint64] | None = None  # (n,W) bits of lights that stand for others, too (see `grouped`)
     facet: Facet | None = None  # of receivers that are lifted above the mesh; None: they are on it, or it is not known
 
     def normals(self) -> NDArray[np.float64]:
@@ -60,10 +66,10 @@ class Receivers(NamedTuple):
         return self.N
 
     def at(self, rows: NDArray[np.int64]) -> Receivers:
-        """Return only these receivers (rows ascending); nothing is copied if they are all. Lift and narrow are
-        left out."""
+        """Return only these receivers (rows ascending); nothing is copied if they are all. Lift and all
+        that follows are left out."""
         if len(rows) == len(self.P):
-            return self._replace(lift=None, narrow=None)
+            return self._replace(lift=None, narrow=None, apart=None, weight=None, shown=None, several=None)
         P, N, active, triangle = (None if a is None else taken(a, rows) for a in self[:4])
         assert P is not None and active is not None
         facet = None if self.facet is None else Facet._make(taken(a, rows) for a in self.facet)
@@ -90,6 +96,7 @@ class Method(Protocol):
     """
 
     nodes: tuple[Nodes, ...] = ()  # for kinds with the flag `lattice`
+    weighs: bool = False  # whether it asks for `Receivers.weight`
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray[np.float64] | None = None) -> NDArray[np.float32]:
         """Return S (n,L,C) float32, 0 where not active; C = 1, or 3 if light comes through coloured glass.

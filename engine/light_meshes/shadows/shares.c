@@ -97,11 +97,13 @@ i64 shares_grazing(i64 g, i64 n, i64 L, i64 W, const f64 *place, const f64 *N, c
 }
 
 /* What a group's candidates say of the lights it asks for: `seen` by all with all their `points`, or `mixed`; of the
-   others by none. points: as bits; seen_points (u,L): which of them each sees. */
+   others by none. points: as bits; seen_points (u,L): which of them each sees, and bits above these where surfaces that
+   let light through are in the way: then the light is mixed and in `through`. */
 KERNEL(shares_sorted,
-       "start i64[g,s]  candidate i32[c]  points i64  seen_points u8[u,L]  lit u64[g,W]  seen u64[g,W]!  mixed u64[g,W]!")
+       "start i64[g,s]  candidate i32[c]  points i64  seen_points u8[u,L]  lit u64[g,W]  seen u64[g,W]!  mixed u64[g,W]!  "
+       "through u64[g,W]!")
 i64 shares_sorted(i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, const i64 *start, const i32 *candidate, i64 points,
-                  const u8 *seen_points, const u64 *lit, u64 *seen, u64 *mixed) {
+                  const u8 *seen_points, const u64 *lit, u64 *seen, u64 *mixed, u64 *through) {
     u8 *every = malloc((size_t)(2 * L)), *some = every + L;
     (void)c, (void)u;
     if (!every) return 1;
@@ -112,10 +114,11 @@ i64 shares_sorted(i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, const i64 *start, co
             const u8 *row = seen_points + (i64)candidate[at] * L;
             for (i64 i = 0; i < L; i++) every[i] &= row[i], some[i] |= row[i];
         }
-        memset(seen + W * p, 0, (size_t)W * sizeof *seen), memset(mixed + W * p, 0, (size_t)W * sizeof *mixed);
+        for (i64 w = 0; w < W; w++) seen[W * p + w] = mixed[W * p + w] = through[W * p + w] = 0;
         for (i64 i = 0; i < L; i++) {
             if (!has(lit + W * p, i)) continue;
-            if (begin == end || (some[i] && every[i] != points))
+            if (some[i] > points) through[W * p + (i >> 6)] |= bit(i);
+            if (begin == end || some[i] > points || (some[i] && every[i] != points))
                 mixed[W * p + (i >> 6)] |= bit(i);
             else if (some[i])
                 seen[W * p + (i >> 6)] |= bit(i);

@@ -4,6 +4,9 @@ A node that some receiver asks for traces FIRST points of the lamp. Receivers of
 *group*, with one set of candidates: where all of them see all of these points, or none, the group is done. Only the
 nodes of the others trace all POINTS, and note how far away the nearest thing in the way is.
 
+Where surfaces let light through, nodes tell whether one is in the way of the points that nothing opaque hides. What
+such a node sees is no count of points, and so rays answer there.
+
 A receiver's mean takes each node *slid* onto the receiver's plane, along the way from the lamp's centre: what the node
 sees is what that place sees, as long as nothing lies between. So it is asked for only where the certificate says that
 nothing does.
@@ -29,6 +32,8 @@ from .meshes.node_store import NodeStore
 from .method import Check, Nodes, Receivers, Setup
 
 FIRST = 2  # points of a lamp that every node traces
+THROUGH = 1 << 7  # the bit beside these of a node from which the lamp is seen through something, if at all
+UNKNOWN = 1  # the distance of such a node: so near that its share counts nowhere
 HALF, POINTS = 8, 16  # that nodes near penumbrae trace: all, or with many lamps half, and all where these disagree
 ACROSS = 0.8661  # steps: from the middle of a cell to what is farthest in it
 PAIRS = 1 << 15  # of node and lamp traced at once
@@ -84,6 +89,8 @@ class Shares:
         self._lamps, self._tracer, self._stats = lamps, setup.tracer, setup.stats
         self._surfaces = setup.lattice.surfaces
         self._casters = setup.casters.soft
+        self._through = {g.casters for g in self._casters if setup.tracer.has("glass", g.casters)} if (
+            setup.through.channels) else set()
         self._first, self._all = (LampNodes(self.lattice, lamps.shapes, *kind)
                                   for kind in ((FIRST, 1), (enough, 2)))
         self.nodes = (self._first, self._all)
@@ -107,13 +114,15 @@ class Shares:
         start, candidate, nodes = candidates(L, place, N[first])
         return Groups(group, first, place, lit, start, candidate, nodes, L.position(nodes))
 
-    def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """Lights that all candidates of each group see (g,W), and those that they do not agree on."""
+    def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64], NDArray[np.uint64]]:
+        """Lights that all candidates of each group see (g,W); those that they do not agree on; and of these those that
+        some see through something.
+        """
         need = self._need(g, g.lit)
         seen_points = self._first.store.values(g.nodes, need, lambda nodes, todo: self._trace_first(nodes, todo, check))
-        seen, mixed = np.empty_like(g.lit), np.empty_like(g.lit)
-        needs_memory(_sorted(g.start, g.candidate, (1 << FIRST) - 1, seen_points, g.lit, seen, mixed))
-        return seen, mixed
+        seen, mixed, through = np.empty_like(g.lit), np.empty_like(g.lit), np.empty_like(g.lit)
+        needs_memory(_sorted(g.start, g.candidate, (1 << FIRST) - 1, seen_points, g.lit, seen, mixed, through))
+        return seen, mixed, through
 
     def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:
         """Lamps (g,W) that the plane of a group may cut."""
@@ -158,6 +167,8 @@ class Shares:
         for row, light, casters in self._pairs(todo, check):
             blocked = self._blocked(x, turn, row, light, 0, FIRST, casters)
             found[row, light] = np.packbits(~blocked, axis=1, bitorder="little")[:, 0]
+            some = self._behind_glass(x, turn, row, light, blocked, casters)
+            found[row[some], light[some]] |= THROUGH
         return found
 
     def _trace_all(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
@@ -178,7 +189,22 @@ class Shares:
                 blocked[more, enough:] = rest
             found[row, light, 0] = POINTS - blocked.sum(1, dtype=np.uint8)
             found[row, light, 1] = self._nearest(x, turn, row, light, blocked, casters)
+            some = self._behind_glass(x, turn, row, light, blocked, casters)
+            found[row[some], light[some], 1] = UNKNOWN
         return found.reshape(len(nodes), -1)
+
+    def _behind_glass(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
+                      light: NDArray[np.int32], blocked: NDArray[np.bool_], casters: int) -> NDArray[np.intp]:
+        """The pairs from which points that are not blocked (k,count) are seen through something."""
+        if casters not in self._through:
+            return np.zeros(0, np.intp)
+        count = blocked.shape[1]
+        target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, 0, count)
+        order = np.flatnonzero(~blocked).astype(np.int32)
+        self._stats.add(long_rays=len(order))
+        met = self._tracer.occluded(x, np.repeat(row, count)[order], target, order, None, closed=False, kind="glass",
+                                    casters=casters)
+        return np.unique(order[met] // count)
 
     def _blocked(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
                  light: NDArray[np.int32], first: int, count: int, casters: int) -> NDArray[np.bool_]:

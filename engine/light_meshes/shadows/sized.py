@@ -2,8 +2,11 @@
 
 For a receiver and a lamp: where all candidates of the finest lattice see the whole lamp, or nothing of it, that is S.
 Else a plane fitted to slid shares (`shares`) is taken from the coarsest lattice whose r the penumbra is wider
-than, neighbouring lattices blended. Where the penumbra is narrower than the finest r, or something is within r, S is
-the share of points of the lamp that rays from the receiver reach.
+than, neighbouring lattices blended. Where the penumbra is narrower than the finest r, or something is within r, or the
+lamp is seen through something, S is the share of points of the lamp that rays from the receiver reach (`ray_counts`).
+
+So it is also where receivers are few: in small pictures, and where rough surfaces see them. Rays of their own are fewer
+there than those of the nodes around them.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from . import pairs
 from .casters import union
 from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
 from .method import Check, Method, Receivers, Setup
+from .ray_counts import RayCounts, Rays, many
 from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
 from .terminator import starts, touched
@@ -28,10 +32,7 @@ LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
-# Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
-FEW, FINE = 4, 4.0  # so many lamps, or from that kI on: RAYS from a receiver to a lamp where the penumbra is narrow,
-RAYS, MORE_RAYS = 16, 32  # and more where no node may answer and they disagree
-FEWER_RAYS = 8  # with more lamps, whose errors are smaller parts of the light: RAYS where these disagree
+DENSE = 2.0  # nodes are asked where receivers stand so many times as close as the step
 BATCH = 1 << 15  # receivers at once
 RAYS_AT_ONCE = 1 << 18
 
@@ -73,15 +74,16 @@ class SizedLamps(Method):
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
         self._reaches = reaches(self._lamps.shapes)
-        self._rays = rays(setup.settings.kI, sum(has(self._soft, i) for i in range(self._count)))
-        # Where light comes through surfaces, points of a lamp are seen in part, which a count of points cannot say.
-        self.levels = [] if setup.through.channels else [self._level(setup, 2.0**k) for k in range(levels)]
+        kI, sized = setup.settings.kI, sum(has(self._soft, i) for i in range(self._count))
+        self._rays = RayCounts(kI, sized)
+        self.weighs = self._rays.shared
+        self._enough = HALF if many(kI, sized) else POINTS
+        self.levels = [self._level(setup, 2.0**k) for k in range(levels)]
         self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
         assert setup.lattice is not None
-        enough = HALF if self._rays[0] < RAYS else POINTS
-        level = Shares(self._lamps, setup, setup.settings.h * coarser, enough)
+        level = Shares(self._lamps, setup, setup.settings.h * coarser, self._enough)
         if setup.lattice.certify is not None:
             level.certificate = setup.lattice.certify(level.reach)
         return level
@@ -96,8 +98,10 @@ class SizedLamps(Method):
         if at.lift is not None:
             touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, asked, lifted)
         asked &= ~lifted
-        if not self.levels:
-            asked[:] = 0
+        if at.apart is not None:  # where few receivers are, rays from them are fewer than rays from nodes
+            asked[DENSE * at.apart > self.levels[0].h] = 0
+        if at.several is not None:  # which lamp it is differs from receiver to receiver
+            asked &= ~at.several
         if at.narrow is not None:
             at.narrow[:] |= soft & ~asked
         by_rays, rest = soft & ~asked, np.ones(S.shape[:2], np.float32)
@@ -111,9 +115,8 @@ class SizedLamps(Method):
             by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow, own))
         for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays)):
             self._stats.add_each(name, _each(pairs_of, self._count))
-        for row, light in pairs.blocks(by_rays, self._count):
-            share = rest[row, light]
-            S[row, light] += share[:, None] * self._by_rays(at, row, light, share == 1, check)
+        if by_rays.any():
+            self._add_rays(at, soft, by_rays, S, rest, check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0
@@ -125,6 +128,19 @@ class SizedLamps(Method):
             probe += own
         return S
 
+    def _add_rays(self, at: Receivers, soft: NDArray[np.uint64], by_rays: NDArray[np.uint64], S: NDArray[np.float32],
+                  rest: NDArray[np.float32], check: Check) -> None:
+        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). soft (n,W): all lamps
+        with a size that light the receivers.
+        """
+        counts = np.broadcast_to(self._rays(soft, at.weight, at.shown), S.shape[:2])
+        for row, light in pairs.blocks(by_rays, self._count):
+            share, count = rest[row, light], counts[row, light]
+            for number in np.unique(count):
+                some = np.flatnonzero(count == number)
+                found = self._by_rays(at, row[some], light[some], self._rays.kind(int(number)), share[some] == 1, check)
+                S[row[some], light[some]] += share[some, None] * found
+
     def _ask(self, batch: Batch) -> NDArray[np.uint64]:
         """Add to S what nodes say; returns the lights (n,W) that rays must answer for."""
         at, level, stats = batch.at, self.levels[0], self._stats
@@ -135,9 +151,9 @@ class SizedLamps(Method):
             by_rays = grazing[g.group] & at.active
             soft = at.active & ~by_rays
         with stats.stage("nodes"):
-            seen, mixed = level.sorted(g, batch.check)
+            seen, mixed, through = level.sorted(g, batch.check)
         certified = self._certified(level, at, g)
-        unsure = mixed & np.where(certified, np.uint64(0), ~np.uint64(0))[:, None]
+        unsure = mixed & (through | np.where(certified, np.uint64(0), ~np.uint64(0))[:, None])
         by_rays |= unsure[g.group] & soft
         agreed = soft & ~mixed[g.group]
         hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & agreed.any(1)).astype(np.int32))
@@ -146,7 +162,7 @@ class SizedLamps(Method):
         with stats.stage("average"):
             for row, light in pairs.blocks(agreed & seen[g.group], self._count):
                 to = batch.rows[row]
-                batch.S[to, light, 0] += batch.rest[to, light]
+                batch.S[to, light] += batch.rest[to, light][:, None]
         mixed &= ~unsure
         todo = mixed[g.group] & soft
         stats.add(receivers=len(at.P), mixed_pairs=int(_each(todo | by_rays, self._count).sum()))
@@ -158,7 +174,7 @@ class SizedLamps(Method):
                     value, width = level.mean(at, row, light, g, shares)
                 self._coarsen(batch, row, light, value, width)
                 trust, to = _trust(width, WIDE), batch.rows[row]
-                batch.S[to, light, 0] += batch.rest[to, light] * trust * value
+                batch.S[to, light] += (batch.rest[to, light] * trust * value)[:, None]
                 batch.rest[to, light] *= 1 - trust
                 near = trust < 1
                 np.bitwise_or.at(by_rays, (row[near], light[near] >> 6),
@@ -217,16 +233,17 @@ class SizedLamps(Method):
         with self._stats.stage("certificate"):
             return level.certificate.holds(g.place, at.normals()[g.first], at.triangle[g.first])
 
-    def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], alone: NDArray[np.bool_],
-                 check: Check) -> NDArray[np.float32]:
+    def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
+                 alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
         """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         with self._stats.stage("rays near contact"):
-            few, many = self._rays
-            clear, whole = self._clear(at, row, light, 0, few, check)
-            more = np.flatnonzero((alone | (few < RAYS)) & ((clear > 0) & (clear < whole[:, None])).any(1))
-            found, further = self._clear(at, row[more], light[more], few, many - few, check)
-            clear[more] += found
-            whole[more] += further
+            clear, whole = self._clear(at, row, light, 0, rays.first, check)
+            if rays.most > rays.first:
+                disagree = ((clear > 0) & (clear < whole[:, None])).any(1)
+                more = np.flatnonzero(disagree & alone if rays.alone else disagree)
+                found, further = self._clear(at, row[more], light[more], rays.first, rays.most - rays.first, check)
+                clear[more] += found
+                whole[more] += further
         return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
     def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
@@ -252,11 +269,6 @@ class SizedLamps(Method):
                 clear[part], whole[part] = some, all_of_it
         self._stats.add(shadow_rays=len(row) * count)
         return clear, whole
-
-
-def rays(kI: float, lamps: int) -> tuple[int, int]:
-    """Return how many rays go from a receiver to one of so many lamps with a size, and how many at most."""
-    return (RAYS, MORE_RAYS) if lamps <= FEW or kI >= FINE else (FEWER_RAYS, RAYS)
 
 
 def lamps(setup: Setup) -> Lamps:

@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections import Counter, defaultdict
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,6 +22,7 @@ class Statistics:
         self.counts: Counter[str] = Counter()
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self.of_lights: dict[str, NDArray[np.int64]] = {}  # counts (L,) of each light
+        self.told: Callable[[str], None] | None = None  # is called with the name of each stage that begins
 
     def add(self, **counts: int) -> None:
         """Add to the named counts."""
@@ -48,6 +50,8 @@ class Stage:
         self._of, self._name = of, name
 
     def __enter__(self) -> None:
+        if self._of.told:
+            self._of.told(self._name)
         self._began = time.perf_counter()
 
     def __exit__(self, *_: object) -> None:

@@ -4,12 +4,14 @@
    vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
    inlined, so code that only other types need is removed. Lamps with a size have loops of their own: sized_block.h. */
 #include "shading_bounds.h"
+#include "shading_facets.h"
 #include "shading_shares.h"
 
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
 static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
     const Sized s = size_of(source);
     u8 above[SIDE], facing[SIDE];
+    if ((s.kind == BALL_SPOT || s.kind == FACING_SPOT) && passes_by(&s, b)) return;
     reach_block(&s, b->P, b->Ng, above), reach_block(&s, b->P, b->Ns, facing);
     for (int k = 0; k < SIDE; k++) {
         int faces = (source->diffuse & ((b->returns[k] & colour) != 0)) | (source->glossy & ((b->returns[k] & colour << 6) != 0));
@@ -73,6 +75,7 @@ i64 shading_reaching(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, i64 unlit, u64 *a
     for (i64 first = 0; first < n; first += SIDE) {
         fill(&block, first, &materials, &hits);
         Whole whole = whole_of(&block);
+        enclose(&block);
         for (i64 w = 0; w < W; w++) {
             u64 bits[SIDE] = {0}, every = 0;
             for (i64 i = 64 * w; i < L && i < 64 * w + 64; i++) {
@@ -159,27 +162,6 @@ INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int
     }
 }
 
-/* F in channel j, as ggx.h has it; fifth: (1−c)⁵, s: `fresnel_share` at c. */
-INLINE f64 reflectance(const Facets *f, int j, int k, f64 c, f64 fifth, f64 s) {
-    f64 F = f->plain[j][k] + f->schlick[j][k] * fifth - f->edge[j][k] * (c * fifth * (1.0 - c)) + f->fresnel[j][k] * s;
-    return F > 0.0 ? F : 0.0;
-}
-
-/* The share of a light's intensity that receiver k reflects by its facets, in each channel: f_att·π·D·G·F/(4·N·V).
-   1/π is in the intensity. */
-INLINE void facet_power(const Block *b, const Facets *f, Arriving a, int k, f64 *power) {
-    f64 facing = a.cosine * a.inverse, toward = 1.0 + (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse;
-    toward = toward > 1e-9 ? toward : 1e-9;
-    toward = toward < 2.0 ? toward : 2.0;
-    f64 aa = f->alpha2[k], c = sqrt(0.5 * toward), half = facing + f->sight[k];
-    f64 spread = 1.0 - half * half / (2.0 * toward) * (1.0 - aa), left = 1.0 - c, two = left * left;
-    spread = spread > aa ? spread : aa;
-    f64 shadowed = sqrt(aa + (1.0 - aa) * facing * facing);
-    f64 one = a.power * aa / (spread * spread) * facing / (2.0 * (f->masked[k] * facing + f->sight[k] * shadowed));
-    f64 fifth = two * two * left, s = fresnel_share(c, f->ior2[k], f->normal[k]);
-    for (int j = 0; j < 3; j++) power[j] = a.cosine > 0.0 ? one * reflectance(f, j, k, c, fifth, s) : 0.0;
-}
-
 /* total += S·I·`facet_power`. */
 INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b,
                        const Facets *f, f64 (*total)[SIDE]) {
@@ -193,32 +175,30 @@ INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const in
     }
 }
 
-/* `facet_power` of a lamp with a size, over I: the sum over rays to it. */
-static void facets_sized(const Sized *s, const Block *b, const Facets *f, int k, f64 *power) {
-    Ray rays[RAYS];
-    Seen seen = {.alpha = sqrt(f->alpha2[k])};
-    f64 P[3], Ns[3], eye[3], one[3];
-    taken(b->P, k, P), taken(b->Ns, k, Ns), taken(b->eye, k, eye);
-    memcpy(seen.N, Ns, sizeof Ns), memcpy(seen.V, eye, sizeof eye);
-    int count = rays_to(s, &seen, P, rays);
-    power[0] = power[1] = power[2] = 0.0;
-    for (int i = 0; i < count; i++) {
-        f64 cosine = dot3(Ns, rays[i].way), lobe = 2.0 * cosine * b->facing[k] - dot3(rays[i].way, eye);
-        facet_power(b, f, (Arriving){1, rays[i].weight, 1.0, cosine, lobe}, k, one);
-        for (int j = 0; j < 3; j++) power[j] += one[j];
-    }
-}
-
 static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
                              const Facets *f, f64 (*total)[SIDE]) {
     const Sized s = size_of(source);
+    f64 small[3][SIDE];
+    u8 done[SIDE] = {0};
+    if (s.kind == BALL || s.kind == FACING) facets_of_dots(&s, b, f, small, done);
     for (int k = 0; k < SIDE; k++) {
         const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
         f64 power[3];
         if (!(b->returns[k] & (GGX | COAT)) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
-        facets_sized(&s, b, f, k, power);
+        if (done[k]) taken(small, k, power);
+        else facets_sized(&s, b, f, k, power);
         for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power[j] * source->colour[j]);
     }
+}
+
+/* total and shine += what the `count` receivers of a block get of a light. returns: all that they return. */
+static void add_all(const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b, u64 returns, int count,
+                    const f64 *nShiny, f64 (*total)[SIDE], f64 (*shine)[SIDE]) {
+    if (s->diffuse) FOR_KIND(add, s->kind, s, S, channel, b, total)
+    if (returns & ROUGH_MATT && s->diffuse) FOR_KIND(add_rough, s->kind, s, S, channel, b, count, total)
+    if (returns & PHONG && s->glossy) FOR_KIND(add_gloss, s->kind, s, S, channel, b, count, nShiny, shine)
+    if (returns & GGX && s->glossy) FOR_KIND(add_facets, s->kind, s, S, channel, b, &b->facets, shine)
+    if (returns & COAT && s->glossy) FOR_KIND(add_facets, s->kind, s, S, channel, b, &b->coat, shine)
 }
 
 /* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
@@ -241,11 +221,7 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
             if (!(some >> (i % AHEAD) & 1)) continue;
             for (i64 c = 0; c < C; c++)
                 for (int k = 0; k < SIDE; k++) share[c][k] = ahead[i % AHEAD * C + c][k];
-            if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
-            if (returns & ROUGH_MATT && s.diffuse) FOR_KIND(add_rough, s.kind, &s, share, channel, &block, count, total)
-            if (returns & PHONG && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
-            if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.facets, shine)
-            if (returns & COAT && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.coat, shine)
+            add_all(&s, share, channel, &block, returns, count, power, total, shine);
         }
         for (int k = 0; k < count; k++)
             for (int j = 0; j < 3; j++) {
@@ -254,6 +230,41 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
                 if (matt) matt[at] += total[j][k] * block.matt[j][k];
                 if (gloss) gloss[at] += shine[j][k] * block.gloss[j][k];
             }
+    }
+    return 0;
+}
+
+/* Fills out with the largest channel of what receivers return of each active light that nothing hides; 0 of others. */
+KERNEL(shading_each, LIGHTS MATERIALS HITS "active u64[n,W]  out f32[n,L]!")
+i64 shading_each(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, const u64 *active, f32 *out) {
+    GATHERED;
+    Block block;
+    const int channel[3] = {0, 0, 0};
+    memset(out, 0, (size_t)(n * L) * sizeof *out);
+    for (i64 first = 0; first < n; first += SIDE) {
+        f64 power[SIDE];
+        u64 returns = fill(&block, first, &materials, &hits);
+        int count = n - first < SIDE ? (int)(n - first) : SIDE;
+        for (int k = 0; k < count; k++) power[k] = nShiny[material[first + k]];
+        for (i64 i = 0; i < L; i++) {
+            f64 share[1][SIDE] = {{0}}, total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}};
+            u64 any = 0;
+            for (int k = 0; k < count; k++) {
+                u64 lit = active[(first + k) * W + (i >> 6)] & bit(i);
+                share[0][k] = lit ? 1.0 : 0.0, any |= lit;
+            }
+            if (!any) continue;
+            Source s = source_of(&lights, i);
+            add_all(&s, share, channel, &block, returns, count, power, total, shine);
+            for (int k = 0; k < count; k++) {
+                f64 most = 0.0;
+                for (int j = 0; j < 3; j++) {
+                    f64 all = total[j][k] * block.matt[j][k] + shine[j][k] * block.gloss[j][k];
+                    most = all > most ? all : most;
+                }
+                out[(first + k) * L + i] = (f32)most;
+            }
+        }
     }
     return 0;
 }

@@ -17,6 +17,7 @@ from . import sized
 
 _DIRECTIONAL = [registry.NAMES.index(name) for name, kind in registry.KINDS.items() if kind.directional]
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
+_each = kernel("shading_each")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
 SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
@@ -235,6 +236,13 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
     shown = lights._replace(glossy=lights.glossy & lit.shown, diffuse=np.zeros_like(lights.diffuse))
     _gather(*lit._replace(lights=others).taken, S, colour, matt, gloss)
     _gather(*lit._replace(lights=shown, materials=rough).taken, S, colour, matt, gloss)
+
+
+def each(lit: Lit, active: NDArray[np.uint64]) -> NDArray[np.float32]:
+    """How much of each active light (n,W) surfaces return if nothing is in its way: (n,L), the largest of RGB."""
+    out = np.empty((len(lit.hits.P), len(lit.lights.type)), np.float32)
+    _each(*lit.taken, active, out)
+    return out
 
 
 def rough_only(materials: Materials, row: NDArray[np.int32]) -> Materials | None:

@@ -22,6 +22,7 @@ typedef struct {
     u64 returns[SIDE];
     Facets facets, coat;
     RoughMatt rough[SIDE];  /* filled where bit 10 is set */
+    f64 middle[3], around;  /* `enclose`: a ball that has all receivers */
 } Block;
 enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9, ROUGH_MATT = 1 << 10 };
 
@@ -142,6 +143,26 @@ INLINE Arriving arriving(int kind, const Source *s, const Block *b, int k) {
 
 static Sized size_of(const Source *s) {
     return sized_of(s->kind, (f64[3]){s->x, s->y, s->z}, (f64[3]){s->u, s->v, s->w}, s->edge, s->slope, s->axes, s->extent);
+}
+
+/* Finds a ball that all receivers of a block are in. */
+static void enclose(Block *b) {
+    f64 most = 0.0;
+    for (int j = 0; j < 3; j++) {
+        f64 low = b->P[j][0], high = low;
+        for (int k = 1; k < SIDE; k++) low = b->P[j][k] < low ? b->P[j][k] : low, high = b->P[j][k] > high ? b->P[j][k] : high;
+        b->middle[j] = 0.5 * (low + high), most += square(high - low);
+    }
+    b->around = 0.5 * sqrt(most) * (1.0 + 1e-9);
+}
+
+/* Whether the cone of a spot with a size passes all receivers of an enclosed block by. Then `may_reach` is no for each:
+   what they are and the lamp's radius around them lies within asin((around + radius)/far) of the way to their middle. */
+static int passes_by(const Sized *s, const Block *b) {
+    f64 way[3] = {s->c[0] - b->middle[0], s->c[1] - b->middle[1], s->c[2] - b->middle[2]};
+    f64 far = sqrt(dot3(way, way)), reach = b->around + s->radius;
+    if (s->own || !(far > reach)) return 0;
+    return safe_acos(-dot3(way, s->axis) / far) - asin(reach / far) > safe_acos(s->edge) + 1e-6;
 }
 
 /* Copies receiver k's vector out of a block. */

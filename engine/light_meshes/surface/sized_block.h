@@ -90,6 +90,16 @@ static void matt_block(const Sized *s, Side P, Side N, const u8 *wanted, f64 *li
     }
 }
 
+/* Clears `out` of receivers that lie clearly beside a spot's cone, by the cosine of its half angle and the lamp's. */
+static void beside_cone(const Sized *s, Side P, u8 *out) {
+    f64 sine = safe_root(1.0 - s->edge * s->edge);
+    for (int k = 0; k < SIDE; k++) {
+        f64 x = s->c[0] - P[0][k], y = s->c[1] - P[1][k], z = s->c[2] - P[2][k], far = sqrt(x * x + y * y + z * z);
+        f64 t = s->radius < far ? s->radius / far : 1.0, axis = -(x * s->axis[0] + y * s->axis[1] + z * s->axis[2]);
+        out[k] &= (s->radius >= far) | (axis >= far * (s->edge * sqrt(1.0 - t * t) - sine * t - 1e-9));
+    }
+}
+
 /* may_reach, as 0 and 1. */
 static void reach_block(const Sized *s, Side P, Side N, u8 *out) {
     const f64 *u = s->u, *v = s->v;
@@ -101,9 +111,12 @@ static void reach_block(const Sized *s, Side P, Side N, u8 *out) {
         f64 b = u[0] * N[0][k] + u[1] * N[1][k] + u[2] * N[2][k], c = v[0] * N[0][k] + v[1] * N[1][k] + v[2] * N[2][k];
         out[k] = up + radius + sqrt(plate * (b * b + c * c)) > 0.0 && height > one_sided;
     }
-    if (!s->spread && s->kind != BALL_SPOT && s->kind != FACING_SPOT) return;
+    int spot = s->kind == BALL_SPOT || s->kind == FACING_SPOT;
+    if (!s->spread && !spot) return;
+    if (spot && !s->own && s->edge >= 0.0) beside_cone(s, P, out);
     for (int k = 0; k < SIDE; k++) {
+        if (!out[k]) continue;
         const f64 from[3] = {P[0][k], P[1][k], P[2][k]}, normal[3] = {N[0][k], N[1][k], N[2][k]};
-        out[k] = out[k] && may_reach(s, from, normal);
+        out[k] = (u8)may_reach(s, from, normal);
     }
 }

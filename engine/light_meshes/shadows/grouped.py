@@ -1,0 +1,105 @@
+"""Light Threshold: with hundreds of lamps, one stands for the shadows of a group of them that gives little light.
+
+The lamps are the leaves of a tree, halved by their places. At each receiver the groups are its largest nodes whose
+lamps together give at most the share `threshold` of the light that it would return without shadows. One lamp of a
+group, chosen by the place, a brighter one more often, is asked for its shadow; S of the others is taken to be
+the same. Their Ω stays their own, so light without shadows does not change at all.
+
+The bound: a lamp's S is between 0 and 1, and so U = Σ S_i·Ω_i is wrong at most by Σ Ω_i of the lamps for which others
+stand, in each channel, and so by less than `threshold` times the light without shadows for each group. Which share of
+that light the sum is, over all receivers, is in the statistics. The error is far smaller as a rule: those of groups go
+both ways.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..support.bits import has
+from ..support.native import kernel, needs_memory
+from .casters import Casters, union
+from .method import Check, Method, Nodes, Receivers, Setup
+
+_groups, _spread = kernel("lamp_groups"), kernel("lamp_groups_spread")
+PARTS = 1 << 30  # in which the share of light is counted
+
+
+class Grouped(Method):
+    """Another method, asked for one lamp of each group."""
+
+    weighs = True
+
+    def __init__(self, setup: Setup, of: Method) -> None:
+        """of: the method for single lamps."""
+        self._of, self._threshold, self._stats = of, setup.settings.light_threshold, setup.stats
+        self.order, self.together = tree(setup)
+
+    @property
+    def nodes(self) -> tuple[Nodes, ...]:  # type: ignore[override]
+        """Those of the method for single lamps."""
+        return self._of.nodes
+
+    def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
+        """S, see `Method`."""
+        if at.weight is None:
+            return self._of(at, check, probe)
+        e = at.weight
+        group, weight, bound = np.empty(e.shape, np.int32), np.empty_like(e), np.empty(len(e))
+        asked, several = np.empty_like(at.active), np.empty_like(at.active)
+        with self._stats.stage("groups of lamps"):
+            needs_memory(_groups(at.P, at.active, e, self._threshold, self.order, self.together, group, asked, several,
+                                 weight, bound))
+        all_of_it = e.sum(1, dtype=np.float64)
+        share = bound / np.maximum(all_of_it, 1e-300)
+        self._stats.add(grouped_receivers=len(e), grouped_light=int((share * PARTS).sum()))
+        S = self._of(at._replace(active=asked, weight=weight, several=several), check, probe)
+        _spread(group, S)
+        return S
+
+
+def tree(setup: Setup) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """The lamps in the order of the tree's leaves (l,), −1 where there is none, and which of its nodes (2·l,), from the
+    root, 1, on, may be groups: their lamps have the same casters.
+
+    Suns, which are seen in one direction from everywhere, are no group with others.
+    """
+    count = len(setup.lights)
+    kinds = _kinds(setup.casters, count)
+    kinds[setup.targets.directional] = -1 - np.flatnonzero(setup.targets.directional)
+    leaves = 1 << max(0, count - 1).bit_length()
+    order = np.full(leaves, -1, np.int32)
+    parts = [(np.arange(count), 0, leaves)]
+    while parts:
+        lamps, first, size = parts.pop()
+        if size == 1 or not len(lamps):
+            order[first:first + len(lamps)] = lamps
+            continue
+        sides = np.unique(kinds[lamps])
+        if len(sides) > 1:
+            values = kinds[lamps]
+        else:
+            places = setup.targets.position[lamps]
+            values = places[:, np.argmax(places.max(0) - places.min(0))]
+        lamps = lamps[np.argsort(values, kind="stable")]
+        half = size // 2
+        cut = min(half, max(len(lamps) - half, (len(lamps) + 1) // 2))
+        parts += [(lamps[:cut], first, half), (lamps[cut:], first + half, half)]
+    kind = np.full(2 * leaves, np.iinfo(np.int64).min)  # of a node, the smallest number: no lamp is below it
+    kind[leaves:][order >= 0] = kinds[order[order >= 0]]
+    together = np.ones(2 * leaves, np.bool_)
+    for node in range(leaves - 1, 0, -1):
+        a, b = kind[2 * node], kind[2 * node + 1]
+        together[node] = together[2 * node] and together[2 * node + 1] and (
+            a == b or min(a, b) == np.iinfo(np.int64).min)
+        kind[node] = max(a, b)
+    return order, together
+
+
+def _kinds(casters: Casters, count: int) -> NDArray[np.int64]:
+    """A number (L,) of each light, equal for those with the same casters."""
+    of = [[next((k for k, group in enumerate(groups) if has(group.lights, i)), -1) for i in range(count)]
+          for groups in (casters.whole, casters.soft, casters.sharp)]
+    soft = union(casters.soft, count)
+    table = np.array([*of, [int(has(soft, i)) for i in range(count)]])
+    return np.unique(table, axis=1, return_inverse=True)[1].reshape(-1).astype(np.int64)
