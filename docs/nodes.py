@@ -18,12 +18,10 @@ ELSEWHERE = {'ShaderNodeBackground': "of the world", 'ShaderNodeGroup': "followe
              'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': ""}
 # What a translated node does otherwise than in Cycles.
 NEARLY = {
-    'ShaderNodeBsdfPrincipled': "without subsurface, sheen, anisotropy, thin film",
+    'ShaderNodeBsdfPrincipled': "without subsurface, anisotropy, thin film",
     'ShaderNodeBsdfGlossy': "isotropic", 'ShaderNodeBsdfAnisotropic': "isotropic",
     'ShaderNodeBsdfMetallic': "isotropic",
     'ShaderNodeBsdfGlass': "shadows as of clear glass", 'ShaderNodeBsdfRefraction': "shadows as of clear glass",
-    'ShaderNodeMixShader': "two specular parts have one mean roughness",
-    'ShaderNodeAddShader': "two specular parts have one mean roughness",
     'ShaderNodeNewGeometry': "without Pointiness and Random Per Island",
     'ShaderNodeTexSky': "Hosek / Wilkie as Preetham",
     'ShaderNodeLightPath': "without Ray Length and depths; in lamps with both",

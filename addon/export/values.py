@@ -288,7 +288,7 @@ def compiled(results: dict[str, Any]) -> tuple[list[list], dict[str, Any]]:
 # Operations with more than one output.
 OUTPUTS = {"image": 4, "uv": 2, "generated": 3, "object": 3, "object_normal": 3, "object_location": 3, "position": 3,
            "normal": 3, "true_normal": 3, "incoming": 3, "noise": 4, "white_noise": 4, "magic": 3, "brick": 2,
-           "voronoi": 8, "corner_normal": 3, "to_camera": 3, "to_world_normal": 3, "window": 2, "bump": 3,
+           "voronoi": 8, "corner_normal": 3, "to_camera": 3, "to_world_normal": 3, "window": 2, "bump": 3, "covered": 3,
            "sky": 3, "box": 3, "parametric": 2}
 
 

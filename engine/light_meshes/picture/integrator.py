@@ -12,6 +12,7 @@ from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
 from ..support.rows import taken, where
 from ..surface import points
+from ..surface.layers import further, lit
 from .frosted import BENDS, frosted
 from .prepared import Prepared
 from .reflections import background, going, reflected, softened
@@ -101,6 +102,9 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         if plan.reflections or plan.blurred:
             mirror = taken(hits.table.mirror, hits.row.astype(np.int64))
             children += reflected(ready, rays, hits, rays.weight, mirror, rays.depth, tile)
+            for rows, layer in further(hits) if plan.layers else ():
+                own = rays.at(rows)
+                children += reflected(ready, own, layer, own.weight, layer.table.mirror[layer.row], own.depth, tile)
         return children
     return children + _pass_through(ready, kind, rays, hits, first, tile, check)
 
@@ -151,6 +155,9 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
         events = np.where(passed.any(1), rays.depth, mirrored)
         bounced = rays._replace(clear=np.zeros_like(rays.clear))
         children += reflected(ready, bounced, hits, share, face.mirror, events, tile)
+        for rows, layer in further(hits) if ready.plan.layers else ():
+            children += reflected(ready, bounced.at(rows), layer, share[rows], layer.table.mirror[layer.row],
+                                  events[rows], tile)
     return children
 
 
@@ -184,11 +191,14 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
            check: Callable[[], None]) -> dict[str, NDArray]:
     """Add the light of the surfaces that rays hit. Returns the shadow passes there. `first` is as in `_wave`."""
     work = tile.work(len(weight))
+    layers = [] if not ready.plan.layers else lit(
+        [(rows, softened(ready, rays.at(rows), layer)) for rows, layer in further(hits)], rays.direction,
+        ready.world.textures)
     hits = softened(ready, rays, hits)
     if first and ready.sparse:
-        light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work)
+        light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work, layers)
     else:
-        light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work)
+        light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work, layers)
     tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms)
     tile.add_work(rays.pixel, work)
     if ready.plan.translucent:

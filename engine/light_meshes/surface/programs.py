@@ -13,22 +13,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.programs import OPERATIONS, PARAMETERS, Program
+from ..scene.programs import OPERATIONS, PARAMETERS, Program, layer_of
 from .atmosphere import sky
 from .points import Points
 from .procedural import TEXTURES
+from .shading import covered
 from .textures import Texture
 
 Register = Any  # (n,) float64, or a number
 
 
 def run(program: Program, points: Points, textures: Sequence[Texture | None],
-        wanted: Collection[str] = PARAMETERS) -> dict[str, NDArray[np.float64]]:
+        wanted: Collection[str] | None = None) -> dict[str, NDArray[np.float64]]:
     """The parameters that `program` sets: (n,) or, of colours, (n,3), held to what a Material may have.
 
-    wanted: of which parameters only; what they do not need is not computed. An argument may be an array instead of a
-    number, with one for each instance: so programs that differ in numbers only are run as one (`lamps`).
+    wanted: of which parameters only, None: of all, also of layers; what they do not need is not computed. An argument
+    may be an array instead of a number, with one for each instance: so programs that differ in numbers only are run as
+    one (`lamps`).
     """
+    wanted = program.values if wanted is None else wanted
     needed, asked = program.needed(wanted)
     registers: list[Register] = []
     moved: dict[tuple, Points] = {}
@@ -69,7 +72,7 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
     for name, refs in program.values.items():
         if name not in wanted:
             continue
-        channels, low, high = PARAMETERS[name]
+        channels, low, high = PARAMETERS[layer_of(name)[1]]
         out = np.empty((n, channels))
         for k, ref in enumerate(refs):
             out[:, k] = value(ref)
@@ -200,10 +203,15 @@ def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Re
     return (out,)
 
 
+def _covered(points: Points, *values: Register) -> Sequence[Register]:
+    """What of light from below gets through a coat (6 values) and fibres (5)."""
+    return _columns(covered(values[:6], values[6:], points.Ns, points.incoming))
+
+
 _OF_POINTS: dict[str, Callable[..., Sequence[Register]]] = {
     "instance": _instance_value, "ray": lambda p, kind: ((p.ray == kind).astype(np.float64),),
     "to_world_normal": _world_normal, "to_camera": _in_camera, "window": _window,
-    "bump": _bump, "box": _box, "ies": _ies, "object_scale": _object_scale,
+    "covered": _covered, "bump": _bump, "box": _box, "ies": _ies, "object_scale": _object_scale,
     "corner_normal": lambda p: _columns(p.at_corners(p.around.surfaces.corner_normals)),
 }
 _INPUTS: dict[str, Callable[[Any], Sequence[Register]]] = {

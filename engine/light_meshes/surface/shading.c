@@ -3,7 +3,7 @@
    The loops over the receivers of a block have no branch that depends on the receiver, so that compilers can
    vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
    inlined, so code that only other types need is removed. Lamps with a size have loops of their own: sized_block.h. */
-#include "shading_block.h"
+#include "highlights.h"
 
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
 static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
@@ -156,68 +156,6 @@ INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int
     }
 }
 
-/* F in channel j, as ggx.h has it; fifth: (1−c)⁵, s: `fresnel_share` at c. */
-INLINE f64 reflectance(const Facets *f, int j, int k, f64 c, f64 fifth, f64 s) {
-    f64 F = f->plain[j][k] + f->schlick[j][k] * fifth - f->edge[j][k] * (c * fifth * (1.0 - c)) + f->fresnel[j][k] * s;
-    return F > 0.0 ? F : 0.0;
-}
-
-/* The share of a light's intensity that receiver k reflects by its facets, in each channel: f_att·π·D·G·F/(4·N·V).
-   1/π is in the intensity. */
-INLINE void facet_power(const Block *b, const Facets *f, Arriving a, int k, f64 *power) {
-    f64 facing = a.cosine * a.inverse, toward = 1.0 + (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse;
-    toward = toward > 1e-9 ? toward : 1e-9;
-    toward = toward < 2.0 ? toward : 2.0;
-    f64 aa = f->alpha2[k], c = sqrt(0.5 * toward), half = facing + f->sight[k];
-    f64 spread = 1.0 - half * half / (2.0 * toward) * (1.0 - aa), left = 1.0 - c, two = left * left;
-    spread = spread > aa ? spread : aa;
-    f64 shadowed = sqrt(aa + (1.0 - aa) * facing * facing);
-    f64 one = a.power * aa / (spread * spread) * facing / (2.0 * (f->masked[k] * facing + f->sight[k] * shadowed));
-    f64 fifth = two * two * left, s = fresnel_share(c, f->ior2[k], f->normal[k]);
-    for (int j = 0; j < 3; j++) power[j] = a.cosine > 0.0 ? one * reflectance(f, j, k, c, fifth, s) : 0.0;
-}
-
-/* total += S·I·`facet_power`. */
-INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b,
-                       const Facets *f, f64 (*total)[SIDE]) {
-    const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
-    for (int k = 0; k < SIDE; k++) {
-        f64 power[3];
-        facet_power(b, f, arriving(kind, s, b, k), k, power);
-        total[0][k] += red[k] * (power[0] * s->colour[0]);
-        total[1][k] += green[k] * (power[1] * s->colour[1]);
-        total[2][k] += blue[k] * (power[2] * s->colour[2]);
-    }
-}
-
-/* `facet_power` of a lamp with a size, over I: the sum over rays to it. */
-static void facets_sized(const Sized *s, const Block *b, const Facets *f, int k, f64 *power) {
-    Ray rays[RAYS];
-    Seen seen = {.alpha = sqrt(f->alpha2[k])};
-    f64 P[3], Ns[3], eye[3], one[3];
-    taken(b->P, k, P), taken(b->Ns, k, Ns), taken(b->eye, k, eye);
-    memcpy(seen.N, Ns, sizeof Ns), memcpy(seen.V, eye, sizeof eye);
-    int count = rays_to(s, &seen, P, rays);
-    power[0] = power[1] = power[2] = 0.0;
-    for (int i = 0; i < count; i++) {
-        f64 cosine = dot3(Ns, rays[i].way), lobe = 2.0 * cosine * b->facing[k] - dot3(rays[i].way, eye);
-        facet_power(b, f, (Arriving){1, rays[i].weight, 1.0, cosine, lobe}, k, one);
-        for (int j = 0; j < 3; j++) power[j] += one[j];
-    }
-}
-
-static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
-                             const Facets *f, f64 (*total)[SIDE]) {
-    const Sized s = size_of(source);
-    for (int k = 0; k < SIDE; k++) {
-        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
-        f64 power[3];
-        if (!(b->returns[k] & (GGX | COAT)) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
-        facets_sized(&s, b, f, k, power);
-        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power[j] * source->colour[j]);
-    }
-}
-
 /* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
    must be 0 where ξ_i·Ω_i is 0; this is not checked again. */
 KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
@@ -226,7 +164,7 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
     Block block;
     const int channel[3] = {0, (int)(C / 2), (int)(C - 1)};
     for (i64 first = 0; first < n; first += SIDE) {
-        f64 share[3][SIDE], total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}}, power[SIDE];
+        f64 share[3][SIDE], total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}}, cloth[3][SIDE] = {{0}}, power[SIDE];
         u64 returns = fill(&block, first, &materials, &hits);
         int count = n - first < SIDE ? (int)(n - first) : SIDE;
         for (int k = 0; k < count; k++) power[k] = nShiny[material[first + k]];
@@ -246,12 +184,14 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
             if (returns & PHONG && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
             if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.facets, shine)
             if (returns & COAT && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.coat, shine)
+            if (returns & SHEEN && s.diffuse) FOR_KIND(add_fibres, s.kind, &s, share, channel, &block, cloth)
         }
         for (int k = 0; k < count; k++)
             for (int j = 0; j < 3; j++) {
                 i64 at = 3 * (first + k) + j;
-                colour[at] += total[j][k] * block.matt[j][k] + shine[j][k] * block.gloss[j][k];
-                if (matt) matt[at] += total[j][k] * block.matt[j][k];
+                f64 scattered = total[j][k] * block.matt[j][k] + cloth[j][k];
+                colour[at] += scattered + shine[j][k] * block.gloss[j][k];
+                if (matt) matt[at] += scattered;
                 if (gloss) gloss[at] += shine[j][k] * block.gloss[j][k];
             }
     }
@@ -261,13 +201,15 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
 /* Adds to one (matt and gloss) what a light would give a white surface if it were visible; GGX keeps its colours. most:
    S if that is above 1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
-    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), gloss[3], coat[3] = {0.0};
+    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), gloss[3], coat[3] = {0.0}, fibres = 0.0;
     int facets = s->glossy && b->returns[k] & GGX, coated = facets && b->returns[k] & COAT;
+    int sheen = s->diffuse && b->returns[k] & SHEEN;
     if (s->kind >= BALL) {
         const Sized sized = size_of(s);
         f64 P[3], N[3];
         if (facets) facets_sized(&sized, b, &b->facets, k, gloss);
         if (coated) facets_sized(&sized, b, &b->coat, k, coat);
+        if (sheen) fibres = fibres_sized(&sized, b, k);
         taken(b->P, k, P), taken(b->Ns, k, N);
         if (s->diffuse) one[0] += brightest * matt_of(&sized, P, N);
         if (s->glossy && b->returns[k] & PHONG) one[1] += brightest * gloss_sized(&sized, b, k, nShiny);
@@ -276,10 +218,12 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
         f64 power = a.power * brightest;
         if (facets) facet_power(b, &b->facets, a, k, gloss);
         if (coated) facet_power(b, &b->coat, a, k, coat);
+        if (sheen) fibres = fibres_power(b, a, k);
         if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
         if (s->glossy && b->returns[k] & PHONG && a.lobe > 0.0 && a.cosine > 0.0)
             one[1] += power * lobe_power(a, nShiny);
     }
+    if (sheen) one[1] += fibres * brightest;
     if (!facets) return;
     for (int j = 0; j < 3; j++) gloss[j] += coat[j];
     one[1] += most * fmax(gloss[0] * s->colour[0], fmax(gloss[1] * s->colour[1], gloss[2] * s->colour[2]));

@@ -1,7 +1,7 @@
 /* What the kernels of shading.c take, and blocks of receivers, into which they load it: a vector's width of them. */
 #pragma once
 #include "../lights/types.h"
-#include "ggx.h"
+#include "layers.h"
 #include "rough_matt.h"
 #include "sized_block.h"
 #include "sized_facets.h"
@@ -14,16 +14,17 @@ typedef struct {
     f64 plain[3][SIDE], schlick[3][SIDE], edge[3][SIDE], fresnel[3][SIDE];
 } Facets;
 
-/* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for Phong's gloss;
-   bits 6..8: for that of GGX; bit 9: whether it has a coat; bit 10: whether its matt part is rough. `facets` and `coat`
-   are filled if any material has GGX. */
+/* A block of receivers. Bits 0..2 of `returns`: channels in which matt, or what fibres return, is not 0; bits 3..5: the same for Phong's gloss;
+   bits 6..8: for that of GGX; bit 9: whether it has a coat; bit 10: whether its matt part is rough; bit 11:
+   whether it has fibres. `facets` and `coat` are filled if any material has GGX. */
 typedef struct {
     f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
     u64 returns[SIDE];
     Facets facets, coat;
     RoughMatt rough[SIDE];  /* filled where bit 10 is set */
+    Fibres fibres[SIDE];  /* filled where bit 11 is set */
 } Block;
-enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9, ROUGH_MATT = 1 << 10 };
+enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9, ROUGH_MATT = 1 << 10, SHEEN = 1 << 11 };
 
 /* All lights and materials, and the hits of rays with `direction`, as in shading.py. */
 typedef struct {
@@ -44,7 +45,7 @@ typedef struct {
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
                "axes f64[L,3,3]  extent f64[L,8]  diffuse bool[L]  glossy bool[L]  "
-#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,26]?  tables f64[T]?  "
+#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,32]?  tables f64[T]?  "
 #define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  "
 #define TAKEN                                                                                                      \
     const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,            \
@@ -79,7 +80,7 @@ static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
     for (int j = 0; m && j < 3; j++) {
         b->gloss[j][k] = 1.0;  /* their colour is in the facets */
         b->returns[k] &= ~((u64)1 << (3 + j));
-        b->returns[k] |= (u64)facets_shine(m, j) << (6 + j);
+        b->returns[k] |= (u64)facets_shine(m, j) << (6 + j) | (u64)(m[G_SHEEN] > 0.0 && m[G_SHEEN_TINT + j] > 0.0) << j;
     }
     if (!tables) return;
     static const Gloss none = {.alpha2 = 1.0, .sight = 1.0, .masked = 1.0, .ior2 = 1.0};
@@ -87,12 +88,17 @@ static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
     Gloss base = none, above = none;
     if (m && m[G_COAT] > 0.0 && m[G_COAT_ROUGHNESS] >= 0.0) {  /* below 0: `shading.rough_only` took its highlight */
         coat_row(m, coat);
+        to_coat(m, b->facing[k], through);
         above = gloss_row(coat, tables, b->facing[k]);
         b->returns[k] |= COAT;
     }
     put(&b->coat, k, &above, through);
-    if (m) base = gloss_row(m, tables, b->facing[k]), under_coat(m, tables, b->facing[k], through);
+    if (m) base = gloss_row(m, tables, b->facing[k]), to_base(m, tables, b->facing[k], through);
     put(&b->facets, k, &base, through);
+    if (m && m[G_SHEEN] > 0.0) {
+        b->fibres[k] = fibres_of(m, b->facing[k]);
+        b->returns[k] |= SHEEN;
+    }
 }
 
 /* Loads the receivers from `first` on; the last receiver also fills places that are left over. Returns the bits
