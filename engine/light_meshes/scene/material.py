@@ -64,7 +64,9 @@ class Material:
     sheen_roughness: float = 0.3
     sheen_tint: RGB = (1.0, 1.0, 1.0)
     layers: tuple[Material, ...] = ()  # what else reflects light there; of these only that counts, and no program
-    share: float = 1.0  # of the light of coat and sheen themselves which counts; the other weights have it in them
+    # Of the light of coat and sheen themselves, and of what is mirrored by Fresnel's equations, which counts; the other
+    # weights have it in them.
+    share: float = 1.0
 
     @property
     def emits(self) -> bool:

@@ -176,7 +176,7 @@ def program(data: Any, where: str, names: Collection[str] = PARAMETERS, without:
             raise SceneError(f"{where}: its program sets {quoted(name)}, which is no parameter")
         wide = PARAMETERS[bare][0]
         channels = refs if wide == 3 else [refs]
-        if refs and isinstance(refs, list) and wide == 1 and isinstance(refs[0], list):
+        if refs and isinstance(refs, list) and wide == 1 and isinstance(refs[0], list | float):
             channels = refs
         if not isinstance(channels, list) or len(channels) != wide:
             raise SceneError(f"{where}: its program must set {name} by {wide} values")
