@@ -158,7 +158,7 @@ class Facets:
         above = b if b.covers else a
         shares = [s.share for s, counts in zip((a, b), mirrors, strict=True) if counts]
         return replace(made, share=above.share if above.covers else sum(shares) if shares else 1.0,
-                       **{name: getattr(above, name) for name in _ABOVE})
+                       **{name: getattr(above, name) for name in ABOVE})
 
     def _covered_by_both(self, a: Facets, b: Facets) -> Facets:
         """These below the means of the coats and fibres of two others."""
@@ -189,7 +189,7 @@ class Facets:
 
 NO_FACETS = Facets()
 # What lies over the lobes.
-_ABOVE = ("coat", "coat_roughness", "coat_ior", "coat_tint", "sheen", "sheen_roughness", "sheen_tint")
+ABOVE = ("coat", "coat_roughness", "coat_ior", "coat_tint", "sheen", "sheen_roughness", "sheen_tint")
 
 
 def same(a: Any, b: Any) -> bool:

@@ -109,6 +109,9 @@ class Materials:
         asked = Asked(self._channels)
         nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)
         surface = translated(material, nodes)
+        if material and surface.normal and not getattr(  # Cycles may be switched off
+                getattr(material, "cycles", None), "use_bump_map_correction", True):
+            report.warn("Bump Map Correction is switched off, but bumps are rendered with it", "Material", material.name)
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
         overrides = material.light_meshes if material else None
         description |= _written(*_layers(surface, _overrides(overrides) if overrides else {}))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from . import values as v
-from .facets import NO_FACETS, WHITE, Facets, same, squared, weighted
+from .facets import ABOVE, NO_FACETS, WHITE, Facets, same, squared, weighted
 from .nodes import constant
 from .values import Triple, Value
 
@@ -118,6 +118,15 @@ class Surface:
                                          emission=layer.emission, translucent=layer.translucent))
         return replace(first, alpha=alpha, layers=tuple(
             replace(layer, kt=BLACK, emission=BLACK, translucent=BLACK) for layer in layers))
+
+    def under_smooth_coat(self, normal: Triple | None, coats: Triple | None) -> Surface:
+        """With its coat as a layer of its own where the coat's normal is another one than that of what is below."""
+        if same(normal, coats):
+            return self
+        coat = replace(NOTHING, normal=coats, facets=replace(
+            NO_FACETS, **{name: getattr(self.facets, name) for name in ABOVE}))
+        # Below it the coat dims, but has no light of its own.
+        return replace(self, facets=replace(self.facets, share=0.0), layers=(*self.layers, coat))
 
     def times(self, share: Value) -> Surface:
         """So much of this surface's light."""

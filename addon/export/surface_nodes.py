@@ -60,8 +60,6 @@ def _principled(nodes: Nodes, node) -> Surface:
         base = replace(base, facets=replace(base.facets, share=1.0))  # all of it mirrors
     coat = nodes.value(node, "Coat Weight")
     if not is_zero(coat):
-        if nodes.source(node, "Coat Normal"):
-            nodes.not_translated(nodes.source(node, "Coat Normal"), "the coat is rendered without it")
         base = replace(base, facets=base.facets.coated(
             coat, nodes.value(node, "Coat Roughness"), nodes.value(node, "Coat IOR"), nodes.color(node, "Coat Tint")))
     sheen = nodes.value(node, "Sheen Weight")
@@ -72,7 +70,10 @@ def _principled(nodes: Nodes, node) -> Surface:
     if not is_zero(strength) and not (v.is_constant(strength) and strength < 0):
         glow = scaled(nodes.color(node, "Emission Color"), strength)
         base = replace(base, emission=base.facets.dims(glow))
-    return replace(base, alpha=base.alpha * v.clamp(nodes.value(node, "Alpha")))
+    base = replace(base, alpha=base.alpha * v.clamp(nodes.value(node, "Alpha")))
+    if not is_zero(coat):
+        base = base.under_smooth_coat(node_bumps.given(nodes, node), node_bumps.given(nodes, node, "Coat Normal"))
+    return base
 
 
 def _diffuse(nodes: Nodes, node) -> Surface:

@@ -1,4 +1,4 @@
-"""Layers of materials: what several shaders at one place reflect is the sum of what each does. tests/peers has Cycles."""
+"""Layers of materials: what several shaders at one place reflect is the sum of what each does; see tests/peers, too."""
 
 from dataclasses import replace
 

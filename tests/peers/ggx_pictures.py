@@ -1,8 +1,8 @@
 """A sheet of balls and tilted squares of shiny materials, by this bpy's Cycles and by Light Meshes.
 
-For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER SHEET LAMP.PART …, where the sheet is lobes or
-mixes, and the part is diffuse, gloss, or whole: writes LAMP.PART.ours.npy and LAMP.PART.theirs.npy (rows from the
-bottom, RGB), and cells.json, the materials' names in the order of the cells.
+For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER SHEET LAMP.PART …, where the sheet is lobes,
+mixes or bumps, and the part is diffuse, gloss, or whole: writes LAMP.PART.ours.npy and LAMP.PART.theirs.npy (rows from
+the bottom, RGB), and cells.json, the materials' names in the order of the cells.
 """
 
 import json
@@ -152,6 +152,32 @@ def mixes():
     return found
 
 
+def bumps():
+    """Name → function of a tree that makes a shader on waves; see `mixes`."""
+    def waves(tree, strength, kind, inputs, node='ShaderNodeBump'):
+        place, wave = tree.nodes.new('ShaderNodeTexCoord'), tree.nodes.new('ShaderNodeTexWave')
+        wave.inputs["Scale"].default_value = 1.5
+        tree.links.new(place.outputs["Object"], wave.inputs["Vector"])
+        bump = tree.nodes.new('ShaderNodeBump')
+        bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = strength, 0.1
+        tree.links.new(wave.outputs[0], bump.inputs["Height"])
+        made = shader(tree, kind, inputs)
+        tree.links.new(bump.outputs[0], made.node.inputs["Normal"])
+        return made
+
+    found = {}
+    for name, (kind, inputs) in {
+            "diffuse": ('ShaderNodeBsdfDiffuse', {"Color": GOLD}),
+            "rough diffuse": ('ShaderNodeBsdfDiffuse', {"Color": GOLD, "Roughness": 1.0}),
+            "sheen": ('ShaderNodeBsdfSheen', {"Color": GOLD, "Roughness": 0.7}),
+            "metal": ('ShaderNodeBsdfAnisotropic', {"Color": GOLD, "Roughness": 0.5}),
+            "plastic": principled(Base_Color=GOLD, Roughness=0.4)[:2],
+            "coat": principled(Base_Color=GOLD, Roughness=0.4, Coat_Weight=1.0, Coat_Roughness=0.2)[:2]}.items():
+        for strength in (0.3, 1.0):
+            found[f"{name} {strength}"] = lambda tree, s=strength, k=kind, i=inputs: waves(tree, s, k, i)
+    return found
+
+
 def material(name, *case):
     """A material of a shader (kind, inputs, properties), or of a function of its tree that returns a shader's output.
     """
@@ -222,15 +248,17 @@ def picture(scene, engine, file):
 
 
 def main(folder, name, *wanted):
-    """Mixes give each other no light and no shadows, and have more samples, since Cycles takes one side by chance."""
+    """Mixes and bumps give each other no light and no shadows; mixes have more samples, since Cycles takes one side by
+    chance.
+    """
     light_meshes_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene, found = bpy.context.scene, {"lobes": cases, "mixes": mixes}[name]()
-    middle, alone = sheet(scene, found), name == "mixes"
+    scene, found = bpy.context.scene, {"lobes": cases, "mixes": mixes, "bumps": bumps}[name]()
+    middle, alone = sheet(scene, found), name in ("mixes", "bumps")
     exact(scene)
     for ob in scene.objects if alone else ():
         ob.visible_diffuse = ob.visible_glossy = ob.visible_transmission = False
-    scene.cycles.samples = 64 if alone else 4
+    scene.cycles.samples = 64 if name == "mixes" else 4
     for name, part in (w.split(".") for w in wanted):
         kind, properties, place = LAMPS[name]
         data = bpy.data.lights.new(name, kind)

@@ -81,6 +81,12 @@ def test_mixed_shaders_are_as_in_cycles(tmp_path):
         assert compare(tmp_path, names, name) == 2 * len(names)
 
 
+def test_bumps_are_lit_as_in_cycles(tmp_path):
+    """What is scattered is softened, and mirrors do not show what is inside."""
+    names = draw(sys.executable, tmp_path, "bumps", ["sun.diffuse", "sun.gloss"])
+    assert compare(tmp_path, names, "sun.diffuse") >= 18 and compare(tmp_path, names, "sun.gloss") >= 12
+
+
 @pytest.mark.parametrize("python", PYTHONS or [pytest.param(
     None, marks=pytest.mark.skip(reason="LIGHT_MESHES_BPY_PYTHONS names no Python with another bpy"))])
 def test_in_every_blender(python, tmp_path):

@@ -11,7 +11,7 @@ from ..film.passes import TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
 from ..support.rows import taken, where
-from ..surface import points
+from ..surface import points, shading
 from ..surface.layers import further, lit
 from .frosted import BENDS, frosted
 from .prepared import Prepared
@@ -213,7 +213,8 @@ def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, til
     if not len(rows):
         return
     some = hits.at(rows)
-    back = some._replace(Ng=-some.Ng, Ns=-some.Ns, front=~some.front, table=hits.table.behind(),
+    Ns = shading.mirroring(some, rays.direction[rows])
+    back = some._replace(Ng=-some.Ng, Ns=-Ns, front=~some.front, table=hits.table.behind(),
                          smooth=None if some.smooth is None else -some.smooth)
     work = tile.work(len(rows))
     light = ready.lighting.direct(back, rays.direction[rows], check, tile.parts, False, work)

@@ -25,7 +25,7 @@ static int lobe_of(const f64 *m, const f64 *tables, f64 facing, int which, Lobe 
     } else {
         if (m[G_METAL] <= 0.0 && m[G_DIELECTRIC] <= 0.0) return 0;
         memcpy(lobe->row, m, sizeof lobe->row);
-        to_base(m, tables, facing, lobe->through);
+        to_base(m, tables, facing, facing, lobe->through);
     }
     lobe->roughness = held(lobe->row[G_ROUGHNESS], 0.0, 1.0);
     return 1;

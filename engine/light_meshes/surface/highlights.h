@@ -103,3 +103,14 @@ static void add_fibres_sized(const Source *source, const f64 (*S)[SIDE], const i
         for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power * b->fibres[k].colour[j] * source->colour[j]);
     }
 }
+
+/* The lamp as if all its light came from its middle: for what is not summed over its face. */
+static Source middle_of(const Source *s) {
+    Source middle = *s;
+    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
+    if (s->kind == SKY) middle.kind = SUN;
+    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
+    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
+    else middle.kind = POINT;
+    return middle;
+}

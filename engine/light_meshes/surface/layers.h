@@ -64,14 +64,15 @@ static inline void to_coat(const f64 *m, f64 facing, f64 *through) {
     through[0] = through[1] = through[2] = past * m[G_COUNTS];
 }
 
-/* Which share of the light gets past fibres and coat, for what is below. What a coat absorbs goes by the way in it (Beer). */
-static inline void to_base(const f64 *m, const f64 *tables, f64 facing, f64 *through) {
+/* Which share of the light gets past fibres and coat, for what is below. What a coat absorbs goes by the way in it (Beer).
+   on_coat: the cosine of the eye to the coat's normal, which nodes of what is below do not bend. */
+static inline void to_base(const f64 *m, const f64 *tables, f64 facing, f64 on_coat, f64 *through) {
     f64 back[3], past = sheen_albedo(m, facing, back);
     through[0] = through[1] = through[2] = past;
     if (m[G_COAT] <= 0.0) return;
-    f64 coat[G_COLUMNS], sight = held(facing, LEAST_SIGHT, 1.0);
+    f64 coat[G_COLUMNS], sight = held(on_coat, LEAST_SIGHT, 1.0);
     coat_row(m, coat);
-    f64 left = past * below(coat, tables, facing), way = 1.0 / sqrt(1.0 - (1.0 - square(sight)) / square(m[G_COAT_IOR]));
+    f64 left = past * below(coat, tables, on_coat), way = 1.0 / sqrt(1.0 - (1.0 - square(sight)) / square(m[G_COAT_IOR]));
     for (int j = 0; j < 3; j++) {
         f64 tint = m[G_COAT_TINT + j];
         through[j] = left * (1.0 + m[G_COAT] * ((tint == 1.0 ? 1.0 : pow(tint, way)) - 1.0));

@@ -3,7 +3,7 @@
    The loops over the receivers of a block have no branch that depends on the receiver, so that compilers can
    vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
    inlined, so code that only other types need is removed. Lamps with a size have loops of their own: sized_block.h. */
-#include "highlights.h"
+#include "bent.h"
 
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
 static void mark_sized(const Source *source, u64 own, u64 colour, int unlit, const Block *b, u64 *bits) {
@@ -67,16 +67,19 @@ INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, cons
 KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
 i64 shading_reaching(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
     GATHERED;
-    Block block;
+    Block block, mirrors;
     materials.tables = 0;
     for (i64 first = 0; first < n; first += SIDE) {
-        fill(&block, first, &materials, &hits);
+        u64 returns = fill(&block, first, &materials, &hits, Ns + 3 * first);
+        int count = n - first < SIDE ? (int)(n - first) : SIDE;
+        int turned = smooth && returns & (GGX | COAT) && turned_block(&mirrors, first, count, &materials, &hits);
         for (i64 w = 0; w < W; w++) {
             u64 bits[SIDE] = {0};
             for (i64 i = 64 * w; i < L && i < 64 * w + 64; i++) {
                 Source s = source_of(&lights, i);
                 u64 colour = (u64)(s.colour[0] != 0.0) | (u64)(s.colour[1] != 0.0) << 1 | (u64)(s.colour[2] != 0.0) << 2;
                 if (colour) FOR_KIND(mark, s.kind, &s, bit(i), colour, unlit != 0, &block, bits)
+                if (colour && turned) FOR_KIND(mark, s.kind, &s, bit(i), colour, unlit != 0, &mirrors, bits)
             }
             for (i64 k = 0; k < SIDE && first + k < n; k++) active[(first + k) * W + w] = bits[k];
         }
@@ -108,17 +111,6 @@ INLINE void add_rough(int kind, const Source *s, const f64 (*S)[SIDE], const int
         rough_more(&b->rough[k], nl, (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse, more);
         for (int j = 0; j < 3; j++) total[j][k] += S[channel[j]][k] * (a.power * nl * more[j] * s->colour[j]);
     }
-}
-
-/* The lamp as if all its light came from its middle: for what rough matt surfaces return more than smooth ones. */
-static Source middle_of(const Source *s) {
-    Source middle = *s;
-    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
-    if (s->kind == SKY) middle.kind = SUN;
-    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
-    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
-    else middle.kind = POINT;
-    return middle;
 }
 
 /* The same for a lamp with a size: as much more as of light from its middle. */
@@ -161,12 +153,14 @@ INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int
 KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
 i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour, f64 *matt, f64 *gloss) {
     GATHERED;
-    Block block;
+    Block block, mirrors;
     const int channel[3] = {0, (int)(C / 2), (int)(C - 1)};
     for (i64 first = 0; first < n; first += SIDE) {
-        f64 share[3][SIDE], total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}}, cloth[3][SIDE] = {{0}}, power[SIDE];
-        u64 returns = fill(&block, first, &materials, &hits);
+        f64 share[3][SIDE], soft[3][SIDE], (*matt_share)[SIDE] = smooth ? soft : share, total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}}, cloth[3][SIDE] = {{0}}, power[SIDE];
+        u64 returns = fill(&block, first, &materials, &hits, Ns + 3 * first);
         int count = n - first < SIDE ? (int)(n - first) : SIDE;
+        const Block *shining = &block;  /* as facets have it, whose normals must not mirror eyes into the surface */
+        if (smooth && returns & (GGX | COAT) && turned_block(&mirrors, first, count, &materials, &hits)) shining = &mirrors;
         for (int k = 0; k < count; k++) power[k] = nShiny[material[first + k]];
         for (i64 i = 0; i < L; i++) {
             Source s = source_of(&lights, i);
@@ -179,12 +173,13 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
             for (i64 c = 0; c < C; c++)
                 for (int k = 0; k < SIDE; k++) any |= share[c][k] != 0.0;
             if (!any) continue;
-            if (s.diffuse) FOR_KIND(add, s.kind, &s, share, channel, &block, total)
-            if (returns & ROUGH_MATT && s.diffuse) FOR_KIND(add_rough, s.kind, &s, share, channel, &block, count, total)
+            if (smooth) share_of_bumps(&s, &block, shining, &hits, first, count, C, share, soft);
+            if (s.diffuse) FOR_KIND(add, s.kind, &s, matt_share, channel, &block, total)
+            if (returns & ROUGH_MATT && s.diffuse) FOR_KIND(add_rough, s.kind, &s, matt_share, channel, &block, count, total)
             if (returns & PHONG && s.glossy) FOR_KIND(add_gloss, s.kind, &s, share, channel, &block, count, power, shine)
-            if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.facets, shine)
-            if (returns & COAT && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, &block, &block.coat, shine)
-            if (returns & SHEEN && s.diffuse) FOR_KIND(add_fibres, s.kind, &s, share, channel, &block, cloth)
+            if (returns & GGX && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, shining, &shining->facets, shine)
+            if (returns & COAT && s.glossy) FOR_KIND(add_facets, s.kind, &s, share, channel, shining, &shining->coat, shine)
+            if (returns & SHEEN && s.diffuse) FOR_KIND(add_fibres, s.kind, &s, matt_share, channel, &block, cloth)
         }
         for (int k = 0; k < count; k++)
             for (int j = 0; j < 3; j++) {
@@ -244,7 +239,7 @@ i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, i64 W, TAKEN, const f32 *S,
     for (i64 first = 0; first < n; first += SIDE) {
         f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of the group, and the sum of squares: matt and gloss */
         int some[SIDE] = {0};  /* 1: a light of the group is partly visible; 2 or 3: one is narrow */
-        fill(&block, first, &materials, &hits);
+        fill(&block, first, &materials, &hits, Ns + 3 * first);
         for (i64 at = 0; at < L; at++) {
             i64 i = order[at];
             Source s = source_of(&lights, i);
@@ -311,5 +306,12 @@ i64 shading_mirrored(i64 n, const f64 *way, const f64 *Ng, const f64 *Ns, f64 *o
         f64 length = sqrt(x * x + y * y + z * z);
         out[3 * p] = x / length, out[3 * p + 1] = y / length, out[3 * p + 2] = z / length;
     }
+    return 0;
+}
+
+/* Fills out with the normals of mirrors: those that `reflecting` gives for normals Ns that nodes have bent. */
+KERNEL(shading_reflecting, "way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  smooth f64[n,3]  out f64[n,3]!")
+i64 shading_reflecting(i64 n, const f64 *way, const f64 *Ng, const f64 *Ns, const f64 *smooth, f64 *out) {
+    for (i64 p = 0; p < n; p++) reflecting(way + 3 * p, Ng + 3 * p, Ns + 3 * p, smooth + 3 * p, out + 3 * p);
     return 0;
 }

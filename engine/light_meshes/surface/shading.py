@@ -17,6 +17,7 @@ from . import sized
 
 _DIRECTIONAL = [registry.NAMES.index(name) for name, kind in registry.KINDS.items() if kind.directional]
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
+_reflecting = kernel("shading_reflecting")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
 SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
@@ -205,10 +206,10 @@ class Lit(NamedTuple):
         return self._replace(hits=self.hits.at(rows), direction=self.direction[rows], Od=self.Od[rows])
 
     @property
-    def receivers(self) -> tuple[NDArray, ...]:
+    def receivers(self) -> tuple[NDArray | None, ...]:
         """Return the arguments for the kernels in `shading.c` that say where the receivers are, in their order."""
         h = self.hits
-        return h.P, h.Ng, h.Ns, self.direction, self.Od, h.row
+        return h.P, h.Ng, h.Ns, self.direction, self.Od, h.row, h.smooth
 
     @property
     def taken(self) -> tuple[NDArray | None, ...]:
@@ -285,7 +286,16 @@ def dim(materials: Materials, hits: Hits, direction: NDArray[np.float64], Od: ND
     ggx, tables = materials.facets()
     if ggx is not None and (
             materials.layered.any() or materials.coat.any() or materials.sheen.any()):
-        _dim(ggx, tables, direction, hits.Ns, hits.row, Od)
+        _dim(ggx, tables, direction, mirroring(hits, direction), hits.smooth, hits.row, Od)
+
+
+def mirroring(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The normals (n,3) by which lobes mirror: nodes do not bend them so far that rays along `direction` go inside."""
+    if hits.smooth is None:
+        return hits.Ns
+    out = np.empty_like(hits.Ns)
+    _reflecting(direction, hits.Ng, hits.Ns, np.ascontiguousarray(hits.smooth), out)
+    return out
 
 
 def covered(coat: tuple[Any, ...], sheen: tuple[Any, ...], Ns: NDArray[np.float64],
@@ -301,7 +311,7 @@ def covered(coat: tuple[Any, ...], sheen: tuple[Any, ...], Ns: NDArray[np.float6
     for column, values in ((19, coat), (27, sheen)):
         for k, value in enumerate(values):
             rows[:, column + k] = value
-    _dim(rows, _facet_tables(), -incoming, Ns, np.arange(n, dtype=np.int32), passed)
+    _dim(rows, _facet_tables(), -incoming, Ns, None, np.arange(n, dtype=np.int32), passed)
     return passed
 
 
