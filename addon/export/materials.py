@@ -111,10 +111,14 @@ class Materials:
         surface = translated(material, nodes)
         if material and surface.normal and not getattr(  # Cycles may be switched off
                 getattr(material, "cycles", None), "use_bump_map_correction", True):
-            report.warn("Bump Map Correction is switched off, but bumps are rendered with it", "Material", material.name)
+            report.warn("Bump Map Correction is switched off, but bumps are rendered with it", "Material",
+                        material.name)
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
         overrides = material.light_meshes if material else None
-        description |= _written(*_layers(surface, _overrides(overrides) if overrides else {}))
+        layers = _layers(surface, _overrides(overrides) if overrides else {})
+        if nodes and nodes.displaced:
+            layers[0]["displaced"] = list(nodes.displaced)
+        description |= _written(*layers)
         if overrides:
             description |= {
                  name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
@@ -223,10 +227,14 @@ def _written(*layers: dict[str, Any]) -> dict[str, Any]:
     return first
 
 
+# Values of programs only: the normal for shading, and the surface's with its displacement shown as bumps.
+_NORMALS = {"normal", "displaced"}
+
+
 def _plain(found: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """What of a layer's parameters are numbers and images, and what is left for a program."""
-    description = {name: typical(name, value) for name, value in found.items() if name != "normal"}
-    varies = {name: value for name, value in found.items() if name == "normal" or description[name] is not value}
+    description = {name: typical(name, value) for name, value in found.items() if name not in _NORMALS}
+    varies = {name: value for name, value in found.items() if name in _NORMALS or description[name] is not value}
     if "Od" in varies and (image := values.plain_image(varies["Od"], 0)) >= 0:
         description["image"] = image
         del varies["Od"]

@@ -87,6 +87,8 @@ def geometry(nodes, node, socket) -> Triple | Value | None:
         return first, second, 0.0
     if name == "Tangent":
         return radial_tangent('Z')
+    if name in ("Pointiness", "Random Per Island"):
+        return nodes.asked.corner(name, "", 4)
     return None
 
 
@@ -227,6 +229,38 @@ def layer_weight(nodes, node, socket) -> Value:
     return 1.0 - bent
 
 
+def vector_transform(nodes, node, socket) -> Triple:
+    """The Vector Transform node: between the world, the object's space and the camera's."""
+    x, y, z = nodes.vector(node, "Vector")
+    a, b, point = node.convert_from, node.convert_to, float(node.vector_type == 'POINT')
+    if a == b:
+        return x, y, z
+    if node.vector_type == 'NORMAL':
+        return _turned_normal((x, y, z), a, b)
+    found: Triple = (x, y, z)
+    for operation in ([] if a == 'WORLD' else [_FROM[a]]) + ([] if b == 'WORLD' else [_TO[b]]):
+        found = v.outputs(operation, 3, *found, point)  # type: ignore[assignment]
+    return found
+
+
+# Operations of the engine that move a vector (0) or a point (1) between the world and another space.
+_FROM = {'OBJECT': "to_world", 'CAMERA': "from_camera"}
+_TO = {'OBJECT': "to_object", 'CAMERA': "in_camera"}
+
+
+def _turned_normal(n: Triple, a: str, b: str) -> Triple:
+    """A normal in another space, with length 1; it turns as a plane does."""
+    if a == 'OBJECT':
+        n = to_world_normal(n)
+    elif a == 'CAMERA':
+        n = v.outputs("from_camera", 3, *n, 0.0)  # type: ignore[assignment]
+    if b == 'OBJECT':
+        n = v.outputs("to_object_normal", 3, *n)  # type: ignore[assignment]
+    elif b == 'CAMERA':
+        n = v.outputs("in_camera", 3, *n, 0.0)  # type: ignore[assignment]
+    return v.normalized(n)
+
+
 def normal_node(nodes, node, socket) -> Triple | Value:
     """The Normal node."""
     own: Triple = tuple(node.outputs[0].default_value)[:3]
@@ -244,6 +278,7 @@ NODES = {
     'ShaderNodeFresnel': fresnel,
     'ShaderNodeLayerWeight': layer_weight,
     'ShaderNodeNormal': normal_node,
+    'ShaderNodeVectorTransform': vector_transform,
     'ShaderNodeAttribute': attribute,
     'ShaderNodeVertexColor': vertex_color,
     'ShaderNodeCameraData': camera_data,

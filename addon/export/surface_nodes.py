@@ -173,10 +173,7 @@ def _displace(nodes: Nodes, output) -> None:
     node = nodes.source(output, "Displacement")
     if node is None:
         return
-    height = node_bumps.displacement(nodes, node)
-    if height is None:
-        nodes.not_translated(node, "it is rendered without displacement")
-        return
+    height = node_bumps.height(nodes, output)
     if nodes.displacement_method != 'BUMP':
         nodes.warn("its displacement is shown as bumps only; the surface itself stays where it is")
     if not v.is_constant(height):

@@ -215,7 +215,8 @@ def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, til
     some = hits.at(rows)
     Ns = shading.mirroring(some, rays.direction[rows])
     back = some._replace(Ng=-some.Ng, Ns=-Ns, front=~some.front, table=hits.table.behind(),
-                         smooth=None if some.smooth is None else -some.smooth)
+                         smooth=None if some.smooth is None else -some.smooth,
+                         displaced=None if some.displaced is None else -some.displaced)
     work = tile.work(len(rows))
     light = ready.lighting.direct(back, rays.direction[rows], check, tile.parts, False, work)
     tile.add_light(rays.pixel[rows], None if rays.part is None else rays.part[rows], weight[rows], light.colour,

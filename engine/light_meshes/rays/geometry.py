@@ -62,6 +62,12 @@ class Hits(NamedTuple):
     row: NDArray[np.int32]  # (n,) of `table`, which says what the material is at this very point (see `looks`)
     table: Any = None
     smooth: Any = None  # (n,3) the shading normal before a program bent it; None: it is Ns
+    displaced: Any = None  # (n,3) that with displacement, which is shown as bumps; None: it is `smooth`
+
+    @property
+    def unbent(self) -> Any:
+        """The normals (n,3) that shaders bend; None: they are Ns."""
+        return self.smooth if self.displaced is None else self.displaced
 
     def at(self, rows: Any) -> Hits:
         """Return only these hits: a slice of them, those of an index, or those where a mask is set."""
@@ -69,13 +75,13 @@ class Hits(NamedTuple):
             if rows.start == 0 and rows.stop == len(self.P):
                 return self
             return Hits._make([*(a[rows] for a in self[:8]), self.table,
-                               None if self.smooth is None else self.smooth[rows]])
+                               *(None if a is None else a[rows] for a in (self.smooth, self.displaced))])
         index = where(rows) if rows.dtype == np.bool_ else rows
         material = taken(self.material, index)
         row = material if self.row is self.material else taken(self.row, index)
         P, Ng, Ns, uv, _, triangle, front = (taken(a, index) for a in self[:7])
         return Hits(P, Ng, Ns, uv, material, triangle, front, row, self.table,
-                    None if self.smooth is None else taken(self.smooth, index))
+                    *(None if a is None else taken(a, index) for a in (self.smooth, self.displaced)))
 
 
 class Placed(NamedTuple):

@@ -26,9 +26,9 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     "backfacing": (0, 1), "uv": (0, 2), "image": (3, 4), "where": (3, 1), "table": (4, 1),
     "noise": (13, 4), "white_noise": (5, 4), "bend": (5, 1), "magic": (5, 3), "brick": (11, 2),
     "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
+    "to_world": (4, 3), "to_object": (4, 3), "to_object_normal": (3, 3), "from_camera": (4, 3), "in_camera": (4, 3),
     "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2), "sky": (13, 3),
-    "covered": (11, 3), "bump": (9, 3),
-    "object_scale": (0, 1), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
+    "covered": (11, 3), "bump": (9, 3), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
     **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
@@ -43,14 +43,15 @@ NOT_OF_LAMPS = {"attribute", "instance", "corner_normal", "bump", "covered"}  # 
 SHIFTED = {"uv", "position", "object", "generated", "attribute"}
 # What only a point of a surface has: a world's program must not ask for it.
 NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump",
-                 "box", "to_world_normal", "corner_normal", "object_scale", "parametric", "ray_length", "ies",
-                 "covered"}
+                 "box", "to_world_normal", "to_world", "to_object", "to_object_normal", "corner_normal", "parametric",
+                 "ray_length", "ies", "covered"}
 # Parameters of a Material that a program may set: (channels, smallest, largest value).
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),
     "nShiny": (1, 0.0, 1e9), "mirror": (3, 0.0, 1e30), "emission": (3, 0.0, 1e30), "kt": (3, 0.0, 1e30),
     "ior": (1, 0.01, 100.0), "frosted": (1, 0.0, 1.0), "diffuse_roughness": (1, 0.0, 1.0),
-    "translucent": (3, 0.0, 1e30), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
+    "translucent": (3, 0.0, 1e30), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "displaced": (3, -1e30, 1e30),
+    "roughness": (1, 0.0, 1.0),
     "metal": (1, 0.0, 1e30), "F0": (3, 0.0, 1.0), "F90": (3, 0.0, 1.0), "F82": (3, 0.0, 1.0),
     "dielectric": (1, 0.0, 1e30), "dielectric_ior": (1, 1e-5, 1000.0), "dielectric_tint": (3, 0.0, 1e30),
     "layered": (1, 0.0, 1.0), "compensation": (1, 0.0, 1.0), "coat": (1, 0.0, 1.0), "coat_roughness": (1, 0.0, 1.0),
@@ -114,7 +115,7 @@ class Program:
 
     def sees_camera(self) -> bool:
         """Whether what it gives depends on where the camera is."""
-        return any(o.name in ("to_camera", "window") or (
+        return any(o.name in ("to_camera", "from_camera", "in_camera", "window") or (
             o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0]) for o in self.operations)
 
 

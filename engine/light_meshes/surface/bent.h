@@ -43,7 +43,7 @@ static void share_of_bumps(const Source *s, const Block *b, const Block *mirrors
 
 /* The normal nearest to N, in its plane with Ng, that mirrors an eye's ray along `way` out of the surface, by a little; N
    itself if that does, or if nodes did not bend it. With I to the eye, z along Ng and x square to it in that plane, what is
-   mirrored has the height 2(N·I)N_z - I_z, which is to be t: a square equation for N_z². */
+   mirrored has the height 2·N·I·N_z - I_z, which is to be t: a square equation for N_z². */
 static int reflecting(const f64 *way, const f64 *Ng, const f64 *N, const f64 *smooth, f64 *out) {
     memcpy(out, N, 3 * sizeof *out);
     if (N[0] == smooth[0] && N[1] == smooth[1] && N[2] == smooth[2]) return 0;

@@ -44,30 +44,35 @@ class Looks:
             return hits
         h = hits.at(rows)
         points = Points(h.P, h.Ns, h.Ng, -direction[rows], h.front, h.uv, h.triangle, ray[rows], self._around)
-        row, Ns = hits.material.copy(), None
+        row, Ns, displaced = hits.material.copy(), None, None
         made, count = [table], len(table.ka)  # tables, and the rows in them
         for m in np.unique(h.material):
             some = np.flatnonzero(h.material == m)
-            layers, bent = _rows(table, int(m), len(some), count), None
+            layers, bent = _rows(table, int(m), len(some), count), {}
             for name, values in run(self._programs[m], points.at(some), self._textures).items():
                 layer, name = layer_of(name)
-                if name == "normal":
+                if name in ("normal", "displaced"):
                     values = unit(values, h.Ns[some])
-                    bent, name = (values, "") if not layer else (bent, "bent")
-                if name:
-                    getattr(layers[layer], name)[:] = values
+                    if not layer:
+                        bent[name] = values
+                        continue
+                    name = "bent"
+                getattr(layers[layer], name)[:] = values
                 if name == "Od":
                     layers[layer].image[:] = -1
                 elif name == "alpha":
                     layers[layer].alpha_image[:] = -1
-            if bent is not None:
+            if "normal" in bent:
                 Ns = hits.Ns.copy() if Ns is None else Ns
-                Ns[rows[some]] = bent
+                Ns[rows[some]] = bent["normal"]
+            if "displaced" in bent:
+                displaced = hits.Ns.copy() if displaced is None else displaced
+                displaced[rows[some]] = bent["displaced"]
             row[rows[some]] = count + np.arange(len(some), dtype=np.int32)
             made, count = [*made, *layers], count + len(layers) * len(some)
         longer = (np.concatenate(columns) for columns in zip(*made, strict=True))
         return hits._replace(row=row, table=Materials(*longer), Ns=hits.Ns if Ns is None else Ns,
-                             smooth=None if Ns is None else hits.Ns)
+                             smooth=None if Ns is None else hits.Ns, displaced=displaced)
 
     def let_through(self, material: NDArray[np.int32], triangle: NDArray[np.int32], u: NDArray, v: NDArray,
                     uv: NDArray[np.float32], alpha: NDArray[np.float64], kt: NDArray[np.float64]) -> None:

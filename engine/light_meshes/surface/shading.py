@@ -209,7 +209,7 @@ class Lit(NamedTuple):
     def receivers(self) -> tuple[NDArray | None, ...]:
         """Return the arguments for the kernels in `shading.c` that say where the receivers are, in their order."""
         h = self.hits
-        return h.P, h.Ng, h.Ns, self.direction, self.Od, h.row, h.smooth
+        return h.P, h.Ng, h.Ns, self.direction, self.Od, h.row, h.unbent
 
     @property
     def taken(self) -> tuple[NDArray | None, ...]:
@@ -286,15 +286,15 @@ def dim(materials: Materials, hits: Hits, direction: NDArray[np.float64], Od: ND
     ggx, tables = materials.facets()
     if ggx is not None and (
             materials.layered.any() or materials.coat.any() or materials.sheen.any()):
-        _dim(ggx, tables, direction, mirroring(hits, direction), hits.smooth, hits.row, Od)
+        _dim(ggx, tables, direction, mirroring(hits, direction), hits.unbent, hits.row, Od)
 
 
 def mirroring(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """The normals (n,3) by which lobes mirror: nodes do not bend them so far that rays along `direction` go inside."""
-    if hits.smooth is None:
+    if hits.unbent is None:
         return hits.Ns
     out = np.empty_like(hits.Ns)
-    _reflecting(direction, hits.Ng, hits.Ns, np.ascontiguousarray(hits.smooth), out)
+    _reflecting(direction, hits.Ng, hits.Ns, np.ascontiguousarray(hits.unbent), out)
     return out
 
 
