@@ -1,45 +1,208 @@
-/* The points of triangles' grids around receivers (grids.py). */
+/* The points and cells of triangles' grids (grids.py). */
 #include "grids.h"
+
+/* Fills the longest edge of each triangle, scene units, and the numbers of its ends, the smaller one first. */
+KERNEL(grids_longest, "scale f64  vertices f32[V,3]  triangles i32[T,3]  longest f32[T]!  ends i32[T,2]!")
+i64 grids_longest(i64 V, i64 T, f64 scale, const f32 *vertices, const i32 *triangles, f32 *longest, i32 *ends) {
+    (void)V;
+    for (i64 t = 0; t < T; t++) {
+        f64 length;
+        const i32 *corner = triangles + 3 * t;
+        int c = opposite(vertices, corner, &length);
+        i32 a = corner[(c + 1) % 3], b = corner[(c + 2) % 3];
+        longest[t] = (f32)(scale * sqrt(length));
+        ends[2 * t] = a < b ? a : b, ends[2 * t + 1] = a < b ? b : a;
+    }
+    return 0;
+}
+
+/* Tells (ok) which pairs of triangles (first, second), which share their longest edge, make up a parallelogram: they
+   go around it the same way, and their corners differ from one by less than `share` of that edge. */
+KERNEL(grids_pairs,
+       "vertices f32[V,3]  triangles i32[T,3]  share f64  first i32[n]  second i32[n]  ok bool[n]!")
+i64 grids_pairs(i64 V, i64 T, i64 n, const f32 *vertices, const i32 *triangles, f64 share, const i32 *first,
+                const i32 *second, u8 *ok) {
+    (void)V, (void)T;
+    for (i64 k = 0; k < n; k++) {
+        const i32 *s = triangles + 3 * (i64)first[k], *t = triangles + 3 * (i64)second[k];
+        f64 longest, other, away = 0.0;
+        int c = opposite(vertices, s, &longest), d = opposite(vertices, t, &other);
+        const i32 a = s[(c + 1) % 3], b = s[(c + 2) % 3];
+        for (int j = 0; j < 3; j++) {
+            f64 O = vertices[3 * (i64)s[c] + j], A = vertices[3 * (i64)a + j], B = vertices[3 * (i64)b + j];
+            away += square(A + B - O - vertices[3 * (i64)t[d] + j]);
+        }
+        ok[k] = t[(d + 1) % 3] == b && t[(d + 2) % 3] == a && away < square(share) * longest && longest > 0.0;
+    }
+    return 0;
+}
+
+/* The edge of cells of this level of the lattice, whose diagonals are coarse/2^level. */
+static f64 edge(f64 coarse, int level) { return ldexp(coarse * 0.70710678118654752, -level); }
+
+/* The level of the lattice that is `level` times twice as fine as the coarsest grid of a triangle, and the edge of its
+   cells; −1: the triangle's corners. */
+static int lattice(f64 longest, f64 coarse, i64 level, f64 *size) {
+    i64 base = 0;
+    if (longest <= coarse) {
+        if (level == 0) return -1;
+        for (f64 s = coarse; base < 15 && 0.5 * s >= longest; base++) s *= 0.5;
+    }
+    base += level;
+    if (base > 15) base = 15;
+    *size = edge(coarse, (int)base);
+    return (int)base;
+}
 
 /* Fills the keys of the three grid points around each receiver, their weights, and how far apart they are.
    level: how much finer the grids are than the coarsest. front: whether the receiver is on the side that the normal of
    its triangle looks to. */
 KERNEL(grids_around,
-       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  flipped bool[T]  longest f32[T]  corner i32[T,3]  "
-       "coarse f64  level i64  triangle i32[n]  P f64[n,3]  Ng f64[n,3]  keys u64[n,3]!  weight f64[n,3]!  spacing f64[n]!")
+       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  longest f32[T]  "
+       "corner i32[T,3]  coarse f64  level i64  triangle i32[n]  P f64[n,3]  Ng f64[n,3]  keys u64[n,3]!  "
+       "weight f64[n,3]!  spacing f64[n]!")
 i64 grids_around(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
-                 const u8 *flipped, const f32 *longest, const i32 *corner, f64 coarse, i64 level, const i32 *triangle,
-                 const f64 *P, const f64 *Ng, u64 *keys, f64 *weight, f64 *spacing) {
+                 const i32 *other, const u8 *flipped, const f32 *longest, const i32 *corner, f64 coarse, i64 level,
+                 const i32 *triangle, const f64 *P, const f64 *Ng, u64 *keys, f64 *weight, f64 *spacing) {
     (void)V, (void)T;
     for (i64 k = 0; k < n; k++) {
         i64 t = triangle[k];
-        Edges s = edges_of(vertices, triangles + 3 * t);
-        f64 q[3], normal[3], a[3], b[3];
-        for (int j = 0; j < 3; j++) q[j] = (P[3 * k + j] - centre[j]) / scale - s.a[j];
-        cross(s.e, s.f, normal), cross(q, s.f, a), cross(s.e, q, b);
-        f64 square_of = dot(normal, normal), u = dot(a, normal) / square_of, v = dot(b, normal) / square_of;
-        int front = (dot(normal, Ng + 3 * k) > 0.0) != flipped[t];
-        int depth = halvings(longest[t], coarse) + (int)level;
-        if (depth > FINEST) depth = FINEST;
-        Small at = small_at(u, v, depth);
-        i64 i = at.i, j = at.j;
+        f64 place[3], normal[3], size;
         u64 *key = keys + 3 * k;
         f64 *w = weight + 3 * k;
-        spacing[k] = ldexp(longest[t], -depth);
-        if (depth == 0) {
-            for (int c = 0; c < 3; c++) {
-                i64 of = corner[3 * t + c];
-                key[c] = of >= 0 ? CORNER | (u64)front << 31 | (u64)of : key_at(t, front, 0, c == 1, c == 2);
-            }
-        } else if (at.upper) {
-            key[0] = key_at(t, front, depth, i + 1, j + 1);
-            key[1] = key_at(t, front, depth, i, j + 1), key[2] = key_at(t, front, depth, i + 1, j);
-        } else {
-            key[0] = key_at(t, front, depth, i, j);
-            key[1] = key_at(t, front, depth, i + 1, j), key[2] = key_at(t, front, depth, i, j + 1);
+        for (int j = 0; j < 3; j++) place[j] = (P[3 * k + j] - centre[j]) / scale;
+        int depth = lattice(longest[t], coarse, level, &size);
+        if (depth < 0) {
+            Edges s = edges_of(vertices, triangles + 3 * t);
+            f64 q[3], a[3], b[3];
+            for (int j = 0; j < 3; j++) q[j] = place[j] - s.a[j];
+            cross(s.e, s.f, normal), cross(q, s.f, a), cross(s.e, q, b);
+            f64 square_of = dot(normal, normal), u = dot(a, normal) / square_of, v = dot(b, normal) / square_of;
+            int front = (dot(normal, Ng + 3 * k) > 0.0) != flipped[t];
+            u = u < 0.0 ? 0.0 : u > 1.0 ? 1.0 : u, v = v < 0.0 ? 0.0 : v > 1.0 - u ? 1.0 - u : v;
+            for (int c = 0; c < 3; c++) key[c] = CORNER | (u64)front << 31 | (u64)corner[3 * t + c];
+            w[0] = 1.0 - u - v, w[1] = u, w[2] = v, spacing[k] = longest[t];
+            continue;
         }
-        if (at.upper) w[0] = at.x + at.y - 1.0, w[1] = 1.0 - at.x, w[2] = 1.0 - at.y;
-        else w[0] = 1.0 - at.x - at.y, w[1] = at.x, w[2] = at.y;
+        Grid g = grid_of(vertices, triangles, other, scale, t, size);
+        f64 xy[2];
+        i64 i, j;
+        on_axes(&g.axes, place, xy), cell_of(&g, xy, &i, &j), cross(g.axes.U, g.axes.V, normal);
+        int front = (dot(normal, Ng + 3 * k) > 0.0) != flipped[t];
+        f64 x = xy[0] * (f64)g.m - (f64)i, y = xy[1] * (f64)g.n - (f64)j;
+        spacing[k] = g.spacing;
+        key[1] = key_at(g.lead, front, depth, i + 1, j), key[2] = key_at(g.lead, front, depth, i, j + 1);
+        if (x + y > 1.0) {
+            key[0] = key_at(g.lead, front, depth, i + 1, j + 1);
+            w[0] = x + y - 1.0, w[1] = 1.0 - y, w[2] = 1.0 - x;
+        } else {
+            key[0] = key_at(g.lead, front, depth, i, j);
+            w[0] = 1.0 - x - y, w[1] = x, w[2] = y;
+        }
+    }
+    return 0;
+}
+
+/* The unit normal, in the world, of a triangle's axes. */
+static void unit_normal(const Axes *s, int flipped, f64 *N) {
+    cross(s->U, s->V, N);
+    f64 length = sqrt(dot(N, N)) * (flipped ? -1.0 : 1.0);
+    for (int j = 0; j < 3; j++) N[j] /= length;
+}
+
+/* Fills where the grid points with these keys are, their normals and how far apart they are. */
+KERNEL(grids_places,
+       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  coarse f64  "
+       "keys u64[n]  P f64[n,3]!  N f64[n,3]!  spacing f64[n]!")
+i64 grids_places(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
+                 const i32 *other, const u8 *flipped, f64 coarse, const u64 *keys, f64 *P, f64 *N, f64 *spacing) {
+    (void)V, (void)T;
+    for (i64 k = 0; k < n; k++) {
+        Key key = key_of(keys[k]);
+        f64 size = edge(coarse, key.level), place[3];
+        Grid g = grid_of(vertices, triangles, other, scale, key.triangle, size);
+        i64 t = place_on(vertices, triangles, other, scale, &g, (f64)key.i / (f64)g.m, (f64)key.j / (f64)g.n,
+                         INSET * size, place);
+        Axes s = axes_of(vertices, triangles, other, scale, t);
+        unit_normal(&s, (int)flipped[t] == key.front, N + 3 * k);
+        for (int j = 0; j < 3; j++) P[3 * k + j] = centre[j] + scale * place[j];
+        spacing[k] = g.spacing;
+    }
+    return 0;
+}
+
+/* Four places in a cell that stand for it, turned against its sides. */
+static const f64 FOUR[4][2] = {{0.3, 0.2}, {0.8, 0.3}, {0.2, 0.7}, {0.7, 0.8}};
+/* And in a triangle as a whole. */
+static const f64 WHOLE[4][2] = {{1.0 / 3, 1.0 / 3}, {1.0 / 6, 1.0 / 6}, {2.0 / 3, 1.0 / 6}, {1.0 / 6, 2.0 / 3}};
+
+/* Fills four points that stand for each of the cells with these keys: their triangles, places and normals. top: the
+   size of cells of level 1; level 0 is a triangle as a whole. */
+KERNEL(grids_inside,
+       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  top f64  "
+       "keys u64[n]  triangle i32[n,4]!  P f64[n,4,3]!  N f64[n,4,3]!")
+i64 grids_inside(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
+                 const i32 *other, const u8 *flipped, f64 top, const u64 *keys, i32 *triangle, f64 *P, f64 *N) {
+    (void)V, (void)T;
+    for (i64 k = 0; k < n; k++) {
+        Key key = key_of(keys[k]);
+        f64 size = ldexp(top, 1 - key.level), place[3];
+        Grid g = {0};
+        if (key.level) g = grid_of(vertices, triangles, other, scale, key.triangle, size);
+        for (int c = 0; c < 4; c++) {
+            i64 t = key.triangle, at = 4 * k + c;
+            if (key.level)
+                t = place_on(vertices, triangles, other, scale, &g, ((f64)key.i + FOUR[c][0]) / (f64)g.m,
+                             ((f64)key.j + FOUR[c][1]) / (f64)g.n, INSET * size, place);
+            else {
+                Edges s = edges_of(vertices, triangles + 3 * t);
+                for (int j = 0; j < 3; j++) place[j] = s.a[j] + WHOLE[c][0] * s.e[j] + WHOLE[c][1] * s.f[j];
+            }
+            Axes s = axes_of(vertices, triangles, other, scale, t);
+            unit_normal(&s, (int)flipped[t] == key.front, N + 3 * at);
+            for (int j = 0; j < 3; j++) P[3 * at + j] = centre[j] + scale * place[j];
+            triangle[at] = (i32)t;
+        }
+    }
+    return 0;
+}
+
+/* Fills the keys of cells around those with these keys, whose edges are 2^by times as long. */
+KERNEL(grids_wider,
+       "scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  top f64  by i64  keys u64[n]  wider u64[n]!")
+i64 grids_wider(i64 V, i64 T, i64 n, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *other, f64 top,
+                i64 by, const u64 *keys, u64 *wider) {
+    (void)V, (void)T;
+    for (i64 k = 0; k < n; k++) {
+        Key key = key_of(keys[k]);
+        int level = key.level - (int)by < 1 ? 1 : key.level - (int)by;
+        i64 i, j;
+        if (key.level <= 1) {
+            wider[k] = keys[k];
+            continue;
+        }
+        Grid g = grid_of(vertices, triangles, other, scale, key.triangle, ldexp(top, 1 - key.level));
+        f64 xy[2] = {((f64)key.i + 0.5) / (f64)g.m, ((f64)key.j + 0.5) / (f64)g.n};
+        g = grid_of(vertices, triangles, other, scale, key.triangle, ldexp(top, 1 - level));
+        cell_of(&g, xy, &i, &j);
+        wider[k] = key_at(key.triangle, key.front, level, i, j);
+    }
+    return 0;
+}
+
+/* Fills the keys of the cells at x, y of the axes, half as large as those with these keys. */
+KERNEL(grids_finer,
+       "scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  top f64  keys u64[n]  x f32[n]  y f32[n]  "
+       "finer u64[n]!")
+i64 grids_finer(i64 V, i64 T, i64 n, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *other, f64 top,
+                const u64 *keys, const f32 *x, const f32 *y, u64 *finer) {
+    (void)V, (void)T;
+    for (i64 k = 0; k < n; k++) {
+        Key key = key_of(keys[k]);
+        i64 i, j;
+        Grid g = grid_of(vertices, triangles, other, scale, key.triangle, ldexp(top, -key.level));
+        cell_of(&g, (const f64[2]){x[k], y[k]}, &i, &j);
+        finer[k] = key_at(key.triangle, key.front, key.level + 1, i, j);
     }
     return 0;
 }

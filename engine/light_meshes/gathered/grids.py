@@ -1,8 +1,9 @@
-"""Points on triangles that do not depend on the camera: barycentric grids, each twice as fine as the one before.
+"""Points and cells on triangles that do not depend on the camera: grids, each twice as fine as the one before.
 
-The edges of a triangle are divided into 2^k parts. The points of this grid are numbered by keys of 64 bits: the
-triangle, its side, k, and two numbers of the point. Corners of small triangles are shared: where several triangles meet
-with the same normal, one key stands for all. `grids.h` has the layout of keys.
+Two triangles that make up a parallelogram share a grid along its sides; any other has one along its longest edge and
+its height. Points and cells are numbered by keys of 64 bits: the triangle, its side, the level of the grid, and two
+numbers of the point. Corners of small triangles are shared: where several triangles meet with the same normal, one key
+stands for all. `grids.h` has the layout of keys.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ from numpy.typing import NDArray
 from ..rays.geometry import Surfaces
 from ..support.native import kernel
 
-_around = kernel("grids_around")
-_CORNER, _UPPER = np.uint64(1 << 63), np.uint64(1 << 62)
-# Points are moved by this share of the distance between them, towards the middle of their triangle: none lies in the
-# plane of a wall that stands on its triangle.
-INSET = 0.012
-FINEST = 13  # edges are divided into up to 2^FINEST parts, as in grids.h
+_around, _places, _inside = kernel("grids_around"), kernel("grids_places"), kernel("grids_inside")
+_wider, _finer = kernel("grids_wider"), kernel("grids_finer")
+_longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
+_CORNER = np.uint64(1 << 63)
+INSET = 0.012  # as in grids.h
+LAST = 15  # the finest level of a grid
+FLAT = 1e-5  # how much two triangles may differ from a parallelogram, as a share of the edge that they share
 
 
 class Around(NamedTuple):
@@ -43,16 +45,35 @@ class Places(NamedTuple):
 class Grids:
     """The grids of all triangles of a scene."""
 
-    def __init__(self, surfaces: Surfaces, coarse: float) -> None:
-        """coarse: the largest distance between points, scene units."""
+    def __init__(self, surfaces: Surfaces, coarse: float, top: float) -> None:
+        """coarse: the largest distance between points; top: the size of the largest cells; scene units."""
         s = self.surfaces = surfaces
-        self.coarse = coarse
+        self.coarse, self._top = coarse, top
         self.flipped = np.ascontiguousarray(s.mirrored[s.instance])
-        corners = s.vertices[s.triangles]
-        edges = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2) * s.scale
-        self.longest = edges.max(1, initial=0).astype(np.float32)
+        self.longest, ends = np.empty(len(s.triangles), np.float32), np.empty((len(s.triangles), 2), np.int32)
+        _longest(s.scale, s.vertices, s.triangles, self.longest, ends)
         self.shape = s.centre, s.scale, s.vertices, s.triangles
+        self.other = self._pair(ends)
         self._share_corners()
+
+    def _pair(self, ends: NDArray[np.int32]) -> NDArray[np.int32]:
+        """For triangles (T,) the one with which each makes up a parallelogram; −1: none. ends (T,2): the vertices of
+        their longest edges.
+        """
+        s = self.surfaces
+        order = np.lexsort((ends[:, 1], ends[:, 0])).astype(np.int32)
+        same = (ends[order[1:]] == ends[order[:-1]]).all(1)
+        alone = ~np.append(False, same[:-1]) & ~np.append(same[1:], False)  # three at an edge are no pair
+        at = np.flatnonzero(same & alone) if len(same) else np.zeros(0, np.int64)
+        pair = np.sort(np.stack([order[at], order[at + 1]], 1), axis=1)
+        first, second = np.ascontiguousarray(pair[:, 0]), np.ascontiguousarray(pair[:, 1])
+        ok = np.empty(len(first), np.bool_)
+        _pairs(s.vertices, s.triangles, FLAT, first, second, ok)
+        ok &= (s.instance[first] == s.instance[second]) & (
+            s.materials[s.source[first]] == s.materials[s.source[second]])
+        other = np.full(len(ends), -1, np.int32)
+        other[first[ok]], other[second[ok]] = second[ok], first[ok]
+        return other
 
     def _share_corners(self) -> None:
         """Give the corners of small triangles numbers by vertex and normal."""
@@ -114,27 +135,22 @@ class Grids:
         """
         n = len(P)
         found = Around(np.empty((n, 3), np.uint64), np.empty((n, 3)), np.empty(n))
-        _around(*self.shape, self.flipped, self.longest, self.corner, self.coarse, level, triangle, P, Ng, *found)
+        _around(*self.shape, self.other, self.flipped, self.longest, self.corner, self.coarse, level, triangle, P, Ng, *found)
         return found
 
     def places(self, keys: NDArray[np.uint64]) -> Places:
         """Where the grid points with these keys (n,) are."""
         n = len(keys)
-        number, front, depth, i, j = parts(keys)
         P, N, spacing, instance = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.full(n, -1, np.int32)
         shared = (keys & _CORNER) != 0
-        of = number[shared]
-        P[shared], N[shared], spacing[shared] = self._class_P[of], self._class_N[of], self._class_spacing[of]
-        instance[shared] = self._class_own[of]
-        own = ~shared
-        step = np.ldexp(1.0, -depth[own])
-        third = 1 / 3
-        u, v = i[own] * step, j[own] * step
-        u, v = u + INSET * step * (third - u) * 2, v + INSET * step * (third - v) * 2
-        P[own] = self.points(number[own], u, v)
-        N[own] = self.normals(number[own])
-        spacing[own] = self.longest[number[own]] * step
-        N[~front] *= -1
+        of = (keys[shared] & np.uint64((1 << 31) - 1)).astype(np.int64)
+        front = (keys[shared] >> np.uint64(31) & np.uint64(1)).astype(np.int8)
+        P[shared], spacing[shared], instance[shared] = self._class_P[of], self._class_spacing[of], self._class_own[of]
+        N[shared] = self._class_N[of] * (2 * front - 1)[:, None]
+        own = np.flatnonzero(~shared)
+        found = np.empty((len(own), 3)), np.empty((len(own), 3)), np.empty(len(own))
+        _places(*self.shape, self.other, self.flipped, self.coarse, keys[own], *found)
+        P[own], N[own], spacing[own] = found
         return Places(P, N, spacing, instance)
 
     def points(self, triangle: NDArray, u: NDArray, v: NDArray) -> NDArray[np.float64]:
@@ -143,54 +159,30 @@ class Grids:
         a, b, c = np.moveaxis(s.vertices[s.triangles[triangle]].astype(np.float64), 1, 0)
         return s.centre + s.scale * (a + u[:, None] * (b - a) + v[:, None] * (c - a))
 
-    def inside(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray, NDArray]:
-        """The triangles (n,), whether it is their front (n,), and barycentrics u, v (n,4) of four points that stand
-        for the small triangles with these keys (n,) as a whole.
+    def inside(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+        """The triangles (4n,), places and normals (4n,3) of four points that stand for each of the cells with these
+        keys (n,).
         """
-        number, front, depth, i, j = parts(keys)
-        upper, step = (keys & _UPPER) != 0, np.ldexp(1.0, -depth)
-        third = 1 / 3
-        x = np.array([third, third / 2, third * 2, third / 2])
-        y = np.array([third, third / 2, third / 2, third * 2])
-        x, y = np.where(upper[:, None], 1 - x, x), np.where(upper[:, None], 1 - y, y)
-        return number.astype(np.int32), front, (i[:, None] + x) * step[:, None], (j[:, None] + y) * step[:, None]
+        n = len(keys)
+        triangle, P, N = np.empty((n, 4), np.int32), np.empty((n, 4, 3)), np.empty((n, 4, 3))
+        _inside(*self.shape, self.other, self.flipped, self._top, keys, triangle, P, N)
+        return triangle.reshape(-1), P.reshape(-1, 3), N.reshape(-1, 3)
 
     def wider(self, keys: NDArray[np.uint64], by: int) -> NDArray[np.uint64]:
-        """The keys (n,) of small triangles around those with these keys, whose edges are 2^by times as long."""
-        number, front, depth, i, j = parts(keys)
-        third = np.where((keys & _UPPER) != 0, 2 / 3, 1 / 3)
-        new = np.maximum(depth - by, 0)
-        step = np.ldexp(1.0, new - depth)
-        u, v = (i + third) * step, (j + third) * step
-        i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
-        upper = (u - i) + (v - j) > 1
-        return _key(number, front, new, i, j, upper)
+        """The keys (n,) of cells around those with these keys, whose edges are 2^by times as long."""
+        s, found = self.surfaces, np.empty(len(keys), np.uint64)
+        _wider(s.scale, s.vertices, s.triangles, self.other, self._top, by, keys, found)
+        return found
 
-    def finer(self, keys: NDArray[np.uint64], u: NDArray, v: NDArray) -> NDArray[np.uint64]:
-        """The keys (n,) of the small triangles at u, v (n,) in grids that are twice as fine as those of these keys."""
-        number, front, depth, _, _ = parts(keys)
-        new = depth + 1
-        parts_ = np.ldexp(1.0, new)
-        u, v = np.clip(u.astype(np.float64), 0, 1), np.clip(v.astype(np.float64), 0, 1)
-        v = np.minimum(v, 1 - u)
-        i = np.minimum(u * parts_, parts_ - 1).astype(np.int64)
-        j = np.minimum(v * parts_, parts_ - 1 - i).astype(np.int64)
-        upper = ((u * parts_ - i) + (v * parts_ - j) > 1) & (i + j + 2 <= parts_)
-        return _key(number, front, new, i, j, upper)
+    def finer(self, keys: NDArray[np.uint64], on: NDArray[np.float32]) -> NDArray[np.uint64]:
+        """The keys (n,) of the cells at places (n,2) on the axes, half as large as those with these keys."""
+        s, found = self.surfaces, np.empty(len(keys), np.uint64)
+        x, y = np.ascontiguousarray(on[:, 0]), np.ascontiguousarray(on[:, 1])
+        _finer(s.scale, s.vertices, s.triangles, self.other, self._top, keys, x, y, found)
+        return found
 
-
-def _key(number: NDArray, front: NDArray, depth: NDArray, i: NDArray, j: NDArray,
-         upper: NDArray) -> NDArray[np.uint64]:
-    """The keys (n,) of small triangles."""
-    found: NDArray[np.uint64] = np.bitwise_or.reduce([
-        number, front.astype(np.int64) << 31, depth << 32, i << 36, j << 49, upper.astype(np.int64) << 62]).astype(
-            np.uint64)
-    return found
-
-
-def parts(keys: NDArray[np.uint64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-    """Triangle or class, front, depth, i and j of keys (n,)."""
-    def bits(first: int, count: int) -> NDArray[np.int64]:
-        return ((keys >> np.uint64(first)) & np.uint64((1 << count) - 1)).astype(np.int64)
-
-    return bits(0, 31), bits(31, 1) > 0, bits(32, 4), bits(36, 13), bits(49, 13)
+    def sizes(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """The edges (n,) of the cells with these keys (n,), and their levels: 0 is a triangle as a whole."""
+        level = (keys >> np.uint64(32) & np.uint64(15)).astype(np.int64)
+        triangle = (keys & np.uint64((1 << 31) - 1)).astype(np.int64)
+        return np.where(level == 0, self.longest[triangle], np.ldexp(2 * self._top, -level)), level

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..rays.tracer import points
 from ..support.native import kernel
 from .directions import directions
-from .grids import FINEST, parts
+from .grids import LAST
 from .rays import Check, Field, Gatherer, Layer, Seen
 from .table import Table
 
@@ -79,9 +79,9 @@ class Patches:
             self._see(_missing(number[left], self._lit if lit else self._looked), lit, check)
             left = left[self._divided[number[left]]]
             keys = self._table.keys[number[left]]
-            whole = parts(keys)[2] == 0  # it may stand for others
+            whole = grids.sizes(keys)[1] == 0  # it may stand for others
             left, keys = left[~whole], keys[~whole]
-            number[left] = self._table.numbers(grids.finer(keys, layer.u[left], layer.v[left]))
+            number[left] = self._table.numbers(grids.finer(keys, layer.on[left]))
         return number
 
     def _grow(self) -> None:
@@ -154,13 +154,12 @@ class Patches:
         for i in range(0, len(new), BATCH):
             check()
             some = new[i:i + BATCH]
-            triangle, front, u, v = self._field.grids.inside(self._table.keys[some])
-            P, N = self._points(triangle, front, u, v)
+            triangle, P, N = self._field.grids.inside(self._table.keys[some])
             there, covered = self._there(P, N)
-            emission, albedo, direct = self._look(np.repeat(triangle, 4), P, N, lit and not self._many)
+            emission, albedo, direct = self._look(triangle, P, N, lit and not self._many)
             if lit and self._many:
                 one = 4 * np.arange(len(some)) + (there[:, :, 0] > 0).argmax(1)
-                direct = np.repeat(self._look(triangle, P[one], N[one], True)[2], 4, axis=0)
+                direct = np.repeat(self._look(triangle[one], P[one], N[one], True)[2], 4, axis=0)
             for kept, values in ((self._emission, emission), (self._albedo, albedo), (self._direct, albedo * direct)):
                 kept[some] = (values.reshape(-1, 4, 3) * there).sum(1)
             self._looked[some] = True
@@ -204,11 +203,10 @@ class Patches:
     def _is_divided(self, keys: NDArray[np.uint64], P: NDArray, N: NDArray) -> NDArray[np.bool_]:
         """Whether something stands between the points of patches (n,) that can be made smaller."""
         f = self._field
-        triangle, _, depth, _, _ = parts(keys)
-        longest = f.grids.longest[triangle]
-        can = np.flatnonzero((np.ldexp(longest, -depth) > self._finest / 16) & (depth < FINEST))
+        size, level = f.grids.sizes(keys)
+        can = np.flatnonzero((size > self._finest / 15.9) & (level > 0) & (level < LAST))
         found = np.zeros(len(keys), np.bool_)
-        lift = 0.02 * np.ldexp(longest, -depth)
+        lift = 0.02 * size
         up = P + np.repeat(lift, 4)[:, None] * N
         ends = np.repeat(4 * can, 3) + np.tile([1, 2, 3], len(can))
         blocked = f.tracer.occluded(up, np.repeat(4 * can, 3).astype(np.int32), points(up), ends.astype(np.int32), None,
@@ -217,19 +215,13 @@ class Patches:
         f.stats.add(gathered_short_rays=len(ends))
         return found
 
-    def _points(self, triangle: NDArray, front: NDArray, u: NDArray,
-                v: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        grids = self._field.grids
-        P = grids.points(np.repeat(triangle, 4), u.ravel(), v.ravel())
-        return P, np.repeat(grids.normals(triangle) * np.where(front, 1, -1)[:, None], 4, axis=0)
-
     def _trace(self, new: NDArray[np.int32], sky_only: bool, check: Check) -> None:
         """Find the patches that those of these patches see, unless `sky_only`, and the sky that they see."""
         if not len(new):
             return
         check()
         keys = self._table.keys[new]
-        P, N = self._points(*self._field.grids.inside(keys))
+        _, P, N = self._field.grids.inside(keys)
         # each patch turns its rays by an angle of its own, so that what all miss differs
         angle = (keys * np.uint64(0x9E3779B185EBCA87) >> np.uint64(40)).astype(np.float64) / 2**24 * 2 * np.pi
         turn = np.stack([np.cos(angle), np.sin(angle)], 1)

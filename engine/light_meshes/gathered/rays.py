@@ -41,8 +41,7 @@ class Layer(NamedTuple):
 
     row: NDArray[np.int64]  # (m,) of the ray
     keys: NDArray[np.uint64]  # (m,)
-    u: NDArray[np.float32]  # (m,) where on its triangle each was met
-    v: NDArray[np.float32]
+    on: NDArray[np.float32]  # (m,2) where on the axes of its grid each was met
     weight: NDArray[np.float64] | None  # (m,3) of what they send; None: all counts
 
 
@@ -101,26 +100,26 @@ class Gatherer:
         light = np.zeros((x, 3))
         first = self._trace(origin, direction, normal, larger)
         f.stats.add(gathered_rays=x)
-        triangle, u, v, distance, keys = first
+        triangle, _, _, distance, keys, on = first
         hit = triangle >= 0
         # The solid angle that each ray speaks for, as they share the half-space by the cosine.
         width = np.tile(np.pi / (len(local) * np.maximum(local[:, 2], 1e-3)), len(P))
         clear = hit & self._clear[triangle] if self._clear is not None else None
         if clear is None or not clear.any():
-            layers.append(Layer(np.flatnonzero(hit), keys[hit], u[hit], v[hit], None))
+            layers.append(Layer(np.flatnonzero(hit), keys[hit], on[hit], None))
             self._add_sky(light, np.flatnonzero(~hit), direction, None, width)
         else:
             self._pass(origin, direction, first, clear, light, layers, larger, width)
         return Seen(distance, light, layers)
 
     def _trace(self, origin: NDArray, direction: NDArray, normal: NDArray, larger: float) -> tuple[NDArray, ...]:
-        """Triangles, barycentrics, distances and keys of patches of what rays meet."""
-        g = self._field.grids
+        """Triangles, barycentrics, distances, keys of patches and places on their axes of what rays meet."""
+        g, n = self._field.grids, len(origin)
         triangle, u, v = self._field.tracer.closest("diffuse", origin, direction, normal)
-        distance, keys = np.empty(len(origin), np.float32), np.empty(len(origin), np.uint64)
-        _met(*g.shape, g.flipped, g.longest, self.for_small, self._finest, SHARE * larger, triangle, u, v, origin,
-             direction, distance, keys)
-        return triangle, u, v, distance, keys
+        distance, keys, on = np.empty(n, np.float32), np.empty(n, np.uint64), np.empty((n, 2), np.float32)
+        _met(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, triangle, u, v, origin,
+             direction, distance, keys, on)
+        return triangle, u, v, distance, keys, on
 
     def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None,
                  width: NDArray[np.float64]) -> None:
@@ -134,25 +133,25 @@ class Gatherer:
         """Follow rays through what lets them pass, straight on, as shadow rays go."""
         g, glass = self._field.grids, self._field.glass
         row, weight = np.arange(len(origin)), np.ones((len(origin), 3))
-        triangle, u, v, _, keys = first
+        triangle, u, v, _, keys, on = first
         for _ in range(THROUGH):
             hit = triangle >= 0
             if not hit.all():
                 self._add_sky(light, row[~hit], direction[~hit], weight[~hit], width)
             row, weight, origin, direction = row[hit], weight[hit], origin[hit], direction[hit]
-            triangle, u, v, keys, clear = triangle[hit], u[hit], v[hit], keys[hit], clear[hit]
+            triangle, u, v, keys, on, clear = triangle[hit], u[hit], v[hit], keys[hit], on[hit], clear[hit]
             passed = np.zeros((len(row), 3))
             if clear.any():
                 passed[clear] = glass.factor(triangle[clear], u[clear], v[clear])
-            layers.append(Layer(row, keys, u, v, weight * (1 - passed)))
-            on = (weight * passed).max(1, initial=0) > 1e-3
-            if not on.any():
+            layers.append(Layer(row, keys, on, weight * (1 - passed)))
+            go = (weight * passed).max(1, initial=0) > 1e-3
+            if not go.any():
                 break
-            row, weight, direction = row[on], weight[on] * passed[on], direction[on]
-            origin = g.points(triangle[on], u[on], v[on])
-            N = g.normals(triangle[on])
+            row, weight, direction = row[go], weight[go] * passed[go], direction[go]
+            origin = g.points(triangle[go], u[go], v[go])
+            N = g.normals(triangle[go])
             N *= np.where((N * direction).sum(1) < 0, -1, 1)[:, None]
-            triangle, u, v, _, keys = self._trace(origin, direction, N, larger)
+            triangle, u, v, _, keys, on = self._trace(origin, direction, N, larger)
             assert self._clear is not None
             clear = (triangle >= 0) & self._clear[triangle]
 

@@ -32,28 +32,31 @@ i64 records_rays(i64 r, i64 d, i64 x, const f64 *P, const f64 *M, const f64 *tur
     return 0;
 }
 
-/* Fills how far rays went (0: they hit nothing), and the key of the patch that each hit. finest, steps: sizes of
-   patches are finest·2^i, the largest that is not above `share` of the way; for_small (s,T): the triangle that stands
-   for one smaller than that, −1: it is not smaller. */
+/* Fills how far rays went (0: they hit nothing), the key of the patch that each hit, and where on its axes. finest: sizes
+   of patches are finest·2^i, the largest that is not above `share` of the way, or the last; for_small (s,T): the triangle
+   that stands for one smaller than that, −1: it is not smaller. */
 KERNEL(records_met,
-       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  flipped bool[T]  longest f32[T]  "
-       "for_small i32[s,T]  finest f64  share f64  triangle i32[x]  u f32[x]  v f32[x]  origin f64[x,3]  "
-       "direction f64[x,3]  distance f32[x]!  keys u64[x]!")
+       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  for_small i32[s,T]  "
+       "finest f64  share f64  triangle i32[x]  u f32[x]  v f32[x]  origin f64[x,3]  direction f64[x,3]  "
+       "distance f32[x]!  keys u64[x]!  on f32[x,2]!")
 i64 records_met(i64 V, i64 T, i64 s, i64 x, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
-                const u8 *flipped, const f32 *longest, const i32 *for_small, f64 finest, f64 share, const i32 *triangle,
-                const f32 *u, const f32 *v, const f64 *origin, const f64 *direction, f32 *distance, u64 *keys) {
+                const i32 *other, const u8 *flipped, const i32 *for_small, f64 finest, f64 share, const i32 *triangle,
+                const f32 *u, const f32 *v, const f64 *origin, const f64 *direction, f32 *distance, u64 *keys, f32 *on) {
     (void)V;
     for (i64 k = 0; k < x; k++) {
-        i64 t = triangle[k], step = 0;
+        i64 t = triangle[k], step = 0, i, j;
+        on[2 * k] = on[2 * k + 1] = 0;
         if (t < 0) {
             distance[k] = 0, keys[k] = 0;
             continue;
         }
         Edges e = edges_of(vertices, triangles + 3 * t);
-        f64 normal[3], away = 0.0;
+        f64 normal[3], place[3], away = 0.0;
         cross(e.e, e.f, normal);
-        for (int j = 0; j < 3; j++)
-            away += square(e.a[j] + u[k] * e.e[j] + v[k] * e.f[j] - (origin[3 * k + j] - centre[j]) / scale);
+        for (int c = 0; c < 3; c++) {
+            place[c] = e.a[c] + u[k] * e.e[c] + v[k] * e.f[c];
+            away += square(place[c] - (origin[3 * k + c] - centre[c]) / scale);
+        }
         away = scale * sqrt(away);
         distance[k] = (f32)(away > 1e-30 ? away : 1e-30);
         f64 size = finest;
@@ -64,9 +67,11 @@ i64 records_met(i64 V, i64 T, i64 s, i64 x, const f64 *centre, f64 scale, const 
             keys[k] = key_at(small, front, 0, 0, 0);
             continue;
         }
-        int depth = halvings(longest[t], size);
-        Small at = small_at(u[k], v[k], depth);
-        keys[k] = key_at(t, front, depth, at.i, at.j) | (at.upper ? UPPER : 0);
+        Grid g = grid_of(vertices, triangles, other, scale, t, size);
+        f64 xy[2];
+        on_axes(&g.axes, place, xy), cell_of(&g, xy, &i, &j);
+        on[2 * k] = (f32)xy[0], on[2 * k + 1] = (f32)xy[1];
+        keys[k] = key_at(g.lead, front, (int)(s - step), i, j);
     }
     return 0;
 }

@@ -20,7 +20,7 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from ..support.statistics import Statistics
 from .directions import directions, tilted
-from .grids import Places
+from .grids import LAST, Places
 from .nearness import Nearness
 from .patches import Patches, add
 from .rays import Check, Field, Gatherer
@@ -99,11 +99,12 @@ class Records:
             number, known = self._numbers(around.keys, check)
             trust, close = np.empty(len(alive)), np.empty(len(alive), np.bool_)
             with self._field.stats.stage("gathered light: asked"):
-                _trust(number, around.weight, around.spacing, known.inverse, known.nearest, WITHIN, STRICT, self._fine,
-                       trust, close)
+                fine = np.inf if level >= LAST else self._fine  # there is no finer grid
+                _trust(number, around.weight, around.spacing, known.inverse, known.nearest, WITHIN, STRICT, fine, trust,
+                       close)
                 visible = self._visible(some, number, known, around.weight, np.flatnonzero(close & (trust > 0)))
                 end = around.spacing <= self._fine / 2**BEYOND
-                end |= level >= 40
+                end |= level >= LAST
                 left, found, free = share[alive], np.zeros((len(alive), 3)), np.zeros(len(alive))
                 _blend(number, around.weight, visible, trust, end, some.Ns, known.M, known.mean, known.open, left,
                        found, free)

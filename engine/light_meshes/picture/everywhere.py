@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..gathered.grids import Grids
 from ..gathered.nearness import Nearness
 from ..gathered.patches import Patches
-from ..gathered.rays import Field, Gatherer
+from ..gathered.rays import STEPS, Field, Gatherer
 from ..gathered.records import Records
 from ..rays.geometry import Hits
 from ..scene.description import Settings, same
@@ -73,7 +73,7 @@ def _alike(new: World, old: World) -> bool:
 def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, fine: float,
              stats: Statistics) -> Records:
     with stats.stage("gathered light: prepared"):
-        grids = Grids(world.surfaces, fine * 2.0**LEVELS)
+        grids = Grids(world.surfaces, fine * 2.0**LEVELS, PATCH * fine * 2.0**(STEPS - 1))
         sky = world.sky if settings.by_sky and not world.sky.dark else None
         field = Field(world.scene, grids, world.tracer, world.glass, sky, stats)
         gather = Gatherer(field, PATCH * fine)
