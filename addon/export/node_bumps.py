@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from . import values as v
-from .node_inputs import normal, to_world_normal, uv_tangent
+from .node_inputs import normal, normal_at, to_world_normal, uv_tangent
 from .values import Triple, Value
 
 # How many pixels apart Cycles takes heights for displacement's bumps.
@@ -30,7 +30,7 @@ def _own_normal(nodes) -> Triple:
 
 def given(nodes, node, name: str = "Normal") -> Triple | None:
     """The normal that an input gets; None: the surface's own."""
-    found = nodes.vector(node, name) if nodes.link(node, name) else nodes.displaced
+    found = normal_at(nodes, node, name) or nodes.displaced
     return None if found == normal() else found
 
 
@@ -101,7 +101,6 @@ def vector_displacement(nodes, node, socket) -> Triple:
     if node.space == 'TANGENT':
         n: Triple = v.outputs("object_normal", 3)  # type: ignore[assignment]
         t, sign = uv_tangent(nodes, "")
-        t, sign = tuple(map(v.unshifted, t)), v.unshifted(sign)  # type: ignore[assignment]
         b = v.normalized(v.cross(n, t))
         x, y, z = moved
         moved = tuple(x * t[i] + y * n[i] + z * sign * b[i] for i in range(3))  # type: ignore[assignment]

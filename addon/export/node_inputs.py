@@ -135,16 +135,18 @@ def _in_camera() -> Triple:
 
 
 def camera_data(nodes, node, socket) -> Triple | Value:
-    """The Camera Data node."""
-    place = _in_camera()
+    """The Camera Data node, which bumps do not move."""
+    place: Triple = v.outputs("to_camera", 3, *map(v.unshifted, position()))  # type: ignore[assignment]
     if socket.name == "View Vector":
         return v.normalized(place)
     return place[2] if socket.name == "View Z Depth" else v.length(place)
 
 
 def uv_tangent(nodes, name: str) -> tuple[Triple, Value]:
-    """The tangent of a UV map, in the object's space and as triangles interpolate it, and its sign."""
-    x, y, z, sign = (nodes.asked.corner("tangent", name, i) for i in range(4))
+    """The tangent of a UV map, in the object's space and as triangles interpolate it, and its sign; bumps do not move
+    it.
+    """
+    x, y, z, sign = (v.unshifted(nodes.asked.corner("tangent", name, i)) for i in range(4))
     return (x, y, z), sign
 
 
@@ -162,7 +164,7 @@ def tangent(nodes, node, socket) -> Triple:
 
 def radial_tangent(axis: str) -> Triple:
     """The direction around an axis through the middle of the mesh's texture space."""
-    x, y, z = (p - 0.5 for p in generated())
+    x, y, z = (v.unshifted(p) - 0.5 for p in generated())
     return _along_surface({'X': (0.0, -z, y), 'Y': (-z, 0.0, x), 'Z': (-y, x, 0.0)}[axis])
 
 
@@ -204,7 +206,13 @@ def fresnel_of(cosine: Value, ior: Value) -> Value:
 
 def _normal_or(nodes, node) -> Triple:
     """The normal that an input names, or the surface's, with its displacement."""
-    return nodes.vector(node, "Normal") if nodes.link(node, "Normal") else nodes.displaced or normal()
+    return normal_at(nodes, node, "Normal") or nodes.displaced or normal()
+
+
+def normal_at(nodes, node, socket: str) -> Triple | None:
+    """The normal that feeds an input; None: nothing does. Cycles overlooks one that is the same everywhere."""
+    found = nodes.vector(node, socket) if nodes.link(node, socket) else (0.0, 0.0, 0.0)
+    return None if v.is_constant(*found) else found
 
 
 def fresnel(nodes, node, socket) -> Value:

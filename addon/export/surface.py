@@ -141,12 +141,21 @@ class Surface:
         """Its layers, each by itself, the first one first."""
         return (replace(self, layers=(), alpha=1.0), *self.layers)
 
+    @property
+    def reflects(self) -> bool:
+        """Whether it reflects any light."""
+        return self.facets.shines or not _zero(self.kd, *self.specular)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether a normal makes no difference to it."""
+        return not self.reflects and _zero(*self.translucent) and v.is_constant(self.ior) and self.ior == 1
+
     def fits(self, other: Surface) -> bool:
         """Whether one layer can be exactly both of these."""
         a, b = self, other
-        for one in (a, b):
-            if _zero(one.kd, *one.specular) and not one.facets.shines:
-                return True
+        if not (a.reflects and b.reflects):
+            return True
         if a.fresnel or b.fresnel:
             return a.fresnel and b.fresnel
         matt = not _zero(a.kd), not _zero(b.kd)
@@ -241,8 +250,10 @@ def _triple(numbers) -> Triple:
 
 def _bent(a: Surface, b: Surface, weight_a: Value, weight_b: Value) -> Triple | None:
     """The normal of two surfaces together: one, as the engine has no more, each as much as it is seen."""
-    if same(a.normal, b.normal):
+    if same(a.normal, b.normal) or b.is_flat:
         return a.normal
+    if a.is_flat:
+        return b.normal
     if v.is_constant(weight_b) and weight_b == 0:
         return a.normal
     if v.is_constant(weight_a) and weight_a == 0:

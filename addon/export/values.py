@@ -219,7 +219,7 @@ def plain_image(values: Sequence[Value], first: int) -> int:
 
 
 # What is evaluated beside a point for bumps, and how many arguments it has without a shift.
-SHIFTED = {"uv": 0, "position": 0, "object": 0, "generated": 0, "attribute": 1}
+SHIFTED = {"uv": 0, "position": 0, "object": 0, "generated": 0, "attribute": 1, "window": 0, "parametric": 0}
 
 
 def shifted(value: Value, step: int, width: float) -> Value:
@@ -236,7 +236,7 @@ def shifted(value: Value, step: int, width: float) -> Value:
 
 
 def unshifted(value: Value) -> Value:
-    """The value of an attribute, also where bumps are taken beside points."""
+    """The value at points themselves, also where bumps are taken beside them."""
     return shifted(value, 0, 1.0)
 
 

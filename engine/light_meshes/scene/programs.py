@@ -40,7 +40,7 @@ OF_LAMPS = {"ray_length", "ies"}  # only a lamp's program may have these
 NOT_OF_LAMPS = {"attribute", "instance", "corner_normal", "bump", "covered"}  # a lamp's may not have these
 # These may have two more arguments, for bumps: they are taken one step beside the point, along the first (1) or the
 # second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
-SHIFTED = {"uv", "position", "object", "generated", "attribute"}
+SHIFTED = {"uv", "position", "object", "generated", "attribute", "window", "parametric"}
 # What only a point of a surface has: a world's program must not ask for it.
 NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump",
                  "box", "to_world_normal", "to_world", "to_object", "to_object_normal", "corner_normal", "parametric",

@@ -78,3 +78,10 @@ static inline void to_base(const f64 *m, const f64 *tables, f64 facing, f64 on_c
         through[j] = left * (1.0 + m[G_COAT] * ((tint == 1.0 ? 1.0 : pow(tint, way)) - 1.0));
     }
 }
+
+/* Of a colour that is dimmed by what lies over it, as it is by itself. */
+static inline void undimmed(const f64 *m, const f64 *tables, f64 facing, f64 on_coat, f64 *colour) {
+    f64 through[3], left = below(m, tables, facing);
+    to_base(m, tables, facing, on_coat, through);
+    for (int j = 0; j < 3; j++) colour[j] /= left * through[j] > 1e-6 ? left * through[j] : 1.0;
+}

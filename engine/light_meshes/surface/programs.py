@@ -241,7 +241,7 @@ _OF_POINTS: dict[str, Callable[..., Sequence[Register]]] = {
     "instance": _instance_value, "ray": lambda p, kind: ((p.ray == kind).astype(np.float64),),
     "to_world": _to_world, "to_object": _to_object, "to_object_normal": _to_object_normal,
     "from_camera": _from_camera, "in_camera": _camera_vector, "to_world_normal": _world_normal,
-    "to_camera": _in_camera, "window": _window,
+    "to_camera": _in_camera,
     "covered": _covered, "bump": _bump, "box": _box, "ies": _ies,
     "corner_normal": lambda p: _columns(p.at_corners(p.around.surfaces.corner_normals)),
 }
@@ -256,6 +256,7 @@ _INPUTS: dict[str, Callable[[Any], Sequence[Register]]] = {
     "object_normal": _object_normal,
     "object_location": _location,
     "parametric": lambda p: _columns(p.parametric),
+    "window": _window,
     "ray_length": lambda p: (p.length,),
     "backfacing": lambda p: [(~p.front).astype(np.float64)],
 }

@@ -125,8 +125,10 @@ static u64 fill(Block *b, i64 first, const Materials *materials, const Receivers
             if (hits->smooth) on_coat = -dot3(hits->smooth + 3 * p, hits->direction + 3 * p);
             fill_facets(b, k, row[G_ON] != 0.0 ? row : 0, materials->tables, on_coat);
             if (row[G_SIGMA] > 0.0) {
+                f64 own[3] = {hits->Od[3 * p], hits->Od[3 * p + 1], hits->Od[3 * p + 2]};
+                if (row[G_ON] != 0.0 && materials->tables) undimmed(row, materials->tables, b->facing[k], on_coat, own);
                 b->returns[k] |= ROUGH_MATT;
-                b->rough[k] = rough_matt(row[G_SIGMA], b->facing[k], hits->Od + 3 * p);
+                b->rough[k] = rough_matt(row[G_SIGMA], b->facing[k], own);
             }
         }
         all |= b->returns[k];
