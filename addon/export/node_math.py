@@ -211,7 +211,7 @@ def clamp_node(nodes, node, socket) -> Value:
 
 
 def _mapped(kind: str, clamps: bool, value: Value, a: Value, b: Value, to_a: Value, to_b: Value,
-            steps: Value, vector: bool) -> Value:
+            steps: Value, *, vector: bool) -> Value:
     """Map Range of one number, or of one of a vector."""
     if kind in ('SMOOTHSTEP', 'SMOOTHERSTEP'):
         t = v.clamp(v.divide(value - a, b - a))
@@ -238,8 +238,8 @@ def map_range_node(nodes, node, socket) -> Value | Triple:
         found.append((4.0, 4.0, 4.0) if vector else 4.0)  # the steps, which only one kind has
     kind, clamps = node.interpolation_type, node.clamp
     if not vector:
-        return _mapped(kind, clamps, *found[:6], False)
-    each = [_mapped(kind, clamps, *numbers, True) for numbers in zip(*found[:6], strict=True)]
+        return _mapped(kind, clamps, *found[:6], vector=False)
+    each = [_mapped(kind, clamps, *numbers, vector=True) for numbers in zip(*found[:6], strict=True)]
     return each[0], each[1], each[2]
 
 
