@@ -17,7 +17,7 @@ from ..rays.geometry import Surfaces
 from ..support.native import kernel
 
 _around, _places, _inside = kernel("grids_around"), kernel("grids_places"), kernel("grids_inside")
-_wider, _finer = kernel("grids_wider"), kernel("grids_finer")
+_wider, _finer, _behind = kernel("grids_wider"), kernel("grids_finer"), kernel("grids_behind")
 _longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
 _CORNER = np.uint64(1 << 63)
 INSET = 0.012  # as in grids.h
@@ -135,7 +135,8 @@ class Grids:
         """
         n = len(P)
         found = Around(np.empty((n, 3), np.uint64), np.empty((n, 3)), np.empty(n))
-        _around(*self.shape, self.other, self.flipped, self.longest, self.corner, self.coarse, level, triangle, P, Ng, *found)
+        _around(*self.shape, self.other, self.flipped, self.longest, self.corner, self.coarse, level, triangle, P, Ng,
+                *found)
         return found
 
     def places(self, keys: NDArray[np.uint64]) -> Places:
@@ -153,11 +154,14 @@ class Grids:
         P[own], N[own], spacing[own] = found
         return Places(P, N, spacing, instance)
 
-    def points(self, triangle: NDArray, u: NDArray, v: NDArray) -> NDArray[np.float64]:
-        """The points (n,3) at barycentrics u, v (n,) of triangles (n,)."""
-        s = self.surfaces
-        a, b, c = np.moveaxis(s.vertices[s.triangles[triangle]].astype(np.float64), 1, 0)
-        return s.centre + s.scale * (a + u[:, None] * (b - a) + v[:, None] * (c - a))
+    def behind(self, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],
+               direction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The places (n,3) at barycentrics u, v (n,) of triangles (n,), and their normals to the side to which rays
+        along `direction` (n,3) go on.
+        """
+        P, N = np.empty((len(u), 3)), np.empty((len(u), 3))
+        _behind(*self.shape, triangle, u, v, direction, P, N)
+        return P, N
 
     def inside(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
         """The triangles (4n,), places and normals (4n,3) of four points that stand for each of the cells with these

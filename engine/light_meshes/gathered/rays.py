@@ -104,12 +104,13 @@ class Gatherer:
         hit = triangle >= 0
         # The solid angle that each ray speaks for, as they share the half-space by the cosine.
         width = np.tile(np.pi / (len(local) * np.maximum(local[:, 2], 1e-3)), len(P))
+        self._add_sky(light, np.flatnonzero(~hit), direction, None, width)
         clear = hit & self._clear[triangle] if self._clear is not None else None
-        if clear is None or not clear.any():
-            layers.append(Layer(np.flatnonzero(hit), keys[hit], on[hit], None))
-            self._add_sky(light, np.flatnonzero(~hit), direction, None, width)
-        else:
-            self._pass(origin, direction, first, clear, light, layers, larger, width)
+        stops = np.flatnonzero(hit if clear is None else hit & ~clear)
+        layers.append(Layer(stops, keys[stops], on[stops], None))
+        if clear is not None and clear.any():
+            rows = np.flatnonzero(clear)
+            self._pass(rows, direction[rows], tuple(a[rows] for a in first), light, layers, larger, width)
         return Seen(distance, light, layers)
 
     def _trace(self, origin: NDArray, direction: NDArray, normal: NDArray, larger: float) -> tuple[NDArray, ...]:
@@ -128,32 +129,29 @@ class Gatherer:
             found = sky.light(direction[rows] if weight is None else direction, width[rows])
             light[rows] += found if weight is None else weight * found
 
-    def _pass(self, origin: NDArray, direction: NDArray, first: tuple[NDArray, ...], clear: NDArray, light: NDArray,
-              layers: list[Layer], larger: float, width: NDArray[np.float64]) -> None:
-        """Follow rays through what lets them pass, straight on, as shadow rays go."""
+    def _pass(self, row: NDArray, direction: NDArray, met: tuple[NDArray, ...], light: NDArray, layers: list[Layer],
+              larger: float, width: NDArray[np.float64]) -> None:
+        """Follow rays (m,) of numbers `row`, which met what lets them pass, straight on, as shadow rays go."""
         g, glass = self._field.grids, self._field.glass
-        row, weight = np.arange(len(origin)), np.ones((len(origin), 3))
-        triangle, u, v, _, keys, on = first
+        weight = np.ones((len(row), 3))
+        assert self._clear is not None
         for _ in range(THROUGH):
-            hit = triangle >= 0
-            if not hit.all():
-                self._add_sky(light, row[~hit], direction[~hit], weight[~hit], width)
-            row, weight, origin, direction = row[hit], weight[hit], origin[hit], direction[hit]
-            triangle, u, v, keys, on, clear = triangle[hit], u[hit], v[hit], keys[hit], on[hit], clear[hit]
+            triangle, u, v, _, keys, on = met
+            clear = self._clear[triangle]
             passed = np.zeros((len(row), 3))
-            if clear.any():
-                passed[clear] = glass.factor(triangle[clear], u[clear], v[clear])
+            passed[clear] = glass.factor(triangle[clear], u[clear], v[clear])
             layers.append(Layer(row, keys, on, weight * (1 - passed)))
-            go = (weight * passed).max(1, initial=0) > 1e-3
-            if not go.any():
+            go = np.flatnonzero((weight * passed).max(1, initial=0) > 1e-3)
+            if not len(go):
                 break
             row, weight, direction = row[go], weight[go] * passed[go], direction[go]
-            origin = g.points(triangle[go], u[go], v[go])
-            N = g.normals(triangle[go])
-            N *= np.where((N * direction).sum(1) < 0, -1, 1)[:, None]
-            triangle, u, v, _, keys, on = self._trace(origin, direction, N, larger)
-            assert self._clear is not None
-            clear = (triangle >= 0) & self._clear[triangle]
+            P, N = g.behind(triangle[go], u[go], v[go], direction)
+            met = self._trace(P, direction, N, larger)
+            hit = met[0] >= 0
+            if not hit.all():
+                self._add_sky(light, row[~hit], direction[~hit], weight[~hit], width)
+                row, weight, direction = row[hit], weight[hit], direction[hit]
+                met = tuple(a[hit] for a in met)
 
 
 Check = Callable[[], None]

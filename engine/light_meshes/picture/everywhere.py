@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ from .world import World
 
 FINE = 2.0  # the finest distance of records, in steps h that suit the picture
 LEVELS = 6  # that are coarser, each by 2
+LAMP_RAYS = 4  # from each point of a patch to each lamp, where there are
+FEW_LAMPS = 64  # or fewer; one where there are more
 PATCH = 2.0  # the size of the smallest patches, in finest distances
 
 
@@ -83,19 +86,20 @@ def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, f
         left = gives[world.surfaces.materials[world.surfaces.source]] & met
         if world.as_lamps is not None:
             left &= ~world.as_lamps
-        patches = Patches(field, gather, Look(world, lighting, _sharp(world, plan, settings, stats)),
+        patches = Patches(field, gather, Look(world, lighting, _shadows(world, plan, settings, stats)),
                           len(world.scene.lights), bool(left.any()), PATCH * fine)
     return Records(field, gather, patches, Nearness(grids, met), fine, settings.bounces)
 
 
-def _sharp(world: World, plan: Plan, settings: Settings, stats: Statistics) -> Method:
-    """Sharp shadows, for the lamps' light on patches."""
+def _shadows(world: World, plan: Plan, settings: Settings, stats: Statistics) -> Method:
+    """Shadows of the lamps' light on patches, by a few rays to points on each lamp: they are right in the mean."""
     lights = world.scene.lights
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
     through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
-    return KINDS["SHARP"].make(Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, settings, {},
-                                     through, None))
+    few = replace(settings, light_samples=LAMP_RAYS if len(lights) <= FEW_LAMPS else 1)
+    return KINDS["AREA_SAMPLING"].make(Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {},
+                                             through, None))
 
 
 class Look:
