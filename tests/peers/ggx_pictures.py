@@ -136,6 +136,8 @@ def mixes():
              "plastic, emission": (plastic, glow), "coat, diffuse": (coated, matt),
              "coat, plastic": (coated, plastic), "cloth, glossy": (cloth, sharp),
              "sheen, diffuse": (('ShaderNodeBsdfSheen', {"Roughness": 0.6, "Color": TINT}), matt)}
+    if bpy.app.version < (4, 3):  # then Cycles loses light that rough surfaces scatter several times
+        del pairs["two diffuse"]
     found = {}
     for name, (first, second) in pairs.items():
         found[f"{name}: .35"] = lambda tree, a=first, b=second: mixed(tree, 0.35, a, b)

@@ -98,8 +98,8 @@ def _shadows(world: World, plan: Plan, settings: Settings, stats: Statistics) ->
         return Unshadowed(len(lights))
     through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
     few = replace(settings, light_samples=LAMP_RAYS if len(lights) <= FEW_LAMPS else 1)
-    return KINDS["AREA_SAMPLING"].make(Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {},
-                                             through, None))
+    return KINDS["AREA_SAMPLING"].make(Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few,
+                                             {}, through, None))
 
 
 class Look:
