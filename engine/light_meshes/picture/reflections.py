@@ -13,6 +13,7 @@ from ..surface.blurred import spread
 from .prepared import Prepared
 from .wave import Rays, brightest
 
+LEANS = 0.8  # how far the mean of what is gathered leans to where a mirror looks, as a share of the normal
 LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
 
 
@@ -79,12 +80,14 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
 
 def _around(ready: Prepared, hits: Hits, direction: NDArray) -> NDArray[np.float64]:
     """The radiance (n,3) around hits of rays along `direction`, for what no ray follows: the mean of what is gathered
-    there, or else the world's light, as if nothing stood before it.
+    there on the side to which a mirror would send them, or else the world's light, as if nothing stood before it.
     """
-    if ready.lighting.everywhere is not None:
-        return ready.lighting.everywhere(hits, lambda: None).light
     turned = np.empty_like(hits.P)
     shading.mirrored(direction, hits.Ng, hits.Ns, turned)
+    if ready.lighting.everywhere is not None:
+        between = hits.Ns + LEANS * turned
+        between /= np.linalg.norm(between, axis=1, keepdims=True)
+        return ready.lighting.everywhere(hits._replace(Ns=between), lambda: None).light
     settings = ready.scene.settings
     ambient = 1.0 if settings.by_sky else settings.ambient
     return ambient * np.broadcast_to(ready.world.sky.light(turned), turned.shape)
