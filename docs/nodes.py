@@ -14,17 +14,14 @@ BLOCK = re.compile(r"(<!-- nodes -->\n).*?(\n<!-- end -->)", re.S)
 # What is read elsewhere than in the two tables.
 ELSEWHERE = {'ShaderNodeBackground': "of the world", 'ShaderNodeGroup': "followed, nested groups too",
              'ShaderNodeOutputMaterial': "", 'ShaderNodeOutputLight': "", 'ShaderNodeOutputWorld': "",
-             'ShaderNodeLightFalloff': "in lamps", 'ShaderNodeTexIES': "in lamps",
-             'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': ""}
+             'ShaderNodeLightFalloff': "in lamps", 'ShaderNodeTexIES': "in lamps"}
 # What a translated node does otherwise than in Cycles.
 NEARLY = {
-    'ShaderNodeBsdfPrincipled': "without subsurface, sheen, anisotropy, thin film",
+    'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': "as bumps",
+    'ShaderNodeBsdfPrincipled': "without subsurface, anisotropy, thin film",
     'ShaderNodeBsdfGlossy': "isotropic", 'ShaderNodeBsdfAnisotropic': "isotropic",
     'ShaderNodeBsdfMetallic': "isotropic",
     'ShaderNodeBsdfGlass': "shadows as of clear glass", 'ShaderNodeBsdfRefraction': "shadows as of clear glass",
-    'ShaderNodeMixShader': "two specular parts have one mean roughness",
-    'ShaderNodeAddShader': "two specular parts have one mean roughness",
-    'ShaderNodeNewGeometry': "without Pointiness and Random Per Island",
     'ShaderNodeTexSky': "Hosek / Wilkie as Preetham",
     'ShaderNodeLightPath': "without Ray Length and depths; in lamps with both",
 }

@@ -72,14 +72,14 @@ def _random(instance: Any, source: Any) -> float:
         word = 0
         for byte in source.name.encode():
             word = (word * 37 + byte) & 0xFFFFFFFF
-        word = _jenkins(word, 0)
+        word = jenkins(word, 0)
     return word / 0xFFFFFFFF
 
 
-def _jenkins(x: int, y: int) -> int:
-    """Bob Jenkins' hash (lookup3) of two words."""
-    c = 0xdeadbeef + (2 << 2) + 13
-    words = [(c + x) & 0xFFFFFFFF, (c + y) & 0xFFFFFFFF, c & 0xFFFFFFFF]
+def jenkins(*numbers: int) -> int:
+    """Bob Jenkins' hash (lookup3) of one word or two."""
+    c = 0xdeadbeef + (len(numbers) << 2) + 13
+    words = [(c + x) & 0xFFFFFFFF for x in (*numbers, 0, 0)[:3]]
     for i, j, k in (2, 1, 14), (0, 2, 11), (1, 0, 25), (2, 1, 16), (0, 2, 4), (1, 0, 14), (2, 1, 24):
         turned = (words[j] << k | words[j] >> (32 - k)) & 0xFFFFFFFF
         words[i] = ((words[i] ^ words[j]) - turned) & 0xFFFFFFFF

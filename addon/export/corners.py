@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .channels import Key
+from .channels import Key, jenkins
 
 _PROPERTY = {'FLOAT': ("value", 1), 'INT': ("value", 1), 'INT8': ("value", 1), 'BOOLEAN': ("value", 1),
              'FLOAT2': ("vector", 2), 'FLOAT_VECTOR': ("vector", 3), 'FLOAT_COLOR': ("color", 4),
@@ -26,8 +26,10 @@ def channels(mesh: Any, wanted: Mapping[Key, int], arrays: dict[str, np.ndarray]
     found: dict[tuple, np.ndarray] = {}
     for (kind, name, component), number in wanted.items():
         if (kind, name) not in found:
-            found[kind, name] = _tangents(mesh, name, arrays, corners) if kind == "tangent" else _attribute(
-                mesh, kind, name, corners)
+            found[kind, name] = (
+                _tangents(mesh, name, arrays, corners) if kind == "tangent" else
+                _numbers(mesh, _OF_VERTICES[kind](mesh), corners) if kind in _OF_VERTICES else
+                _attribute(mesh, kind, name, corners))
         out[:, :, number] = found[kind, name][:, :, component]
     return out
 
@@ -59,6 +61,69 @@ def _attribute(mesh: Any, kind: str, name: str, corners: np.ndarray) -> np.ndarr
     return out
 
 
+def _numbers(mesh: Any, values: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """A number for each vertex (V,), as attributes (T,3,5) have them."""
+    return np.repeat(_at_corners(mesh, 'POINT', values.astype(np.float32)[:, None], corners), 5, axis=2)
+
+
+def _edges(mesh: Any) -> np.ndarray:
+    """The vertices (E,2) of edges."""
+    edges = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.edges.foreach_get("vertices", edges)
+    return edges.reshape(-1, 2)
+
+
+def _pointiness(mesh: Any) -> np.ndarray:
+    """(V,) the angle between the normal and the mean way to neighbours, over pi, and the mean of that over neighbours;
+    vertices at one place count as one.
+    """
+    place = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.vertices.foreach_get("co", place.ravel())
+    _, first, one = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    one, count = one.ravel(), len(first)
+    edges = np.unique(np.sort(one[_edges(mesh)], axis=1), axis=0)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+
+    def sums(values: np.ndarray, to: np.ndarray) -> np.ndarray:
+        return np.stack([np.bincount(to, column, count) for column in values.T.astype(np.float64)], axis=1)
+
+    own = np.empty((len(place), 3), np.float32)
+    mesh.vertex_normals.foreach_get("vector", own.ravel())
+    normal, at = _unit(sums(own, one)), place[first].astype(np.float64)
+    way = _unit(at[edges[:, 1]] - at[edges[:, 0]])
+    number = np.maximum(np.bincount(edges.ravel(), minlength=count), 1)
+    mean = (sums(way, edges[:, 0]) - sums(way, edges[:, 1])) / number[:, None]
+    angle = np.arccos(np.clip((normal * mean).sum(1), -1, 1)) / np.pi
+    angle[np.bincount(edges.ravel(), minlength=count) == 0] = 0
+    around = sum(np.bincount(edges[:, k], angle[edges[:, 1 - k]], count) for k in (0, 1))
+    return ((angle + around) / (np.bincount(edges.ravel(), minlength=count) + 1))[one]
+
+
+def _islands(mesh: Any) -> np.ndarray:
+    """(V,) a random number for each part of the mesh that hangs together, which Cycles' way to find them says."""
+    parent, rank = list(range(len(mesh.vertices))), [0] * len(mesh.vertices)
+
+    def root(x: int) -> int:
+        while parent[x] != x:
+            parent[x] = x = parent[parent[x]]
+        return x
+
+    for a, b in _edges(mesh).tolist():
+        a, b = root(a), root(b)
+        if a != b:
+            if rank[a] < rank[b]:
+                a, b = b, a
+            parent[b] = a
+            rank[a] += rank[a] == rank[b]
+    roots = np.array([root(x) for x in range(len(parent))], np.int64)
+    found, one = np.unique(roots, return_inverse=True)
+    return np.array([jenkins(int(x)) / 0xFFFFFFFF for x in found])[one.ravel()]
+
+
+# What Cycles works out for each vertex of a mesh.
+_OF_VERTICES = {"Pointiness": _pointiness, "Random Per Island": _islands}
+
+
 def _at_corners(mesh: Any, domain: str, values: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Values (n,k) of a domain at the corners of triangles (T,3,k)."""
     if domain == 'CORNER':
@@ -68,8 +133,7 @@ def _at_corners(mesh: Any, domain: str, values: np.ndarray, corners: np.ndarray)
         mesh.loop_triangle_polygons.foreach_get("value", polygon)
         return np.broadcast_to(values[polygon][:, None], (len(corners), 3, values.shape[1]))
     if domain == 'EDGE':  # the mean of a vertex's edges, as Cycles
-        edges = np.empty(2 * len(mesh.edges), np.int32)
-        mesh.edges.foreach_get("vertices", edges)
+        edges = _edges(mesh).ravel()
         total = np.zeros((len(mesh.vertices), values.shape[1]))
         np.add.at(total, edges, np.repeat(values, 2, axis=0))
         values = (total / np.maximum(np.bincount(edges, minlength=len(total)), 1)[:, None]).astype(np.float32)

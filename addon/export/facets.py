@@ -29,6 +29,10 @@ class Facets:
     coat_roughness: Value = 0.0
     coat_ior: Value = 1.5
     coat_tint: Triple = WHITE
+    sheen: Value = 0.0  # weight of fibres over all that
+    sheen_roughness: Value = 0.3
+    sheen_tint: Triple = WHITE
+    share: Value = 1.0  # of the light of coat and sheen that counts
 
     @classmethod
     def glossy(cls, color: Triple, roughness: Value, compensation: Value = 1.0) -> Facets:
@@ -76,37 +80,99 @@ class Facets:
         return replace(self, coat=v.clamp(weight), coat_roughness=v.clamp(roughness), coat_ior=v.maximum(ior, 1.0),
                        coat_tint=_held(tint))
 
+    @classmethod
+    def fibres(cls, color: Triple, roughness: Value) -> Facets:
+        """Sheen BSDF: fibres alone."""
+        return cls().with_sheen(1.0, roughness, color)
+
+    def with_sheen(self, weight: Value, roughness: Value, tint: Triple) -> Facets:
+        """These facets below fibres."""
+        tint = tuple(v.maximum(c, 0.0) for c in tint)  # type: ignore[assignment]
+        most = v.maximum(v.largest(tint), 1.0)  # the engine takes no colour above 1
+        return replace(self, sheen=v.maximum(weight, 0.0) * most, sheen_roughness=v.clamp(roughness),
+                       sheen_tint=_held(v.divide(c, most) for c in tint))
+
+    def times(self, share: Value) -> Facets:
+        """So much of what they reflect."""
+        return replace(self, metal=self.metal * share, dielectric=self.dielectric * share, share=self.share * share)
+
+    def dims(self, color: Triple) -> Triple:
+        """What of a colour below the coat and the fibres is seen."""
+        if not self.covers:
+            return color
+        through = v.outputs("covered", 3, self.coat, self.coat_roughness, v.minimum(self.coat_ior, 1000.0),
+                            *self.coat_tint, self.sheen, self.sheen_roughness, *self.sheen_tint)
+        return tuple(c * t for c, t in zip(color, through, strict=True))  # type: ignore[return-value]
+
     def coat_reflectance(self) -> Value:
         """What the coat reflects at normal incidence."""
         return self.coat * squared((self.coat_ior - 1) / (self.coat_ior + 1))
 
-    def plus(self, other: Facets, mine: Value, others: Value, below: tuple[Value, Value]) -> Facets:
-        """The weighted sum of two; where there can only be one value it is the mean.
+    @property
+    def covers(self) -> bool:
+        """Whether a coat or fibres lie over what is diffuse."""
+        return not (v.is_constant(self.coat, self.sheen) and self.coat == self.sheen == 0)
 
-        below: how much of what is diffuse is each one's.
+    @property
+    def shines(self) -> bool:
+        """Whether there is any lobe."""
+        return self.covers or not (v.is_constant(self.metal, self.dielectric) and self.metal == self.dielectric == 0)
+
+    def fits(self, other: Facets, matt: bool, others_matt: bool) -> bool:
+        """Whether one layer can have exactly the lobes of both. matt: whether there is something diffuse in each."""
+        a, b = self, other
+        if (a.covers and (b.shines or others_matt)) or (b.covers and (a.shines or matt)):
+            return False
+        below = ("layered", "ior", "tint", "roughness", "compensation")  # by which what is diffuse is dimmed
+        for one, two, there in ((a, b, others_matt), (b, a, matt)):
+            if there and not (v.is_constant(one.layered) and one.layered == 0) and not (
+                    two.shines and all(same(getattr(a, name), getattr(b, name)) for name in below)):
+                return False
+        if not (a.shines and b.shines):
+            return True
+        names = ["roughness", "compensation"]
+        for lobe, own in (("metal", ("F0", "F90", "F82")), ("dielectric", ("ior", "tint"))):
+            if not any(v.is_constant(w) and w == 0 for w in (getattr(a, lobe), getattr(b, lobe))):
+                names += own
+        return all(same(getattr(a, name), getattr(b, name)) for name in names)
+
+    def plus(self, other: Facets, below: tuple[Value, Value], mirrors: tuple[bool, bool]) -> Facets:
+        """The sum of two; where there can only be one value it is the mean.
+
+        below: how much of what is diffuse is each one's; mirrors: which of them Fresnel's equations of glass are for.
         """
         a, b = self, other
-        metals, plates = (mine * a.metal, others * b.metal), (mine * a.dielectric, others * b.dielectric)
-        coats = mine * a.coat, others * b.coat
+        metals, plates = (a.metal, b.metal), (a.dielectric, b.dielectric)
         shine = tuple(m * v.largest(s.F0) + d * squared((s.ior - 1) / (s.ior + 1))
                       for m, d, s in zip(metals, plates, (a, b), strict=True))
-        return Facets(
+        made = Facets(
             roughness=weighted((a.roughness,), (b.roughness,), *shine)[0],
             metal=metals[0] + metals[1],
             F0=weighted(a.F0, b.F0, *metals), F90=weighted(a.F90, b.F90, *metals), F82=weighted(a.F82, b.F82, *metals),
             dielectric=plates[0] + plates[1],
             ior=weighted((a.ior,), (b.ior,), *plates)[0], tint=weighted(a.tint, b.tint, *plates),
             layered=weighted((a.layered,), (b.layered,), *below)[0],
-            compensation=weighted((a.compensation,), (b.compensation,), *shine)[0],
-            coat=coats[0] + coats[1], coat_tint=weighted(a.coat_tint, b.coat_tint, *coats),
+            compensation=weighted((a.compensation,), (b.compensation,), *shine)[0])
+        if a.covers and b.covers:
+            return made._covered_by_both(a, b)
+        above = b if b.covers else a
+        shares = [s.share for s, counts in zip((a, b), mirrors, strict=True) if counts]
+        return replace(made, share=above.share if above.covers else sum(shares) if shares else 1.0,
+                       **{name: getattr(above, name) for name in ABOVE})
+
+    def _covered_by_both(self, a: Facets, b: Facets) -> Facets:
+        """These below the means of the coats and fibres of two others."""
+        coats, sheens = (a.coat * a.share, b.coat * b.share), (a.sheen * a.share, b.sheen * b.share)
+        return replace(
+            self, coat=coats[0] + coats[1], coat_tint=weighted(a.coat_tint, b.coat_tint, *coats),
             coat_roughness=weighted((a.coat_roughness,), (b.coat_roughness,), *coats)[0],
             coat_ior=weighted((a.coat_ior,), (b.coat_ior,), *coats)[0],
-        )
+            sheen=sheens[0] + sheens[1], sheen_tint=weighted(a.sheen_tint, b.sheen_tint, *sheens),
+            sheen_roughness=weighted((a.sheen_roughness,), (b.sheen_roughness,), *sheens)[0])
 
     def parameters(self) -> dict[str, Any]:
         """What the engine's Material says of it; nothing where nothing shines."""
-        lobes = self.metal, self.dielectric, self.coat
-        if v.is_constant(*lobes) and not any(lobes):
+        if not self.shines:
             return {}
         return {
             "highlight": 'GGX', "roughness": v.clamp(self.roughness),
@@ -116,10 +182,21 @@ class Facets:
             "compensation": v.clamp(self.compensation),
             "coat": v.clamp(self.coat), "coat_roughness": self.coat_roughness,
             "coat_ior": v.minimum(self.coat_ior, 1000.0), "coat_tint": list(self.coat_tint),
+            "sheen": self.sheen, "sheen_roughness": self.sheen_roughness, "sheen_tint": list(self.sheen_tint),
+            "share": v.maximum(self.share, 0.0),
         }
 
 
 NO_FACETS = Facets()
+# What lies over the lobes.
+ABOVE = ("coat", "coat_roughness", "coat_ior", "coat_tint", "sheen", "sheen_roughness", "sheen_tint")
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two values or colours are the same number, or the same expression."""
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return all(same(x, y) for x, y in zip(a, b, strict=True))
+    return a is b or bool(v.is_constant(a, b) and a == b)
 
 
 def squared(a: Value) -> Value:
@@ -129,6 +206,9 @@ def squared(a: Value) -> Value:
 
 def weighted(a: tuple, b: tuple, weight_a: Value, weight_b: Value) -> Any:
     """The weighted mean of two colours or numbers; the first where both weights are 0."""
+    for one, nothing in ((a, weight_b), (b, weight_a)):
+        if v.is_constant(nothing) and nothing == 0:
+            return one
     total = weight_a + weight_b
     counts = v.greater(total, 0.0)
     share_a, share_b = v.divide(weight_a, total), v.divide(weight_b, total)

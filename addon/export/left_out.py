@@ -28,7 +28,7 @@ _READ = {
     'ShaderNodeBsdfPrincipled': {
         "Base Color", "Metallic", "Roughness", "IOR", "Alpha", "Normal", "Specular IOR Level", "Specular Tint",
         "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal",
-        "Diffuse Roughness",
+        "Diffuse Roughness", "Sheen Weight", "Sheen Roughness", "Sheen Tint",
         "Transmission Weight", "Emission Color", "Emission Strength"},
     'ShaderNodeBsdfDiffuse': {"Color", "Roughness", "Normal"},
     'ShaderNodeBsdfGlossy': {"Color", "Roughness", "Normal"},
@@ -36,6 +36,7 @@ _READ = {
     'ShaderNodeBsdfGlass': {"Color", "Roughness", "IOR", "Normal"},
     'ShaderNodeBsdfRefraction': {"Color", "Roughness", "IOR", "Normal"},
     'ShaderNodeBsdfTransparent': {"Color"},
+    'ShaderNodeBsdfSheen': {"Color", "Roughness", "Normal"},
     'ShaderNodeBsdfTranslucent': {"Color", "Normal"},
     'ShaderNodeEmission': {"Color", "Strength"},
     'ShaderNodeMixShader': {"Fac", "Factor"},  # its name before 5.0
@@ -49,7 +50,6 @@ _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
             instead="it is rendered without subsurface scattering",
             details=("Subsurface Radius", "Subsurface Scale", "Subsurface IOR", "Subsurface Anisotropy")),
         "Anisotropic": LeftOut(instead=_ROUND, details=("Anisotropic Rotation", "Tangent")),
-        "Sheen Weight": LeftOut(instead="it is rendered without a sheen", details=("Sheen Roughness", "Sheen Tint")),
         "Thin Film Thickness": _FILM,
     },
     'ShaderNodeBsdfGlossy': {"Anisotropy": LeftOut(instead=_ROUND, details=("Rotation", "Tangent"))},

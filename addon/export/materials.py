@@ -109,9 +109,16 @@ class Materials:
         asked = Asked(self._channels)
         nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)
         surface = translated(material, nodes)
+        if material and surface.normal and not getattr(  # Cycles may be switched off
+                getattr(material, "cycles", None), "use_bump_map_correction", True):
+            report.warn("Bump Map Correction is switched off, but bumps are rendered with it", "Material",
+                        material.name)
         description: dict[str, Any] = {"name": material.name if material else DEFAULT, "image": -1, "alpha_image": -1}
         overrides = material.light_meshes if material else None
-        description |= _written(_parameters(surface, _overrides(overrides) if overrides else {}))
+        layers = _layers(surface, _overrides(overrides) if overrides else {})
+        if nodes and nodes.displaced:
+            layers[0]["displaced"] = list(nodes.displaced)
+        description |= _written(*layers)
         if overrides:
             description |= {
                  name: getattr(overrides, name) for name in ("priority", "cast_soft_shadows", "receive_soft_shadows")}
@@ -158,7 +165,21 @@ _TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "
             "diffuse_roughness": 0.5, "translucent": [0.5] * 3,
             "roughness": 0.5, "metal": 0.5, "F0": [0.8] * 3, "F90": [1.0] * 3, "F82": [1.0] * 3, "dielectric": 0.5,
             "dielectric_ior": 1.5, "dielectric_tint": [1.0] * 3, "layered": 1.0, "compensation": 1.0,
-            "coat": 0.5, "coat_roughness": 0.1, "coat_ior": 1.5, "coat_tint": [1.0] * 3}
+            "coat": 0.5, "coat_roughness": 0.1, "coat_ior": 1.5, "coat_tint": [1.0] * 3,
+            "sheen": 0.5, "sheen_roughness": 0.3, "sheen_tint": [1.0] * 3, "share": 1.0}
+
+
+# What only the first layer of a material says, as it holds for the surface as a whole.
+_OF_ALL = {"emission", "kt", "ior", "fresnel", "alpha", "frosted", "translucent"}
+
+
+def _layers(surface: Surface, chosen: dict[str, Any]) -> list[dict[str, Any]]:
+    """`_parameters` of each layer. What the artist has chosen is for the whole, which then is one layer."""
+    if chosen:
+        return [_parameters(surface.merged(), chosen)]
+    first, *further = (_parameters(part, {}) for part in surface.parts())
+    layers = ({name: value for name, value in layer.items() if name not in _OF_ALL} for layer in further)
+    return [first | {"alpha": surface.alpha}, *layers]
 
 
 def _parameters(surface: Surface, chosen: dict[str, Any]) -> dict[str, Any]:
@@ -187,32 +208,53 @@ def typical(name: str, value: Any) -> Any:
     return value if values.is_constant(*channels) else _TYPICAL[name]
 
 
-def _written(found: dict[str, Any]) -> dict[str, Any]:
-    """What the engine's Material says of Whitted's parameters: numbers, images, and a program for all else."""
-    description = {name: typical(name, value) for name, value in found.items() if name != "normal"}
-    varies = {name: value for name, value in found.items() if name == "normal" or description[name] is not value}
+def _written(*layers: dict[str, Any]) -> dict[str, Any]:
+    """What the engine's Material says of Whitted's parameters, layer by layer: numbers, images, and one program for all
+    else.
+    """
+    descriptions: list[dict[str, Any]] = []
+    varies: dict[str, Any] = {}
+    for n, found in enumerate(layers):
+        description, own = _plain(found)
+        descriptions.append({"name": f"layer {n}"} | description if n else description)
+        varies |= {f"{n}.{name}" if n else name: value for name, value in own.items()}
+    first, *further = descriptions
+    if further:
+        first["layers"] = further
+    if varies:
+        operations, results = values.compiled(varies)
+        first["program"] = {"operations": operations, "values": results}
+    return first
+
+
+# Values of programs only: the normal for shading, and the surface's with its displacement shown as bumps.
+_NORMALS = {"normal", "displaced"}
+
+
+def _plain(found: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What of a layer's parameters are numbers and images, and what is left for a program."""
+    description = {name: typical(name, value) for name, value in found.items() if name not in _NORMALS}
+    varies = {name: value for name, value in found.items() if name in _NORMALS or description[name] is not value}
     if "Od" in varies and (image := values.plain_image(varies["Od"], 0)) >= 0:
         description["image"] = image
         del varies["Od"]
     if "alpha" in varies and (image := values.plain_image([varies["alpha"]], 3)) >= 0:
         description |= {"alpha_image": image, "alpha": 1.0}
         del varies["alpha"]
-    if varies:
-        operations, results = values.compiled(varies)
-        description["program"] = {"operations": operations, "values": results}
-    return description
+    return description, varies
 
 
 def _uses_uv(description: dict[str, Any]) -> bool:
     """Whether anything that is left after overrides is placed by a UV map."""
     program = description.get("program", {"operations": []})
-    return (max(description["image"], description["alpha_image"]) >= 0
+    images = [layer.get("image", -1) for layer in description.get("layers", ())]
+    return (max(description["image"], description["alpha_image"], *images) >= 0
             or any(name == "uv" for name, *_ in program["operations"]))
 
 
 def translated_value(material, name: str):
     """Whitted's parameter `name` as translated from the nodes, without overrides: what the panel shows."""
-    return typical(name, _parameters(translate(material, Report()), {})[name])
+    return typical(name, _parameters(translate(material, Report()).merged(), {})[name])
 
 
 _OVERRIDDEN = tuple(Surface().whitted())

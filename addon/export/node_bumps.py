@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from . import values as v
-from .node_inputs import normal, to_world_normal, uv_tangent
+from .node_inputs import normal, normal_at, to_world_normal, uv_tangent
 from .values import Triple, Value
 
 # How many pixels apart Cycles takes heights for displacement's bumps.
@@ -30,7 +30,7 @@ def _own_normal(nodes) -> Triple:
 
 def given(nodes, node, name: str = "Normal") -> Triple | None:
     """The normal that an input gets; None: the surface's own."""
-    found = nodes.vector(node, name) if nodes.link(node, name) else nodes.displaced
+    found = normal_at(nodes, node, name) or nodes.displaced
     return None if found == normal() else found
 
 
@@ -67,15 +67,49 @@ def normal_map(nodes, node, socket) -> Triple:
     return v.normalized(tuple(a + (c - a) * strength for a, c in zip(own, found, strict=True)))  # type: ignore[arg-type]
 
 
-def displacement(nodes, node) -> Value | None:
-    """How far a Displacement node raises the surface, in the world; None: it is another node."""
-    if node.bl_idname != 'ShaderNodeDisplacement':
-        return None
-    height = (nodes.value(node, "Height") - nodes.value(node, "Midlevel")) * nodes.value(node, "Scale")
-    return height * v.operation("object_scale") if node.space == 'OBJECT' else height
+def height(nodes, output) -> Value:
+    """How far the displacement of a material's output raises the surface, along its normal, in the world."""
+    link = nodes.link(output, "Displacement")
+    if link.from_node.bl_idname == 'ShaderNodeDisplacement' and not nodes.link(link.from_node, "Normal"):
+        raised = _raised(nodes, link.from_node)
+        return raised if link.from_node.space == 'WORLD' else raised * v.dot(_by_object(normal()), normal())
+    return v.dot(nodes.vector(output, "Displacement"), normal())
+
+
+def _raised(nodes, node) -> Value:
+    return (nodes.value(node, "Height") - nodes.value(node, "Midlevel")) * nodes.value(node, "Scale")
+
+
+def _by_object(n: Triple) -> Triple:
+    """What 1 along a normal in the object's own space is in the world."""
+    return v.outputs("to_world", 3, *v.outputs("to_object_normal", 3, *n), 0.0)  # type: ignore[return-value]
+
+
+def displacement(nodes, node, socket) -> Triple:
+    """The Displacement node: by how much the surface moves, in the world."""
+    raised, n = _raised(nodes, node), given(nodes, node) or normal()
+    n = n if node.space == 'WORLD' else _by_object(n)
+    return tuple(c * raised for c in n)  # type: ignore[return-value]
+
+
+def vector_displacement(nodes, node, socket) -> Triple:
+    """The Vector Displacement node."""
+    middle, scale = nodes.value(node, "Midlevel"), nodes.value(node, "Scale")
+    moved: Triple = tuple((c - middle) * scale for c in nodes.vector(node, "Vector"))  # type: ignore[assignment]
+    if node.space == 'WORLD':
+        return moved
+    if node.space == 'TANGENT':
+        n: Triple = v.outputs("object_normal", 3)  # type: ignore[assignment]
+        t, sign = uv_tangent(nodes, "")
+        b = v.normalized(v.cross(n, t))
+        x, y, z = moved
+        moved = tuple(x * t[i] + y * n[i] + z * sign * b[i] for i in range(3))  # type: ignore[assignment]
+    return v.outputs("to_world", 3, *moved, 0.0)  # type: ignore[return-value]
 
 
 NODES = {
     'ShaderNodeBump': bump,
     'ShaderNodeNormalMap': normal_map,
+    'ShaderNodeDisplacement': displacement,
+    'ShaderNodeVectorDisplacement': vector_displacement,
 }

@@ -69,16 +69,19 @@ CHANNELS: dict[str, Callable[[Value, Value, Value], Value]] = {
 
 def hsv(color: Triple) -> Triple:
     """Hue, saturation and value of a colour."""
-    r, g, b = color
-    high, low = v.largest(color), v.minimum(v.minimum(r, g), b)
+    high, low = v.largest(color), v.minimum(v.minimum(color[0], color[1]), color[2])
     reach = high - low
     saturation = v.where(v.unary("absolute", abs, high), v.divide(reach, high), 0.0)
+    return v.where(v.unary("absolute", abs, saturation), _hue(color, high, reach), 0.0), saturation, high
+
+
+def _hue(color: Triple, high: Value, reach: Value) -> Value:
+    """The hue of a colour with this largest channel, whose channels are within `reach` of each other."""
+    r, g, _ = color
     red, green, blue = (v.divide(high - c, reach) for c in color)
     of_green = v.where(1.0 - v.unary("absolute", abs, v.greater(high, g)), 2.0 + red - blue, 4.0 + green - red)
     hue = v.where(1.0 - v.greater(high, r), blue - green, of_green) * (1.0 / 6.0)
-    hue = v.where(v.less(hue, 0.0), hue + 1.0, hue)
-    coloured = v.greater(saturation, 0.0)
-    return v.where(coloured, hue, 0.0), saturation, high
+    return v.where(v.less(hue, 0.0), hue + 1.0, hue)
 
 
 def from_hsv(color: Triple) -> Triple:
@@ -95,11 +98,10 @@ def from_hsv(color: Triple) -> Triple:
 
 
 def _hsl(color: Triple) -> Triple:
-    hue, _, high = hsv(color)
-    low = v.minimum(v.minimum(color[0], color[1]), color[2])
-    light = (high + low) * 0.5
-    reach = v.where(v.greater(light, 0.5), 2.0 - high - low, high + low)
-    return hue, v.divide(high - low, reach), light
+    high, low = v.largest(color), v.minimum(v.minimum(color[0], color[1]), color[2])
+    light, reach = v.minimum((high + low) * 0.5, 1.0), high - low
+    share = v.divide(reach, v.where(v.greater(light, 0.5), 2.0 - high - low, high + low))
+    return v.where(reach, _hue(color, high, reach), 0.0), v.where(reach, share, 0.0), light
 
 
 def _from_hsl(color: Triple) -> Triple:

@@ -87,6 +87,8 @@ def geometry(nodes, node, socket) -> Triple | Value | None:
         return first, second, 0.0
     if name == "Tangent":
         return radial_tangent('Z')
+    if name in ("Pointiness", "Random Per Island"):
+        return nodes.asked.corner(name, "", 4)
     return None
 
 
@@ -133,16 +135,18 @@ def _in_camera() -> Triple:
 
 
 def camera_data(nodes, node, socket) -> Triple | Value:
-    """The Camera Data node."""
-    place = _in_camera()
+    """The Camera Data node, which bumps do not move."""
+    place: Triple = v.outputs("to_camera", 3, *map(v.unshifted, position()))  # type: ignore[assignment]
     if socket.name == "View Vector":
         return v.normalized(place)
     return place[2] if socket.name == "View Z Depth" else v.length(place)
 
 
 def uv_tangent(nodes, name: str) -> tuple[Triple, Value]:
-    """The tangent of a UV map, in the object's space and as triangles interpolate it, and its sign."""
-    x, y, z, sign = (nodes.asked.corner("tangent", name, i) for i in range(4))
+    """The tangent of a UV map, in the object's space and as triangles interpolate it, and its sign; bumps do not move
+    it.
+    """
+    x, y, z, sign = (v.unshifted(nodes.asked.corner("tangent", name, i)) for i in range(4))
     return (x, y, z), sign
 
 
@@ -160,7 +164,7 @@ def tangent(nodes, node, socket) -> Triple:
 
 def radial_tangent(axis: str) -> Triple:
     """The direction around an axis through the middle of the mesh's texture space."""
-    x, y, z = (p - 0.5 for p in generated())
+    x, y, z = (v.unshifted(p) - 0.5 for p in generated())
     return _along_surface({'X': (0.0, -z, y), 'Y': (-z, 0.0, x), 'Z': (-y, x, 0.0)}[axis])
 
 
@@ -202,7 +206,13 @@ def fresnel_of(cosine: Value, ior: Value) -> Value:
 
 def _normal_or(nodes, node) -> Triple:
     """The normal that an input names, or the surface's, with its displacement."""
-    return nodes.vector(node, "Normal") if nodes.link(node, "Normal") else nodes.displaced or normal()
+    return normal_at(nodes, node, "Normal") or nodes.displaced or normal()
+
+
+def normal_at(nodes, node, socket: str) -> Triple | None:
+    """The normal that feeds an input; None: nothing does. Cycles overlooks one that is the same everywhere."""
+    found = nodes.vector(node, socket) if nodes.link(node, socket) else (0.0, 0.0, 0.0)
+    return None if v.is_constant(*found) else found
 
 
 def fresnel(nodes, node, socket) -> Value:
@@ -227,6 +237,38 @@ def layer_weight(nodes, node, socket) -> Value:
     return 1.0 - bent
 
 
+def vector_transform(nodes, node, socket) -> Triple:
+    """The Vector Transform node: between the world, the object's space and the camera's."""
+    x, y, z = nodes.vector(node, "Vector")
+    a, b, point = node.convert_from, node.convert_to, float(node.vector_type == 'POINT')
+    if a == b:
+        return x, y, z
+    if node.vector_type == 'NORMAL':
+        return _turned_normal((x, y, z), a, b)
+    found: Triple = (x, y, z)
+    for operation in ([] if a == 'WORLD' else [_FROM[a]]) + ([] if b == 'WORLD' else [_TO[b]]):
+        found = v.outputs(operation, 3, *found, point)  # type: ignore[assignment]
+    return found
+
+
+# Operations of the engine that move a vector (0) or a point (1) between the world and another space.
+_FROM = {'OBJECT': "to_world", 'CAMERA': "from_camera"}
+_TO = {'OBJECT': "to_object", 'CAMERA': "in_camera"}
+
+
+def _turned_normal(n: Triple, a: str, b: str) -> Triple:
+    """A normal in another space, with length 1; it turns as a plane does."""
+    if a == 'OBJECT':
+        n = to_world_normal(n)
+    elif a == 'CAMERA':
+        n = v.outputs("from_camera", 3, *n, 0.0)  # type: ignore[assignment]
+    if b == 'OBJECT':
+        n = v.outputs("to_object_normal", 3, *n)  # type: ignore[assignment]
+    elif b == 'CAMERA':
+        n = v.outputs("in_camera", 3, *n, 0.0)  # type: ignore[assignment]
+    return v.normalized(n)
+
+
 def normal_node(nodes, node, socket) -> Triple | Value:
     """The Normal node."""
     own: Triple = tuple(node.outputs[0].default_value)[:3]
@@ -244,6 +286,7 @@ NODES = {
     'ShaderNodeFresnel': fresnel,
     'ShaderNodeLayerWeight': layer_weight,
     'ShaderNodeNormal': normal_node,
+    'ShaderNodeVectorTransform': vector_transform,
     'ShaderNodeAttribute': attribute,
     'ShaderNodeVertexColor': vertex_color,
     'ShaderNodeCameraData': camera_data,

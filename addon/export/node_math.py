@@ -211,10 +211,12 @@ def clamp_node(nodes, node, socket) -> Value:
 
 
 def _mapped(kind: str, clamps: bool, value: Value, a: Value, b: Value, to_a: Value, to_b: Value,
-            steps: Value) -> Value:
-    """Map Range of one number."""
+            steps: Value, *, vector: bool) -> Value:
+    """Map Range of one number, or of one of a vector."""
     if kind in ('SMOOTHSTEP', 'SMOOTHERSTEP'):
         t = v.clamp(v.divide(value - a, b - a))
+        if not vector:  # the same place at both ends of the old range is a step
+            t = v.where(v.unary("absolute", abs, b - a), t, 1.0 - v.less(value, a))
         t = t * t * (3.0 - t * 2.0) if kind == 'SMOOTHSTEP' else t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
         return to_a + (to_b - to_a) * t
     t = v.divide(value - a, b - a)
@@ -236,8 +238,8 @@ def map_range_node(nodes, node, socket) -> Value | Triple:
         found.append((4.0, 4.0, 4.0) if vector else 4.0)  # the steps, which only one kind has
     kind, clamps = node.interpolation_type, node.clamp
     if not vector:
-        return _mapped(kind, clamps, *found[:6])
-    each = [_mapped(kind, clamps, *numbers) for numbers in zip(*found[:6], strict=True)]
+        return _mapped(kind, clamps, *found[:6], vector=False)
+    each = [_mapped(kind, clamps, *numbers, vector=True) for numbers in zip(*found[:6], strict=True)]
     return each[0], each[1], each[2]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from . import values as v
-from .facets import NO_FACETS, WHITE, Facets, squared, weighted
+from .facets import ABOVE, NO_FACETS, WHITE, Facets, same, squared, weighted
 from .nodes import constant
 from .values import Triple, Value
 
@@ -18,6 +18,7 @@ MIRROR_ROUGHNESS = (0.1, 0.15)
 # Phong's highlights do not become smaller than this (roughness 0.2; those of GGX end at 0.1): a point light in a mirror
 # would be a dot that no number of samples finds in every frame.
 LARGEST_EXPONENT = 312.0
+LAYERS = 7  # that a material may have beside the first; what is more goes into the last
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class Surface:
     alpha: Value = 1.0  # share of the surface that is there
     normal: Triple | None = None  # for shading; None: the surface's own
     facets: Facets = NO_FACETS  # the highlights of lamps
+    layers: tuple[Surface, ...] = ()  # what else reflects light there; of these only that counts
 
     @classmethod
     def principled(cls, color: Triple, metallic: Value, roughness: Value, specular: Value,
@@ -91,7 +93,10 @@ class Surface:
         return cls(color=BLACK, kd=0.0, ka=0.0, emission=radiance)
 
     def plus(self, other: Surface, mine: Value = 1.0, others: Value = 1.0) -> Surface:
-        """The weighted sum of two surfaces: Add Shader, and Mix Shader with weights that add up to 1."""
+        """The weighted sum of two surfaces: Add Shader, and Mix Shader with weights that add up to 1.
+
+        What does not fit into one becomes a further layer.
+        """
         a, b = self, other
         # Beside what is not there the other is as it was, and less of it is there.
         for nothing, there, weight in ((a, b, others), (b, a, mine)):
@@ -102,39 +107,107 @@ class Surface:
         alpha = v.minimum(mine * a.alpha + others * b.alpha, 1.0)
         there = v.greater(alpha, 0.0)
         mine, others = (v.where(there, v.divide(w * s.alpha, alpha), w) for w, s in ((mine, a), (others, b)))
-        shine_a, shine_b = mine * v.largest(a.specular), others * v.largest(b.specular)
+        parts = [part for s, w in ((a, mine), (b, others)) for part in s.times(w).parts()]
+        kept: list[Surface] = []
+        for part in sorted(parts, key=lambda s: not s.fresnel):  # glass is the first layer
+            place = next((n for n, s in enumerate(kept) if s.fits(part)), min(len(kept), LAYERS))
+            kept[place:] = [kept[place].joined(part) if place < len(kept) else part, *kept[place + 1:]]
+        first, *layers = kept
+        for layer in layers:
+            first = first.joined(replace(NOTHING, kt=layer.kt, ior=layer.ior, frosted=layer.frosted,
+                                         emission=layer.emission, translucent=layer.translucent))
+        return replace(first, alpha=alpha, layers=tuple(
+            replace(layer, kt=BLACK, emission=BLACK, translucent=BLACK) for layer in layers))
+
+    def under_smooth_coat(self, normal: Triple | None, coats: Triple | None) -> Surface:
+        """With its coat as a layer of its own where the coat's normal is another one than that of what is below."""
+        if same(normal, coats):
+            return self
+        coat = replace(NOTHING, normal=coats, facets=replace(
+            NO_FACETS, **{name: getattr(self.facets, name) for name in ABOVE}))
+        # Below it the coat dims, but has no light of its own.
+        return replace(self, facets=replace(self.facets, share=0.0), layers=(*self.layers, coat))
+
+    def times(self, share: Value) -> Surface:
+        """So much of this surface's light."""
+        if v.is_constant(share) and share == 1:
+            return self
+        return replace(
+            self, kd=self.kd * share, ka=self.ka * share, specular=scaled(self.specular, share),
+            emission=scaled(self.emission, share), kt=scaled(self.kt, share), facets=self.facets.times(share),
+            translucent=scaled(self.translucent, share), layers=tuple(layer.times(share) for layer in self.layers))
+
+    def parts(self) -> tuple[Surface, ...]:
+        """Its layers, each by itself, the first one first."""
+        return (replace(self, layers=(), alpha=1.0), *self.layers)
+
+    @property
+    def reflects(self) -> bool:
+        """Whether it reflects any light."""
+        return self.facets.shines or not _zero(self.kd, *self.specular)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether a normal makes no difference to it."""
+        return not self.reflects and _zero(*self.translucent) and v.is_constant(self.ior) and self.ior == 1
+
+    def fits(self, other: Surface) -> bool:
+        """Whether one layer can be exactly both of these."""
+        a, b = self, other
+        if not (a.reflects and b.reflects):
+            return True
+        if a.fresnel or b.fresnel:
+            return a.fresnel and b.fresnel
+        matt = not _zero(a.kd), not _zero(b.kd)
+        rough = all(matt) and not _zero(a.diffuse_roughness, b.diffuse_roughness)
+        return (same(a.normal, b.normal) and a.facets.fits(b.facets, *matt)
+                and not (all(matt) and not same(a.diffuse_roughness, b.diffuse_roughness))
+                and not (rough and not same(a.color, b.color)))
+
+    def joined(self, other: Surface) -> Surface:
+        """Both in one layer; where there can only be one value it is the mean."""
+        a, b = self, other
+        shine_a, shine_b = v.largest(a.specular), v.largest(b.specular)
         # Of two colours, each counts as much as it is seen: in diffuse, else in ambient light.
-        seen_a, seen_b = mine * a.kd, others * b.kd
-        facets = a.facets.plus(b.facets, mine, others, (seen_a, seen_b))
-        matt = v.greater(seen_a + seen_b, 0.0)
-        seen_a, seen_b = v.where(matt, seen_a, mine * a.ka), v.where(matt, seen_b, others * b.ka)
-        through_a, through_b = mine * v.largest(a.kt), others * v.largest(b.kt)
+        facets = a.facets.plus(b.facets, (a.kd, b.kd), (a.fresnel, b.fresnel))
+        matt = v.greater(a.kd + b.kd, 0.0)
+        seen_a, seen_b = v.where(matt, a.kd, a.ka), v.where(matt, b.kd, b.ka)
+        through_a, through_b = v.largest(a.kt), v.largest(b.kt)
         mostly_a = not v.is_constant(through_a, through_b) or through_a >= through_b
         return Surface(
             color=weighted(a.color, b.color, seen_a, seen_b),
-            kd=mine * a.kd + others * b.kd,
-            ka=mine * a.ka + others * b.ka,
-            specular=added(scaled(a.specular, mine), scaled(b.specular, others)),
+            kd=a.kd + b.kd,
+            ka=a.ka + b.ka,
+            specular=added(a.specular, b.specular),
             roughness=weighted((a.roughness,), (b.roughness,), shine_a, shine_b)[0],
-            emission=added(scaled(a.emission, mine), scaled(b.emission, others)),
-            kt=added(scaled(a.kt, mine), scaled(b.kt, others)),
+            emission=added(a.emission, b.emission),
+            kt=added(a.kt, b.kt),
             ior=weighted((a.ior,), (b.ior,), through_a, through_b)[0],
             diffuse_roughness=weighted((a.diffuse_roughness,), (b.diffuse_roughness,), seen_a, seen_b)[0],
-            translucent=added(scaled(a.translucent, mine), scaled(b.translucent, others)),
+            translucent=added(a.translucent, b.translucent),
             frosted=weighted((a.frosted,), (b.frosted,), through_a, through_b)[0],
             fresnel=a.fresnel if mostly_a else b.fresnel,
-            alpha=alpha,
             normal=_bent(a, b, v.largest((seen_a, shine_a, through_a)), v.largest((seen_b, shine_b, through_b))),
             facets=facets,
         )
+
+    def merged(self) -> Surface:
+        """All layers in one, with means where they differ."""
+        found = replace(self, layers=())
+        for layer in self.layers:
+            found = found.joined(layer)
+        return replace(found, alpha=self.alpha)
 
     def whitted(self) -> dict[str, Any]:
         """Whitted's parameters of the engine's Material, each a value or, of colours, a list of three.
 
         Highlights: GGX of width α = roughness² has the Blinn exponent 2/α² − 2, and a Phong exponent is a quarter
         of Blinn's, as R turns twice as fast as the half vector. The lobe (R·V)ⁿ·(n+2)/2π reflects all light at
-        normal incidence; 1/π is in the light's intensity already, so ks = (n+2)/2 times the reflectance.
+        normal incidence; 1/π is in the light's intensity already, so ks = (n+2)/2 times the reflectance. Layers have
+        means in them.
         """
+        if self.layers:
+            return self.merged().whitted()
         rough = v.maximum(self.roughness, 1e-3)
         fourth = rough ** 4 if v.is_constant(rough) else (rough * rough) * (rough * rough)
         n = v.minimum(v.maximum((2 / fourth - 2) / 4, 1.0), LARGEST_EXPONENT)
@@ -150,6 +223,9 @@ class Surface:
             "emission": list(self.emission),
             "kt": list(self.kt), "ior": self.ior, "fresnel": self.fresnel, "alpha": self.alpha,
         } | ({"normal": list(self.normal)} if self.normal else {})
+
+
+NOTHING = Surface(color=BLACK, kd=0.0, ka=0.0)
 
 
 def mirrored(roughness: Value) -> Value:
@@ -174,11 +250,18 @@ def _triple(numbers) -> Triple:
 
 def _bent(a: Surface, b: Surface, weight_a: Value, weight_b: Value) -> Triple | None:
     """The normal of two surfaces together: one, as the engine has no more, each as much as it is seen."""
-    if a.normal is b.normal or (a.normal and b.normal and all(x is y for x, y in zip(a.normal, b.normal, strict=True))):
+    if same(a.normal, b.normal) or b.is_flat:
         return a.normal
+    if a.is_flat:
+        return b.normal
     if v.is_constant(weight_b) and weight_b == 0:
         return a.normal
     if v.is_constant(weight_a) and weight_a == 0:
         return b.normal
     own: Triple = v.outputs("normal", 3)  # type: ignore[assignment]
     return v.normalized(weighted(a.normal or own, b.normal or own, weight_a, weight_b))
+
+
+def _zero(*values: Value) -> bool:
+    """Whether all of these are the number 0."""
+    return v.is_constant(*values) and not any(values)

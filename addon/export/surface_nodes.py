@@ -55,17 +55,25 @@ def _principled(nodes: Nodes, node) -> Surface:
     if not is_zero(transmission):
         # As Cycles: the base colour is that of two crossings.
         root = tuple(v.square_root(c) if not v.is_constant(c) else max(c, 0.0) ** 0.5 for c in color)
-        base = base.plus(_glassy(nodes, node, root, True), 1 - transmission, transmission)
+        glass = _glassy(nodes, node, root, True)
+        base = base.times(1 - transmission).joined(glass.times(transmission))
+        base = replace(base, facets=replace(base.facets, share=1.0))  # all of it mirrors
     coat = nodes.value(node, "Coat Weight")
     if not is_zero(coat):
-        if nodes.source(node, "Coat Normal"):
-            nodes.not_translated(nodes.source(node, "Coat Normal"), "the coat is rendered without it")
         base = replace(base, facets=base.facets.coated(
             coat, nodes.value(node, "Coat Roughness"), nodes.value(node, "Coat IOR"), nodes.color(node, "Coat Tint")))
+    sheen = nodes.value(node, "Sheen Weight")
+    if not is_zero(sheen):
+        base = replace(base, facets=base.facets.with_sheen(
+            sheen, nodes.value(node, "Sheen Roughness"), nodes.color(node, "Sheen Tint")))
     strength = nodes.value(node, "Emission Strength")
     if not is_zero(strength) and not (v.is_constant(strength) and strength < 0):
-        base = base.plus(Surface.emitting(scaled(nodes.color(node, "Emission Color"), strength)))
-    return replace(base, alpha=base.alpha * v.clamp(nodes.value(node, "Alpha")))
+        glow = scaled(nodes.color(node, "Emission Color"), strength)
+        base = replace(base, emission=base.facets.dims(glow))
+    base = replace(base, alpha=base.alpha * v.clamp(nodes.value(node, "Alpha")))
+    if not is_zero(coat):
+        base = base.under_smooth_coat(node_bumps.given(nodes, node), node_bumps.given(nodes, node, "Coat Normal"))
+    return base
 
 
 def _diffuse(nodes: Nodes, node) -> Surface:
@@ -110,6 +118,15 @@ def _glassy(nodes: Nodes, node, color: Triple, fresnel: bool) -> Surface:
     return Surface.glass(color, ior, True, Facets.glass(tint, ior, roughness, _several(nodes, node)), roughness)
 
 
+def _sheen(nodes: Nodes, node) -> Surface:
+    if node.distribution != 'MICROFIBER':
+        name = node.bl_rna.properties["distribution"].enum_items[node.distribution].name
+        nodes.warn(f"distribution {name} of node '{nodes.plain_name(node)}' is not translated; it is rendered as "
+                   "Microfiber")
+    facets = Facets.fibres(nodes.color(node, "Color"), nodes.value(node, "Roughness"))
+    return Surface(color=BLACK, kd=0.0, ka=0.0, facets=facets)
+
+
 def _transparent(nodes: Nodes, node) -> Surface:
     return Surface.transparent(nodes.color(node, "Color"))
 
@@ -142,6 +159,7 @@ _SHADERS = {
     'ShaderNodeBsdfMetallic': _metallic,
     'ShaderNodeBsdfGlass': _glass,
     'ShaderNodeBsdfRefraction': _glass,
+    'ShaderNodeBsdfSheen': _sheen,
     'ShaderNodeBsdfTranslucent': _translucent,
     'ShaderNodeBsdfTransparent': _transparent,
     'ShaderNodeEmission': _emission,
@@ -155,10 +173,7 @@ def _displace(nodes: Nodes, output) -> None:
     node = nodes.source(output, "Displacement")
     if node is None:
         return
-    height = node_bumps.displacement(nodes, node)
-    if height is None:
-        nodes.not_translated(node, "it is rendered without displacement")
-        return
+    height = node_bumps.height(nodes, output)
     if nodes.displacement_method != 'BUMP':
         nodes.warn("its displacement is shown as bumps only; the surface itself stays where it is")
     if not v.is_constant(height):

@@ -219,7 +219,7 @@ def plain_image(values: Sequence[Value], first: int) -> int:
 
 
 # What is evaluated beside a point for bumps, and how many arguments it has without a shift.
-SHIFTED = {"uv": 0, "position": 0, "object": 0, "generated": 0, "attribute": 1}
+SHIFTED = {"uv": 0, "position": 0, "object": 0, "generated": 0, "attribute": 1, "window": 0, "parametric": 0}
 
 
 def shifted(value: Value, step: int, width: float) -> Value:
@@ -235,9 +235,14 @@ def shifted(value: Value, step: int, width: float) -> Value:
     return made[value]
 
 
+def unshifted(value: Value) -> Value:
+    """The value at points themselves, also where bumps are taken beside them."""
+    return shifted(value, 0, 1.0)
+
+
 # What operations about surfaces give for a direction of the world, where there is none: other outputs, or 0.
 _OUTSIDE = {"generated": "position", "object": "position", "object_normal": "normal", "corner_normal": "normal"}
-_NOWHERE = {"uv", "attribute", "instance", "object_location", "object_scale", "parametric"}
+_NOWHERE = {"uv", "attribute", "instance", "object_location", "parametric"}
 
 
 def outside(results: Sequence[Value]) -> tuple[Value, ...]:
@@ -251,6 +256,8 @@ def outside(results: Sequence[Value]) -> tuple[Value, ...]:
             made[e] = operation(_OUTSIDE[e.name], output=e.output)
         elif e.name == "bump":
             made[e] = arguments[3 + e.output]
+        elif e.name in ("to_world", "to_object", "to_object_normal"):
+            made[e] = arguments[e.output]
         elif e.name == "to_world_normal":
             made[e] = normalized((arguments[0], arguments[1], arguments[2]))[e.output]
         elif e.name == "box":  # as for soft edges
@@ -288,8 +295,9 @@ def compiled(results: dict[str, Any]) -> tuple[list[list], dict[str, Any]]:
 # Operations with more than one output.
 OUTPUTS = {"image": 4, "uv": 2, "generated": 3, "object": 3, "object_normal": 3, "object_location": 3, "position": 3,
            "normal": 3, "true_normal": 3, "incoming": 3, "noise": 4, "white_noise": 4, "magic": 3, "brick": 2,
-           "voronoi": 8, "corner_normal": 3, "to_camera": 3, "to_world_normal": 3, "window": 2, "bump": 3,
-           "sky": 3, "box": 3, "parametric": 2}
+           "voronoi": 8, "corner_normal": 3, "to_camera": 3, "to_world_normal": 3, "window": 2, "bump": 3, "covered": 3,
+           "sky": 3, "to_world": 3, "to_object": 3, "to_object_normal": 3, "from_camera": 3, "in_camera": 3,
+           "box": 3, "parametric": 2}
 
 
 def _flat(result: Any) -> Iterable[Any]:

@@ -204,7 +204,7 @@ def test_rough_diffuse_translucent_and_frosted(translated, node_material):
 
 
 def test_untranslated_inputs_are_named(translated, node_material):
-    material = node_material("Wood", 'ShaderNodeBsdfPrincipled', Base_Color=(0.3, 0.2, 0.1, 1), Sheen_Weight=0.5)
+    material = node_material("Wood", 'ShaderNodeBsdfPrincipled', Base_Color=(0.3, 0.2, 0.1, 1), Subsurface_Weight=0.5)
     tree = material.node_tree
     principled = tree.nodes["Principled BSDF"]
     occlusion, bevel = tree.nodes.new('ShaderNodeAmbientOcclusion'), tree.nodes.new('ShaderNodeBevel')
@@ -214,7 +214,7 @@ def test_untranslated_inputs_are_named(translated, node_material):
     found, scene = translated(material)
     assert found.Od == pytest.approx((0.3, 0.2, 0.1))
     text = "\n".join(scene.warnings)
-    assert len(scene.warnings) == 3 and all(w in text for w in ("Sheen Weight", "Ambient Occlusion", "Bevel"))
+    assert len(scene.warnings) == 3 and all(w in text for w in ("Subsurface Weight", "Ambient Occlusion", "Bevel"))
     assert "(0.3, 0.2, 0.1)" in text  # the mean that is used
     assert not found.program
     assert all("'Wood'" in w for w in scene.warnings)

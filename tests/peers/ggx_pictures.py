@@ -1,8 +1,8 @@
 """A sheet of balls and tilted squares of shiny materials, by this bpy's Cycles and by Light Meshes.
 
-For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER LAMP.PART …, where the part is diffuse or
-gloss: writes LAMP.PART.ours.npy and LAMP.PART.theirs.npy (rows from the bottom, RGB), and cells.json, the materials'
-names in the order of the cells.
+For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER SHEET LAMP.PART …, where the sheet is lobes,
+mixes or bumps, and the part is diffuse, gloss, or whole: writes LAMP.PART.ours.npy and LAMP.PART.theirs.npy (rows from
+the bottom, RGB), and cells.json, the materials' names in the order of the cells.
 """
 
 import json
@@ -61,6 +61,13 @@ def cases():
         found["rough coat"] = principled(Coat_Roughness=0.7, Coat_IOR=2.0, **coat)
     coat |= {"Coat_Weight": 0.6, "Coat_Tint": TINT}
     found["tinted coat"] = principled(Coat_Roughness=0.15, Metallic=0.5, **coat)
+    cloth = {"Base_Color": (0.1, 0.3, 0.2, 1), "Roughness": 0.6, "Sheen_Weight": 1.0}
+    found["sheen .2"] = principled(Sheen_Roughness=0.2, **cloth)
+    found["sheen .5"] = principled(Sheen_Roughness=0.5, **cloth)
+    found["sheen 1"] = principled(Sheen_Roughness=1.0, Sheen_Tint=TINT, **cloth)
+    found["half a sheen over a coat"] = principled(**cloth | coat | {"Sheen_Weight": 0.5, "Coat_Roughness": 0.3})
+    for roughness in (0.3, 0.7):
+        found[f"fibres {roughness}"] = 'ShaderNodeBsdfSheen', {"Color": TINT, "Roughness": roughness}, {}
     found["diffuse"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD}, {}
     if bpy.app.version >= (4, 3):  # before, Cycles loses the light that is scattered several times
         for roughness in (0.3, 1.0):
@@ -68,18 +75,121 @@ def cases():
     return found
 
 
-def material(name, kind, inputs, properties):
+def shader(tree, kind, inputs, properties=()):
+    """The output of a new shader node."""
+    node = tree.nodes.new(kind)
+    for key, value in dict(properties).items():
+        setattr(node, key, value)
+    for key, value in inputs.items():
+        node.inputs[key.replace("_", " ")].default_value = value
+    return node.outputs[0]
+
+
+def mixed(tree, factor, first, second):
+    """A Mix Shader of two: each (kind, inputs, properties), or an output; factor: a number, or a socket."""
+    node = tree.nodes.new('ShaderNodeMixShader')
+    if isinstance(factor, float):
+        node.inputs[0].default_value = factor
+    else:
+        tree.links.new(factor, node.inputs[0])
+    for side, socket in ((first, node.inputs[1]), (second, node.inputs[2])):
+        tree.links.new(shader(tree, *side) if isinstance(side, tuple) else side, socket)
+    return node.outputs[0]
+
+
+def added(tree, first, second):
+    node = tree.nodes.new('ShaderNodeAddShader')
+    for side, socket in zip((first, second), node.inputs, strict=True):
+        tree.links.new(shader(tree, *side), socket)
+    return node.outputs[0]
+
+
+def checks(tree, scale=6.0):
+    """The factor of a checker by the place in the mesh."""
+    place, node = tree.nodes.new('ShaderNodeTexCoord'), tree.nodes.new('ShaderNodeTexChecker')
+    node.inputs["Scale"].default_value = scale
+    tree.links.new(place.outputs["Generated"], node.inputs["Vector"])
+    return node.outputs["Fac" if "Fac" in node.outputs else "Factor"]
+
+
+def gradual(tree):
+    """A factor that goes from 0 to 1 over the mesh."""
+    place, node = tree.nodes.new('ShaderNodeTexCoord'), tree.nodes.new('ShaderNodeTexGradient')
+    tree.links.new(place.outputs["Generated"], node.inputs["Vector"])
+    return node.outputs["Fac" if "Fac" in node.outputs else "Factor"]
+
+
+def mixes():
+    """Name → function of a tree that makes the shader and returns its output."""
+    glossy, diffuse = 'ShaderNodeBsdfAnisotropic', 'ShaderNodeBsdfDiffuse'
+    sharp, soft = (glossy, {"Color": GOLD, "Roughness": 0.2}), (glossy, {"Color": TINT, "Roughness": 0.7})
+    matt, blue = (diffuse, {"Color": GOLD}), (diffuse, {"Color": (0.1, 0.2, 0.8, 1), "Roughness": 0.8})
+    plastic = principled(Base_Color=(0.2, 0.5, 0.8, 1), Roughness=0.3)
+    rubber = principled(Base_Color=(0.6, 0.2, 0.1, 1), Roughness=0.8, IOR=1.8)
+    metal = principled(Base_Color=GOLD, Metallic=1.0, Roughness=0.4)
+    coated = principled(Base_Color=(0.6, 0.1, 0.1, 1), Roughness=0.6, Coat_Weight=1.0, Coat_Roughness=0.2)
+    cloth = principled(Base_Color=(0.1, 0.3, 0.1, 1), Roughness=0.7, Sheen_Weight=1.0, Sheen_Roughness=0.4)
+    glow, clear = ('ShaderNodeEmission', {"Color": TINT, "Strength": 0.3}), ('ShaderNodeBsdfTransparent', {})
+    pairs = {"diffuse, glossy": (matt, sharp), "two glossy": (sharp, soft), "two diffuse": (matt, blue),
+             "plastic, rubber": (plastic, rubber), "plastic, diffuse": (plastic, matt),
+             "plastic, metal": (plastic, metal), "plastic, transparent": (plastic, clear),
+             "plastic, emission": (plastic, glow), "coat, diffuse": (coated, matt),
+             "coat, plastic": (coated, plastic), "cloth, glossy": (cloth, sharp),
+             "sheen, diffuse": (('ShaderNodeBsdfSheen', {"Roughness": 0.6, "Color": TINT}), matt)}
+    if bpy.app.version < (4, 3):  # then Cycles loses light that rough surfaces scatter several times
+        del pairs["two diffuse"]
+    found = {}
+    for name, (first, second) in pairs.items():
+        found[f"{name}: .35"] = lambda tree, a=first, b=second: mixed(tree, 0.35, a, b)
+        found[f"{name}: checks"] = lambda tree, a=first, b=second: mixed(tree, checks(tree), a, b)
+        found[f"{name}: gradual"] = lambda tree, a=first, b=second: mixed(tree, gradual(tree), a, b)
+    for name in ("two glossy", "coat, diffuse", "plastic, emission", "sheen, diffuse"):
+        found[f"{name}: added"] = lambda tree, pair=pairs[name]: added(tree, *pair)
+    found["four"] = lambda tree: mixed(tree, gradual(tree), mixed(tree, 0.5, sharp, soft),
+                                       mixed(tree, checks(tree), plastic, coated))
+    lamp = {"Base_Color": (0, 0, 0, 1), "Emission_Color": TINT, "Emission_Strength": 1.0, "Specular_IOR_Level": 0.0}
+    for above in ({"Coat_Weight": 1.0, "Coat_Tint": GOLD}, {"Sheen_Weight": 1.0, "Sheen_Roughness": 0.8}):
+        found[f"{min(above)} over a glow"] = lambda tree, inputs=lamp | above: shader(tree, *principled(**inputs))
+    found["half there"] = lambda tree: mixed(tree, 0.4, mixed(tree, checks(tree), clear, plastic), rubber)
+    return found
+
+
+def bumps():
+    """Name → function of a tree that makes a shader on waves; see `mixes`."""
+    def waves(tree, strength, kind, inputs, node='ShaderNodeBump'):
+        place, wave = tree.nodes.new('ShaderNodeTexCoord'), tree.nodes.new('ShaderNodeTexWave')
+        wave.inputs["Scale"].default_value = 1.5
+        tree.links.new(place.outputs["Object"], wave.inputs["Vector"])
+        bump = tree.nodes.new('ShaderNodeBump')
+        bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = strength, 0.1
+        tree.links.new(wave.outputs[0], bump.inputs["Height"])
+        made = shader(tree, kind, inputs)
+        tree.links.new(bump.outputs[0], made.node.inputs["Normal"])
+        return made
+
+    found = {}
+    for name, (kind, inputs) in {
+            "diffuse": ('ShaderNodeBsdfDiffuse', {"Color": GOLD}),
+            "rough diffuse": ('ShaderNodeBsdfDiffuse', {"Color": GOLD, "Roughness": 1.0}),
+            "sheen": ('ShaderNodeBsdfSheen', {"Color": GOLD, "Roughness": 0.7}),
+            "metal": ('ShaderNodeBsdfAnisotropic', {"Color": GOLD, "Roughness": 0.5}),
+            "plastic": principled(Base_Color=GOLD, Roughness=0.4)[:2],
+            "coat": principled(Base_Color=GOLD, Roughness=0.4, Coat_Weight=1.0, Coat_Roughness=0.2)[:2]}.items():
+        for strength in (0.3, 1.0):
+            found[f"{name} {strength}"] = lambda tree, s=strength, k=kind, i=inputs: waves(tree, s, k, i)
+    return found
+
+
+def material(name, *case):
+    """A material of a shader (kind, inputs, properties), or of a function of its tree that returns a shader's output.
+    """
     made = bpy.data.materials.new(name)
     if bpy.app.version < (5, 0):
         made.use_nodes = True
     tree = made.node_tree
     tree.nodes.clear()
-    node, output = tree.nodes.new(kind), tree.nodes.new('ShaderNodeOutputMaterial')
-    for key, value in properties.items():
-        setattr(node, key, value)
-    for key, value in inputs.items():
-        node.inputs[key.replace("_", " ")].default_value = value
-    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    output = tree.nodes.new('ShaderNodeOutputMaterial')
+    tree.links.new(case[0](tree) if callable(case[0]) else shader(tree, *case), output.inputs["Surface"])
     return made
 
 
@@ -94,7 +204,7 @@ def sheet(scene, found):
     square.from_pydata([(-.4, -.4, -.2), (.4, -.4, .2), (.4, .4, .2), (-.4, .4, -.2)], [], [(0, 1, 2, 3)])
     cell = 0
     for name, case in found.items():
-        made = material(name, *case)
+        made = material(name, *(case if isinstance(case, tuple) else (case,)))
         for mesh in (ball.copy(), square.copy()):
             mesh.materials.append(made)
             ob = bpy.data.objects.new(name, mesh)
@@ -139,22 +249,29 @@ def picture(scene, engine, file):
     return pixels
 
 
-def main(folder, *wanted):
+def main(folder, name, *wanted):
+    """Mixes and bumps give each other no light and no shadows; mixes have more samples, since Cycles takes one side by
+    chance.
+    """
     light_meshes_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene, found = bpy.context.scene, cases()
-    middle = sheet(scene, found)
+    scene, found = bpy.context.scene, {"lobes": cases, "mixes": mixes, "bumps": bumps}[name]()
+    middle, alone = sheet(scene, found), name in ("mixes", "bumps")
     exact(scene)
+    for ob in scene.objects if alone else ():
+        ob.visible_diffuse = ob.visible_glossy = ob.visible_transmission = False
+    scene.cycles.samples = 64 if name == "mixes" else 4
     for name, part in (w.split(".") for w in wanted):
         kind, properties, place = LAMPS[name]
         data = bpy.data.lights.new(name, kind)
+        data.use_shadow = not alone
         for key, value in properties.items():
             setattr(data, key, value)
         lamp = bpy.data.objects.new(name, data)
         lamp.location = middle + Vector(place)
         lamp.rotation_euler = (-Vector(place)).to_track_quat('-Z', 'Y').to_euler()
         scene.collection.objects.link(lamp)
-        lamp.visible_diffuse, lamp.visible_glossy = part == "diffuse", part == "gloss"
+        lamp.visible_diffuse, lamp.visible_glossy = part != "gloss", part != "diffuse"
         for engine, whose in (('LIGHT_MESHES', "ours"), ('CYCLES', "theirs")):
             np.save(folder / f"{name}.{part}.{whose}.npy", picture(scene, engine, folder / "picture.exr"))
         bpy.data.objects.remove(lamp)

@@ -1,4 +1,4 @@
-"""Highlights of GGX, and what is dimmed below them, beside Cycles: balls and tilted squares in direct light."""
+"""Highlights of GGX, sheen, what is dimmed below them, and mixed shaders, beside Cycles: balls and squares."""
 
 import importlib.util
 import json
@@ -15,20 +15,22 @@ pytestmark = [pytest.mark.slow,
 HERE = Path(__file__).parent
 PYTHONS = [p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p]
 CELL, COLUMNS = 40, 12  # as in ggx_pictures.py, which needs a bpy
-MOST = {"diffuse": (0.005, 0.03), "gloss": (0.03, 0.12)}  # in the median, and at the 99th percentile
+# In the median, and at the 99th percentile.
+MOST = {"diffuse": (0.005, 0.03), "gloss": (0.03, 0.12), "whole": (0.01, 0.12)}
 PICTURES = ["sun.diffuse", "area.diffuse", "point.gloss", "sun.gloss", "spot.gloss", "area.gloss"]
 
 
-def draw(python, folder, wanted):
-    """Draw the pictures `wanted` by a Python's bpy; returns the materials' names."""
+def draw(python, folder, sheet, wanted):
+    """Draw the pictures `wanted` of a sheet by a Python's bpy; returns the materials' names."""
     import light_meshes_addon
 
     packages = folder / "packages"
-    packages.mkdir()
-    (packages / "light_meshes_addon").symlink_to(Path(light_meshes_addon.__file__).parent)
+    if not packages.exists():
+        packages.mkdir()
+        (packages / "light_meshes_addon").symlink_to(Path(light_meshes_addon.__file__).parent)
     environment = os.environ | {"PYTHONPATH": str(packages), "LIGHT_MESHES_PYTHON": sys.executable,
                                 "TMPDIR": str(folder)}
-    done = subprocess.run([python, str(HERE / "ggx_pictures.py"), str(folder), *wanted], env=environment,
+    done = subprocess.run([python, str(HERE / "ggx_pictures.py"), str(folder), sheet, *wanted], env=environment,
                           capture_output=True, text=True, timeout=200)
     assert (folder / "cells.json").exists(), done.stdout[-3000:] + done.stderr[-3000:]
     return json.loads((folder / "cells.json").read_text())
@@ -37,7 +39,7 @@ def draw(python, folder, wanted):
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ggx")
-    return folder, draw(sys.executable, folder, PICTURES)
+    return folder, draw(sys.executable, folder, "lobes", PICTURES)
 
 
 def inside():
@@ -74,8 +76,30 @@ def test_lit_as_in_cycles(drawn, name):
     assert compare(folder, names, name) >= (30 if name.endswith("diffuse") else 50)
 
 
+def test_mixed_shaders_are_as_in_cycles(tmp_path):
+    names = draw(sys.executable, tmp_path, "mixes", ["sun.whole", "area.whole"])
+    for name in ("sun.whole", "area.whole"):
+        assert compare(tmp_path, names, name) == 2 * len(names)
+
+
+def test_bumps_are_lit_as_in_cycles(tmp_path):
+    """What is scattered is softened, and mirrors do not show what is inside."""
+    names = draw(sys.executable, tmp_path, "bumps", ["sun.diffuse", "sun.gloss"])
+    assert compare(tmp_path, names, "sun.diffuse") >= 18 and compare(tmp_path, names, "sun.gloss") >= 12
+
+
 @pytest.mark.parametrize("python", PYTHONS or [pytest.param(
     None, marks=pytest.mark.skip(reason="LIGHT_MESHES_BPY_PYTHONS names no Python with another bpy"))])
 def test_in_every_blender(python, tmp_path):
-    names = draw(python, tmp_path, ["sun.diffuse", "sun.gloss"])
+    names = draw(python, tmp_path, "lobes", ["sun.diffuse", "sun.gloss"])
     assert compare(tmp_path, names, "sun.diffuse") >= 30 and compare(tmp_path, names, "sun.gloss") >= 50
+
+
+@pytest.mark.parametrize("python", PYTHONS or [pytest.param(
+    None, marks=pytest.mark.skip(reason="LIGHT_MESHES_BPY_PYTHONS names no Python with another bpy"))])
+def test_mixes_and_bumps_in_every_blender(python, tmp_path):
+    names = draw(python, tmp_path, "mixes", ["sun.whole"])
+    assert compare(tmp_path, names, "sun.whole") == 2 * len(names)
+    if "two diffuse: .35" in names:  # Blender 4.3 and later soften bumps by another formula than those before
+        names = draw(python, tmp_path, "bumps", ["sun.diffuse"])
+        assert compare(tmp_path, names, "sun.diffuse") >= 18

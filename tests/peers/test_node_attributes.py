@@ -132,3 +132,27 @@ def test_properties_of_objects_and_instancers(panels, scene, render, add):
     shown = tree.node('ShaderNodeVectorMath', {0: first, 1: second}).outputs[0]
     shown = tree.node('ShaderNodeVectorMath', {0: shown, 1: tree.node('ShaderNodeObjectInfo').outputs["Random"]})
     compare(panels, scene, render, tree, shown.outputs[0])
+
+
+def tuft(mesh):
+    """Make the panel's mesh three bent parts, some vertices of which are at one place, one with a loose edge."""
+    n = 6
+    vertices, faces = [], []
+    for part in range(3):
+        first = len(vertices)
+        vertices += [(x / 10 + (part & 1) / 2, y / 10 + (part >> 1) / 2, 0.15 * np.sin(x * (part + 1)) * np.cos(y))
+                     for y in range(n) for x in range(n)]
+        faces += [tuple(first + at for at in (y * n + x, y * n + x + 1, (y + 1) * n + x + 1, (y + 1) * n + x))
+                  for y in range(n - 1) for x in range(n - 1)]
+    mesh.clear_geometry()
+    mesh.from_pydata([*vertices, (0.2, 0.2, 0.9)], [(0, len(vertices))], faces)
+
+
+@pytest.mark.parametrize("name", ["Pointiness", "Random Per Island"])
+def test_what_the_shape_of_a_mesh_says(panels, scene, render, name):
+    mesh = panels[0].data
+    tuft(mesh)
+    for polygon in mesh.polygons:
+        polygon.use_smooth = True
+    tree = Tree()
+    compare(panels, scene, render, tree, tree.node('ShaderNodeNewGeometry').outputs[name])

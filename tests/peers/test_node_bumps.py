@@ -92,7 +92,6 @@ def lit(scene, ob, tree, shader, add_light):
     tree.tree.links.new(shader.outputs[0], output.inputs["Surface"])
     ob.data.materials.clear()
     ob.data.materials.append(tree.material)
-    tree.material.cycles.use_bump_map_correction = False
     scene.light_meshes.shadows, scene.cycles.max_bounces = 'SHARP', 0
     scene.cycles.samples = 16
     return output
@@ -116,3 +115,55 @@ def test_displacement_is_shown_as_bumps(plane, scene, render, add_light, where):
     tree.tree.links.new(displacement.outputs[0], output.inputs["Displacement"])
     tree.material.displacement_method = 'BUMP'
     agree(*both(scene, render), most=0.05)
+
+
+def smoothed(ob):
+    """Displaced meshes have no sharp edges in Cycles."""
+    for polygon in ob.data.polygons:
+        polygon.use_smooth = True
+
+
+@pytest.mark.parametrize("space_of", ['OBJECT', 'WORLD', 'TANGENT'])
+def test_vector_displacement_is_shown_as_bumps(ball, scene, render, add_light, space_of):
+    smoothed(ball)
+    tree = Tree()
+    output = lit(scene, ball, tree, tree.node('ShaderNodeBsdfDiffuse'), add_light)
+    where = tree.node('ShaderNodeTexCoord').outputs["Object"]
+    noise = tree.node('ShaderNodeTexNoise', {"Vector": where, "Scale": 2.0}).outputs[1]
+    displacement = tree.node('ShaderNodeVectorDisplacement', {"Vector": noise, "Scale": 0.3, "Midlevel": 0.4},
+                             space=space_of)
+    tree.tree.links.new(displacement.outputs[0], output.inputs["Displacement"])
+    tree.material.displacement_method = 'BUMP'
+    agree(*both(scene, render), most=0.05)
+
+
+def test_any_vector_displaces(ball, scene, render, add_light):
+    """A sum of two displacements, one of them along a normal of its own."""
+    smoothed(ball)
+    tree = Tree()
+    output = lit(scene, ball, tree, tree.node('ShaderNodeBsdfDiffuse'), add_light)
+    where = tree.node('ShaderNodeTexCoord').outputs["Object"]
+    noise = tree.node('ShaderNodeTexNoise', {"Vector": where, "Scale": 2.0}).outputs[0]
+    first = tree.node('ShaderNodeDisplacement', {"Height": noise, "Scale": 0.2}).outputs[0]
+    own = tree.node('ShaderNodeNewGeometry').outputs["Normal"]
+    aside = tree.node('ShaderNodeVectorMath', {0: own, 1: (0.5, 0.3, 0.1)}, operation='ADD').outputs[0]
+    second = tree.node('ShaderNodeDisplacement', {"Height": noise, "Scale": 0.1, "Normal": aside}).outputs[0]
+    both_of = tree.node('ShaderNodeVectorMath', {0: first, 1: second}, operation='ADD').outputs[0]
+    tree.tree.links.new(both_of, output.inputs["Displacement"])
+    tree.material.displacement_method = 'BUMP'
+    agree(*both(scene, render), most=0.05)
+
+
+@pytest.mark.parametrize("kind", ['POINT', 'VECTOR', 'NORMAL'])
+def test_vector_transform(ball, scene, render, kind):
+    """Between all three spaces, mixed into one colour."""
+    scene.camera.rotation_euler, scene.camera.location.y = (0.05, 0.02, 0.3), -0.3
+    tree = Tree()
+    vector = tree.node('ShaderNodeNewGeometry').outputs["Normal" if kind == 'NORMAL' else "Position"]
+    for n, (a, b) in enumerate([('WORLD', 'OBJECT'), ('OBJECT', 'CAMERA'), ('CAMERA', 'WORLD'), ('WORLD', 'CAMERA'),
+                                ('CAMERA', 'OBJECT'), ('OBJECT', 'WORLD'), ('WORLD', 'WORLD')]):
+        vector = tree.node('ShaderNodeVectorTransform', {0: vector}, vector_type=kind, convert_from=a, convert_to=b)
+        vector = tree.node('ShaderNodeVectorMath', {0: vector.outputs[0], 1: (0.1 * n, 0.2, -0.1)},
+                           operation='ADD').outputs[0]
+    shown = tree.node('ShaderNodeVectorMath', {0: vector, "Scale": 0.2}, operation='SCALE').outputs[0]
+    check(ball, scene, render, shown, tree)

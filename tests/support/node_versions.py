@@ -47,6 +47,16 @@ def others():
     for output in ("View Vector", "View Z Depth", "View Distance"):
         tree = Tree()
         yield tree, tree.node('ShaderNodeCameraData').outputs[output]
+    for output in ("Pointiness", "Random Per Island"):
+        tree = Tree()
+        yield tree, tree.node('ShaderNodeNewGeometry').outputs[output]
+    for kind in ('POINT', 'VECTOR', 'NORMAL'):
+        tree = Tree()
+        place = tree.node('ShaderNodeNewGeometry').outputs["Position"]
+        for a, b in (('WORLD', 'OBJECT'), ('OBJECT', 'CAMERA')):
+            place = tree.node('ShaderNodeVectorTransform', {0: place}, vector_type=kind, convert_from=a,
+                              convert_to=b).outputs[0]
+        yield tree, tree.node('ShaderNodeVectorMath', {0: place, "Scale": 0.2}, operation='SCALE').outputs[0]
 
 
 def worlds(scene):

@@ -54,11 +54,11 @@ static void refract(const f64 *d, const f64 *N, const f64 *G, f64 eta, f64 cosin
    bodies.py); otherwise single pixels would show another part of the scene. */
 KERNEL(interfaces_cross,
        "Ng f64[n,3]  Ns f64[n,3]  material i32[n]  triangle i32[n]  front bool[n]  way f64[n,3]  bodies i32[t]  "
-       "index f64[b]  rank i64[b]  grazing f64[t]  ior f64[M]  by_fresnel bool[M]  kt f64[M,3]  mirror f64[M,3]  real bool[n]!  bends bool[n]!  "
+       "index f64[b]  rank i64[b]  grazing f64[t]  ior f64[M]  by_fresnel bool[M]  kt f64[M,3]  mirror f64[M,3]  share f64[M]  real bool[n]!  bends bool[n]!  "
        "passed f64[n,3]!  mirrored f64[n,3]!  refracted f64[n,3]!  media i32[n,d]!")
 i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const f64 *Ns, const i32 *material,
                      const i32 *triangle, const u8 *front, const f64 *way, const i32 *bodies,
-                     const f64 *index, const i64 *rank, const f64 *grazing, const f64 *ior, const u8 *by_fresnel, const f64 *kt, const f64 *mirror, u8 *real, u8 *bends,
+                     const f64 *index, const i64 *rank, const f64 *grazing, const f64 *ior, const u8 *by_fresnel, const f64 *kt, const f64 *mirror, const f64 *share, u8 *real, u8 *bends,
                      f64 *passed, f64 *mirrored, f64 *refracted, i32 *media) {
     (void)t, (void)b, (void)M;
     for (i64 k = 0; k < n; k++) {
@@ -96,7 +96,7 @@ i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const
         }
         for (int c = 0; c < 3; c++) {
             on[c] = d[c];
-            back[c] = !real[k] ? 0.0 : by_fresnel[m] ? reflected : mirror[3 * (i64)m + c];
+            back[c] = !real[k] ? 0.0 : by_fresnel[m] ? share[m] * reflected : mirror[3 * (i64)m + c];
             pass[c] = !real[k] ? 0.0 : by_fresnel[m] ? through[c] * (1.0 - reflected) : through[c];
         }
         /* The direction behind it, or total reflection */

@@ -125,7 +125,7 @@ class Interfaces:
                     np.empty((n, 3)), media.copy())
         m = hits.table
         _cross(hits.Ng, hits.Ns, hits.row, hits.triangle, hits.front, direction, self._bodies.of,
-               self._bodies.ior, self._bodies.rank, self._grazing, m.ior, m.fresnel, m.kt, m.mirror, *face)
+               self._bodies.ior, self._bodies.rank, self._grazing, m.ior, m.fresnel, m.kt, m.mirror, m.share, *face)
         return face
 
     def around(self, points: NDArray[np.float64]) -> NDArray[np.int32]:

@@ -11,7 +11,8 @@ from ..film.passes import TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
 from ..support.rows import taken, where
-from ..surface import points
+from ..surface import points, shading
+from ..surface.layers import further, lit
 from .frosted import BENDS, frosted
 from .prepared import Prepared
 from .reflections import background, going, reflected, softened
@@ -101,6 +102,9 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         if plan.reflections or plan.blurred:
             mirror = taken(hits.table.mirror, hits.row.astype(np.int64))
             children += reflected(ready, rays, hits, rays.weight, mirror, rays.depth, tile)
+            for rows, layer in further(hits) if plan.layers else ():
+                own = rays.at(rows)
+                children += reflected(ready, own, layer, own.weight, layer.table.mirror[layer.row], own.depth, tile)
         return children
     return children + _pass_through(ready, kind, rays, hits, first, tile, check)
 
@@ -151,6 +155,9 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
         events = np.where(passed.any(1), rays.depth, mirrored)
         bounced = rays._replace(clear=np.zeros_like(rays.clear))
         children += reflected(ready, bounced, hits, share, face.mirror, events, tile)
+        for rows, layer in further(hits) if ready.plan.layers else ():
+            children += reflected(ready, bounced.at(rows), layer, share[rows], layer.table.mirror[layer.row],
+                                  events[rows], tile)
     return children
 
 
@@ -184,13 +191,16 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
            check: Callable[[], None]) -> dict[str, NDArray]:
     """Add the light of the surfaces that rays hit. Returns the shadow passes there. `first` is as in `_wave`."""
     work = tile.work(len(weight))
+    layers = [] if not ready.plan.layers else lit(
+        [(rows, softened(ready, rays.at(rows), layer, kind == "camera")) for rows, layer in further(hits)],
+        rays.direction, ready.world.textures)
     hits = softened(ready, rays, hits, kind == "camera")
     if ready.plan.shares:
         hits = hits._replace(apart=_apart(ready, rays, hits), weight=brightest(weight))
     if first and ready.sparse:
-        light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work)
+        light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work, layers)
     else:
-        light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work)
+        light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work, layers)
     tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms)
     tile.add_work(rays.pixel, work)
     if ready.plan.translucent:
@@ -216,8 +226,10 @@ def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, til
     if not len(rows):
         return
     some = hits.at(rows)
-    back = some._replace(Ng=-some.Ng, Ns=-some.Ns, front=~some.front, table=hits.table.behind(),
-                         smooth=None if some.smooth is None else -some.smooth)
+    Ns = shading.mirroring(some, rays.direction[rows])
+    back = some._replace(Ng=-some.Ng, Ns=-Ns, front=~some.front, table=hits.table.behind(),
+                         smooth=None if some.smooth is None else -some.smooth,
+                         displaced=None if some.displaced is None else -some.displaced)
     work = tile.work(len(rows))
     light = ready.lighting.direct(back, rays.direction[rows], check, tile.parts, False, work)
     tile.add_light(rays.pixel[rows], None if rays.part is None else rays.part[rows], weight[rows], light.colour,

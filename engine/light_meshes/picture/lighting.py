@@ -17,6 +17,7 @@ from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
 from ..support.statistics import Statistics
 from ..surface import colours, shading
+from ..surface.layers import Layer
 from ..surface.seen import seen_in_mirrors
 from .plan import Plan
 from .world import World
@@ -69,43 +70,58 @@ class Lighting:
         at = Receivers(np.ascontiguousarray(P), np.ascontiguousarray(N), active, triangle)
         return self._method(at, lambda: None)
 
-    def direct(self, hits: Hits, direction: NDArray, check: Check, parts: bool = False,
-               first: bool = False, work: NDArray | None = None) -> Sums:
+    def direct(self, hits: Hits, direction: NDArray, check: Check, parts: bool = False, first: bool = False,
+               work: NDArray | None = None, layers: Sequence[Layer] = ()) -> Sums:
         """Return Ia·ka·Od + Σ S·Ω + emission (n,3), for hits of rays with `direction`.
 
         Also return its terms, by the passes that show them, if `parts`; and the shadow passes, (n,3), if `first`.
-        `work` (n,4) is filled with the values of the debug passes.
+        `work` (n,4) is filled with the values of the debug passes. layers: further ones of the hits.
         """
-        Od, sums = self.unshaded(hits, direction, parts, first, check)
-        self.add_light(hits, direction, Od, sums, check, work)
+        Od, sums = self.unshaded(hits, direction, parts, first, check, layers)
+        self.add_light(hits, direction, Od, sums, check, work, layers=layers)
         return sums
 
-    def unshaded(self, hits: Hits, direction: NDArray, parts: bool, first: bool,
-                 check: Check = lambda: None) -> tuple[NDArray, Sums]:
+    def unshaded(self, hits: Hits, direction: NDArray, parts: bool, first: bool, check: Check = lambda: None,
+                 layers: Sequence[Layer] = ()) -> tuple[NDArray, Sums]:
         """Return Od (n,3) of the hits, as lights see it, and the results of `direct` without the light of lights."""
         m = hits.table
         Od = colours.matt(hits, self._world.textures)
         colour, ambient = np.empty_like(Od), np.empty_like(Od)
         shading.dim(m, hits, direction, Od)
         shading.unlit(m, hits.row, self._Ia, Od, colour, ambient)
+        for layer in layers:
+            more = m.ka[layer.hits.row, None] * layer.Od * self._Ia
+            colour[layer.rows] += more
+            ambient[layer.rows] += more
         terms = {"Emission": m.emission[hits.row], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
         if self.everywhere is not None:
             found = self.everywhere(hits, check)
             indirect = m.kd[hits.row, None] * Od * found.light
+            for layer in layers:
+                own = layer.hits
+                indirect[layer.rows] += own.table.kd[own.row, None] * layer.Od * found.light[layer.rows]
             colour += indirect
             if parts:
                 terms |= {"Diffuse Indirect": indirect, "Ambient Occlusion": np.repeat(found.sky[:, None], 3, axis=1)}
         return Od, Sums(colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})
 
     def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Check,
-                  work: NDArray | None = None, lights: NDArray[np.uint64] | None = None) -> None:
+                  work: NDArray | None = None, lights: NDArray[np.uint64] | None = None,
+                  layers: Sequence[Layer] = ()) -> None:
         """Add the light of some lights (W,), or of all (None), to the results of `direct`."""
         colour, terms, shadows = sums
-        for part, lit, _, S in self.lit(self._surfaces(hits, direction, Od), bool(shadows), check, work, lights):
+        for part, lit, _, S in self.lit(self._surfaces(hits, direction, Od), bool(shadows), check, work, lights,
+                                        layers=layers):
             with self._stats.stage("shading"):
                 both = (terms["Diffuse"][part], terms["Glossy"][part]) if terms else ()
                 shading.gather(lit, self.emitted(lit, S), colour[part], *both)
+                for own in (layer.at(part) for layer in layers):
+                    some = self._surfaces(own.hits, own.direction, own.Od)
+                    light = [np.zeros((len(own.rows), 3)) for _ in (0, *both)]
+                    shading.gather(some, self.emitted(some, S[own.rows]), *light)
+                    for whole, more in zip((colour[part], *both), light, strict=True):
+                        whole[own.rows] += more
                 for name, shadow in shadows.items():
                     shown = self._shadow_lights[name]
                     shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
@@ -154,12 +170,12 @@ class Lighting:
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
             lights: NDArray[np.uint64] | None = None, visibility: Method | None = None,
-            narrow: NDArray[np.uint64] | None = None) -> Iterator[
+            narrow: NDArray[np.uint64] | None = None, layers: Sequence[Layer] = ()) -> Iterator[
                 tuple[slice, shading.Lit, NDArray[np.uint64], NDArray[np.float32]]]:
         """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of surfaces, batch by batch.
 
         None without lights. unlit: see `shading.reaching`. lights (W,): those that count; None: all. visibility:
-        another method than the plan's. narrow: see `Receivers`.
+        another method than the plan's. narrow: see `Receivers`. layers: further ones, whose lights count, too.
         """
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
         step = max(64, SHADED // max(1, count))
@@ -173,6 +189,11 @@ class Lighting:
                 lift = self.terminator.lift(some)
                 facing = some if lift is None else some._replace(Ng=lift.side)
                 shading.reaching(lit._replace(hits=facing), unlit, active)
+                for own in (layer.at(part) for layer in layers):
+                    more, at = np.empty((len(own.rows), active.shape[1]), np.uint64), own.hits
+                    at = at if lift is None else at._replace(Ng=lift.side[own.rows])
+                    shading.reaching(self._surfaces(at, own.direction, own.Od), False, more)
+                    active[own.rows] |= more
                 if self._linked is not None:
                     shading.unlink(self._linked, self._world.owner(some.triangle), active)
                 if lights is not None:

@@ -36,6 +36,7 @@ class Plan:
     blurred: bool = False  # surfaces have lobes of microfacets, which show what is around
     follows: bool = True  # rays are sent along them; otherwise they show the world only
     translucent: bool = False  # light comes through some surfaces scattered
+    layers: bool = False  # some surfaces reflect by more than one layer
     frosted: bool = False  # some glass is rough
     spreads: bool = False  # of which some are bright, and spread rays out
     transparent: bool = False  # rays pass through surfaces
@@ -93,6 +94,8 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         _shadow_rate(p, scene, casters, passes)
     if p.kind.lattice:
         _short_rays(p, scene)
+    p.layers = any(m.layers for m in materials)
+    materials += [layer for m in materials for layer in m.layers]
     _reflections(p, scene, glass, materials)
     p.textures = any(m.image >= 0 for m in materials)
     p.decide("textures", "yes" if p.textures else "no",
@@ -303,8 +306,9 @@ def darkness(scene: Scene, p: Plan) -> list[str]:
     if p.gathers:
         return []
     used = [scene.materials[i] for i in np.unique(scene.geometry.triangle_materials)]
+    used += [layer for m in used for layer in m.layers]
     if any(any(light.intensity) for light in scene.lights) or not any(
-            m.kd > 0 or m.ks > 0 or m.metal > 0 or m.dielectric > 0 for m in used):
+            m.kd > 0 or m.ks > 0 or m.metal > 0 or m.dielectric > 0 or m.sheen > 0 for m in used):
         return []
     names = [f"'{light.name}'" for light in scene.lights[:3]] + ["others"] * (len(scene.lights) > 3)
     why = (f"the light of {', '.join(names)} is 0: give it power and a colour" if names else

@@ -60,6 +60,7 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     if not len(rays.pixel):
         return []
     settings = ready.scene.settings
+    hits = hits._replace(Ns=shading.mirroring(hits, rays.direction))
     assert rays.fan is not None and rays.blur is not None
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
                    settings.cutoff)

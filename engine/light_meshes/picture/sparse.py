@@ -23,6 +23,7 @@ camera sees is brighter. So lights of a thousand times the power give the same p
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,7 @@ from ..support.bits import mask_of
 from ..support.native import kernel
 from ..support.statistics import Statistics
 from ..surface import shading
+from ..surface.layers import Layer
 from .lighting import Lighting, Sums
 from .world import World
 
@@ -137,14 +139,16 @@ class Sparse:
         self._reach = float(np.abs(offsets).max()) + 0.01 + BLUR * (self._camera.lens_radius > 0)
 
     def direct(self, hits: Hits, direction: NDArray, pixel: NDArray, box: tuple[int, int, int, int], check: Check,
-               parts: bool, work: NDArray | None) -> Sums:
+               parts: bool, work: NDArray | None, layers: Sequence[Layer] = ()) -> Sums:
         """As `Lighting.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
         m = hits.table
-        Od, sums = self._lighting.unshaded(hits, direction, parts, True)
+        Od, sums = self._lighting.unshaded(hits, direction, parts, True, layers=layers)
         colour, terms, _ = sums  # there are no shadow passes, the plan makes sure
         with self._stats.stage("interpolation"):
             film, left = self._film(hits, pixel, box)
             left = left[hits.row[left] == hits.material[left]]  # what a program says is no corner's
+            if layers:
+                left = left[m.also[hits.row[left]] < 0]
             done, light = np.zeros(len(film), np.bool_), np.empty((len(film), 6 if self._gloss else 3))
         for k, step in enumerate(self._steps):
             check()
@@ -163,17 +167,18 @@ class Sparse:
             if terms:
                 colour += matt + glossy
         self._stats.add(computed=len(rest))
-        self._add_light(rest, None, hits, direction, Od, sums, check, work)
+        self._add_light(rest, None, hits, direction, Od, sums, check, work, layers)
         if self._sharp.any():
             self._add_light(some, self._sharp, hits, direction, Od, sums, check, work)
         return sums
 
     def _add_light(self, rows: NDArray, lights: NDArray | None, hits: Hits, direction: NDArray, Od: NDArray,
-                   sums: Sums, check: Check, work: NDArray | None) -> None:
+                   sums: Sums, check: Check, work: NDArray | None, layers: Sequence[Layer] = ()) -> None:
         """`Lighting.add_light` of some hits."""
         some = Sums(sums.colour[rows], {name: a[rows] for name, a in sums.terms.items()}, {})
         count = None if work is None else np.zeros((len(rows), work.shape[1]))
-        self._lighting.add_light(hits.at(rows), direction[rows], Od[rows], some, check, count, lights)
+        self._lighting.add_light(hits.at(rows), direction[rows], Od[rows], some, check, count, lights,
+                                 [layer.among(rows) for layer in layers])
         sums.colour[rows] = some.colour
         for name, a in some.terms.items():
             sums.terms[name][rows] = a

@@ -153,7 +153,8 @@ def _frame_key(camera: Camera) -> tuple:
 def _interfaces_key(scene: Scene, images: list[textures.Texture | None], camera: Camera) -> tuple:
     """Return what `Interfaces` depends on beside the triangles."""
     return (
-        [(m.alpha, m.alpha_image, m.kt, m.mirror, m.ior, m.priority, m.fresnel, m.transparent_shadow, m.program)
+        [(m.alpha, m.alpha_image, m.kt, m.mirror, m.share, m.ior, m.priority, m.fresnel, m.transparent_shadow,
+          m.program)
          for m in scene.materials],
         [texture and texture.key for texture in images], scene.settings.refraction,
         [o.visible_shadow for o in scene.objects],

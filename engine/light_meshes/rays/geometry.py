@@ -62,9 +62,15 @@ class Hits(NamedTuple):
     row: NDArray[np.int32]  # (n,) of `table`, which says what the material is at this very point (see `looks`)
     table: Any = None
     smooth: Any = None  # (n,3) the shading normal before a program bent it; None: it is Ns
+    displaced: Any = None  # (n,3) that with displacement, which is shown as bumps; None: it is `smooth`
     # Where the plan's nodes hold shares:
     apart: Any = None  # (n,) about how far the next hit is, scene units; inf: a rough surface sees it, by a few rays
     weight: Any = None  # (n,) what of the light that the hit returns counts in the picture
+
+    @property
+    def unbent(self) -> Any:
+        """The normals (n,3) that shaders bend; None: they are Ns."""
+        return self.smooth if self.displaced is None else self.displaced
 
     def at(self, rows: Any) -> Hits:
         """Return only these hits: a slice of them, those of an index, or those where a mask is set."""

@@ -357,9 +357,7 @@ class Scene:
                    objects=tuple(Object(s.name, **s.flags) for s in shapes), settings=settings or Settings(), **more)
 
     def with_settings(self, **changes: Any) -> Scene:
-        """Return the scene with some settings changed, by their names. Raises SceneError where there is no such
-        setting.
-        """
+        """Return the scene with some settings changed, by their names. Raises SceneError for an unknown name."""
         unknown = changes.keys() - names_of(Settings)
         if unknown:
             raise SceneError(f"there is no setting {quoted(min(unknown))}; there are {', '.join(names_of(Settings))}")

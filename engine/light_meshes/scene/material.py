@@ -60,6 +60,13 @@ class Material:
     coat_roughness: float = 0.0
     coat_ior: float = 1.5
     coat_tint: RGB = (1.0, 1.0, 1.0)  # of what passes it straight
+    sheen: float = 0.0  # weight of a layer of fibres over all that, also the coat, which dims what is below
+    sheen_roughness: float = 0.3
+    sheen_tint: RGB = (1.0, 1.0, 1.0)
+    layers: tuple[Material, ...] = ()  # what else reflects light there; of these only that counts, and no program
+    # Of the light of coat and sheen themselves, and of what is mirrored by Fresnel's equations, which counts; the other
+    # weights have it in them.
+    share: float = 1.0
 
     @property
     def emits(self) -> bool:

@@ -26,8 +26,9 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     "backfacing": (0, 1), "uv": (0, 2), "image": (3, 4), "where": (3, 1), "table": (4, 1),
     "noise": (13, 4), "white_noise": (5, 4), "bend": (5, 1), "magic": (5, 3), "brick": (11, 2),
     "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
+    "to_world": (4, 3), "to_object": (4, 3), "to_object_normal": (3, 3), "from_camera": (4, 3), "in_camera": (4, 3),
     "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2), "sky": (13, 3),
-    "bump": (9, 3), "object_scale": (0, 1), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
+    "covered": (11, 3), "bump": (9, 3), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
     **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
@@ -36,23 +37,26 @@ OPERATIONS: dict[str, tuple[int, int]] = {
                      "modulo", "arctan2"), (2, 1)),
 }
 OF_LAMPS = {"ray_length", "ies"}  # only a lamp's program may have these
-NOT_OF_LAMPS = {"attribute", "instance", "corner_normal", "bump"}  # a lamp's may not have these
+NOT_OF_LAMPS = {"attribute", "instance", "corner_normal", "bump", "covered"}  # a lamp's may not have these
 # These may have two more arguments, for bumps: they are taken one step beside the point, along the first (1) or the
 # second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
-SHIFTED = {"uv", "position", "object", "generated", "attribute"}
+SHIFTED = {"uv", "position", "object", "generated", "attribute", "window", "parametric"}
 # What only a point of a surface has: a world's program must not ask for it.
 NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump",
-                 "box", "to_world_normal", "corner_normal", "object_scale", "parametric", "ray_length", "ies"}
+                 "box", "to_world_normal", "to_world", "to_object", "to_object_normal", "corner_normal", "parametric",
+                 "ray_length", "ies", "covered"}
 # Parameters of a Material that a program may set: (channels, smallest, largest value).
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),
     "nShiny": (1, 0.0, 1e9), "mirror": (3, 0.0, 1e30), "emission": (3, 0.0, 1e30), "kt": (3, 0.0, 1e30),
     "ior": (1, 0.01, 100.0), "frosted": (1, 0.0, 1.0), "diffuse_roughness": (1, 0.0, 1.0),
-    "translucent": (3, 0.0, 1e30), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "roughness": (1, 0.0, 1.0),
+    "translucent": (3, 0.0, 1e30), "alpha": (1, 0.0, 1.0), "normal": (3, -1e30, 1e30), "displaced": (3, -1e30, 1e30),
+    "roughness": (1, 0.0, 1.0),
     "metal": (1, 0.0, 1e30), "F0": (3, 0.0, 1.0), "F90": (3, 0.0, 1.0), "F82": (3, 0.0, 1.0),
     "dielectric": (1, 0.0, 1e30), "dielectric_ior": (1, 1e-5, 1000.0), "dielectric_tint": (3, 0.0, 1e30),
     "layered": (1, 0.0, 1.0), "compensation": (1, 0.0, 1.0), "coat": (1, 0.0, 1.0), "coat_roughness": (1, 0.0, 1.0),
-    "coat_ior": (1, 1.0, 1000.0), "coat_tint": (3, 0.0, 1.0)}
+    "coat_ior": (1, 1.0, 1000.0), "coat_tint": (3, 0.0, 1.0), "sheen": (1, 0.0, 1e30),
+    "sheen_roughness": (1, 0.0, 1.0), "sheen_tint": (3, 0.0, 1.0), "share": (1, 0.0, 1e30)}
 # What a lamp's program sets: by how much its intensity is multiplied.
 OF_LIGHT = ("emission",)
 
@@ -70,7 +74,8 @@ class Program:
     """A checked program. Empty: the material, or the lamp's light, is the same everywhere."""
 
     operations: tuple[Operation, ...] = ()
-    values: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # parameter → a number or register a channel
+    # parameter, or of a layer its number from 1 on, a dot and the parameter → a number or register a channel
+    values: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.values)
@@ -110,7 +115,7 @@ class Program:
 
     def sees_camera(self) -> bool:
         """Return whether what it gives depends on where the camera is."""
-        return any(o.name in ("to_camera", "window") or (
+        return any(o.name in ("to_camera", "from_camera", "in_camera", "window") or (
             o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0]) for o in self.operations)
 
 
@@ -167,15 +172,27 @@ def program(data: Any, where: str, names: Collection[str] = PARAMETERS, without:
         count += outputs
     values = {}
     for name, refs in data["values"].items():
-        if name not in names:
+        layer, bare = layer_of(name)
+        if bare not in names or (layer and names is not PARAMETERS):
             raise SceneError(f"{where}: its program sets {quoted(name)}, which is no parameter")
-        channels = refs if PARAMETERS[name][0] == 3 else [refs]
-        if refs and isinstance(refs, list) and PARAMETERS[name][0] == 1 and isinstance(refs[0], list):
+        wide = PARAMETERS[bare][0]
+        channels = refs if wide == 3 else [refs]
+        if refs and isinstance(refs, list) and wide == 1 and isinstance(refs[0], list | float):
             channels = refs
-        if not isinstance(channels, list) or len(channels) != PARAMETERS[name][0]:
-            raise SceneError(f"{where}: its program must set {name} by {PARAMETERS[name][0]} values")
+        if not isinstance(channels, list) or len(channels) != wide:
+            raise SceneError(f"{where}: its program must set {name} by {wide} values")
         values[name] = tuple(_reference(r, count, f"{where}: its program's {name}") for r in channels)
     return Program(tuple(operations), values)
+
+
+def layer_of(name: str) -> tuple[int, str]:
+    """The layer that a name of a program's values is about, 0 for the material itself, and the parameter."""
+    layer, dot, bare = name.partition(".")
+    return (int(layer), bare) if dot and layer in _LAYERS else (0, name)
+
+
+LAYERS = 7  # a material has at most, beside itself
+_LAYERS = {str(n) for n in range(1, LAYERS + 1)}
 
 
 # Arguments that are choices, not registers: operation → (place, smallest, largest); None: any number.

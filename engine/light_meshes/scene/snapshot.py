@@ -114,7 +114,8 @@ _RANGES = {
 }
 _RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
     "diffuse_roughness", "frosted", "translucent", "roughness", "metal", "F0", "F90", "F82", "dielectric",
-    "dielectric_ior", "dielectric_tint", "layered", "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint")}
+    "dielectric_ior", "dielectric_tint", "layered", "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint",
+    "sheen", "sheen_roughness", "sheen_tint", "share")}
 
 
 def write(scene: Scene, folder: Path) -> None:
@@ -141,10 +142,13 @@ def write(scene: Scene, folder: Path) -> None:
 
 
 def _plain(item: Any) -> dict[str, Any]:
-    return {
-        k: v.tolist() if isinstance(v, np.ndarray) else programs.plain(v) if isinstance(v, programs.Program) else v
-        for k, v in ((f.name, getattr(item, f.name)) for f in dataclasses.fields(item))
-    }
+    def plain(v: Any) -> Any:
+        if isinstance(v, np.ndarray):
+            return v.tolist()
+        if isinstance(v, tuple) and v and isinstance(v[0], Material):
+            return [_plain(layer) for layer in v]
+        return programs.plain(v) if isinstance(v, programs.Program) else v
+    return {f.name: plain(getattr(item, f.name)) for f in dataclasses.fields(item)}
 
 
 def scene_file(path: Path) -> Path:
@@ -339,6 +343,8 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
         return matrix
     if name == "program":
         return programs.of_lamp(value, where) if cls is Light else programs.program(value, where)
+    if name == "layers":
+        return _layers(value, where)
     if value is None and default is None:
         return None
     if (cls, name) == (Settings, "method"):
@@ -354,6 +360,17 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
     return bounded(where, name, typed(where, name, sample, value), _CHOICES.get((cls, name), ()), low, high)
 
 
+def _layers(items: Any, where: str) -> tuple[Material, ...]:
+    """The checked layers of a material, of a JSON list. Raises SceneError."""
+    if not isinstance(items, list | tuple) or len(items) > programs.LAYERS:
+        raise SceneError(f"{where}: layers must be a list of {programs.LAYERS} materials at most")
+    made = tuple(built(Material, item, f"{where}: layer {n}") for n, item in enumerate(items, 1))
+    for n, layer in enumerate(made, 1):
+        if layer.layers or layer.program:
+            raise SceneError(f"{where}: layer {n} has layers or a program, which only the material itself has")
+    return made
+
+
 def check(scene: Scene) -> None:
     """Raise SceneError unless all indices of `scene` are valid. The values of vertices are not checked."""
     g = scene.geometry
@@ -364,7 +381,9 @@ def check(scene: Scene) -> None:
     for material in scene.materials:
         if not all(0 <= image < len(scene.images) for image in material.program.images()):
             raise SceneError(f"material {quoted(material.name)}: its program looks at an image that does not exist")
-        for image in (material.image, material.alpha_image):
+        if any(programs.layer_of(name)[0] > len(material.layers) for name in material.program.values):
+            raise SceneError(f"material {quoted(material.name)}: its program is about a layer that does not exist")
+        for image in (material.image, material.alpha_image, *(layer.image for layer in material.layers)):
             if not -1 <= image < len(scene.images):
                 raise SceneError(f"material {quoted(material.name)}: image {image} does not exist")
             if image >= 0 and not len(g.uvs) and len(g.triangles):

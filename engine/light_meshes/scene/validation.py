@@ -76,4 +76,6 @@ def _plain(value: Any) -> Any:
         return plain(value)
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, Material):
+        return _values(value)
     return [_plain(v) for v in value] if isinstance(value, list | tuple) else value

@@ -1,5 +1,5 @@
 /* Tables of what GGX reflects in all, and how it dims what is below (ggx.h). */
-#include "ggx.h"
+#include "layers.h"
 
 enum { RADII = 24, ANGLES = 20, FACETS = RADII * ANGLES };  /* of the quadrature over microfacets that an eye sees */
 
@@ -59,16 +59,17 @@ i64 ggx_tables(i64 T, f64 *tables) {
     return 0;
 }
 
-/* Multiplies the colours Od of what lies below a dielectric by what gets past it, seen along `way`. */
-KERNEL(ggx_dim, "ggx f64[M,26]  tables f64[T]  way f64[n,3]  Ns f64[n,3]  material i32[n]  Od f64[n,3]!")
-i64 ggx_dim(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const f64 *way, const f64 *Ns, const i32 *material,
-            f64 *Od) {
+/* Multiplies the colours Od of what lies below a dielectric by what gets past it, seen along `way`. above: the normals of
+   coats, where these are others than Ns. */
+KERNEL(ggx_dim, "ggx f64[M,32]  tables f64[T]  way f64[n,3]  Ns f64[n,3]  above f64[n,3]?  material i32[n]  Od f64[n,3]!")
+i64 ggx_dim(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const f64 *way, const f64 *Ns, const f64 *above,
+            const i32 *material, f64 *Od) {
     (void)M, (void)T;
     for (i64 p = 0; p < n; p++) {
-        const f64 *m = ggx + G_COLUMNS * (i64)material[p], *d = way + 3 * p, *N = Ns + 3 * p;
+        const f64 *m = ggx + G_COLUMNS * (i64)material[p], *d = way + 3 * p, *N = Ns + 3 * p, *C = above ? above + 3 * p : N;
         if (m[G_ON] == 0.0) continue;
         f64 facing = -(d[0] * N[0] + d[1] * N[1] + d[2] * N[2]), left = below(m, tables, facing), through[3];
-        under_coat(m, tables, facing, through);
+        to_base(m, tables, facing, -(d[0] * C[0] + d[1] * C[1] + d[2] * C[2]), through);
         for (int j = 0; j < 3; j++) Od[3 * p + j] *= left * through[j];
     }
     return 0;

@@ -17,7 +17,7 @@
 /* A material's numbers, a row of shading.py's `ggx_rows`. */
 enum { G_ON, G_ROUGHNESS, G_METAL, G_F0, G_F90 = G_F0 + 3, G_F82 = G_F90 + 3, G_DIELECTRIC = G_F82 + 3, G_IOR, G_TINT,
        G_LAYERED = G_TINT + 3, G_COMPENSATION, G_COAT, G_COAT_ROUGHNESS, G_COAT_IOR, G_COAT_TINT,
-       G_SIGMA = G_COAT_TINT + 3, G_COLUMNS };
+       G_SIGMA = G_COAT_TINT + 3, G_COUNTS, G_SHEEN, G_SHEEN_ROUGHNESS, G_SHEEN_TINT, G_COLUMNS = G_SHEEN_TINT + 3 };
 
 /* Tables, one behind the other: E(roughness, cosine of the eye), its mean over cosines, s(ior, roughness, cosine). */
 enum { G_FINE = 32, G_COARSE = 16, G_MEAN = G_FINE * G_FINE, G_SHARE = G_MEAN + G_FINE,
@@ -113,26 +113,6 @@ static inline f64 below(const f64 *m, const f64 *tables, f64 facing) {
         most = all > most ? all : most;
     }
     return 1.0 - m[G_LAYERED] * held(most, 0.0, 1.0);
-}
-
-/* A material's coat as a material of its own, a dielectric below which the diffuse light is. */
-static inline void coat_row(const f64 *m, f64 *coat) {
-    for (int i = 0; i < G_COLUMNS; i++) coat[i] = 0.0;
-    coat[G_ON] = coat[G_COMPENSATION] = coat[G_TINT] = coat[G_TINT + 1] = coat[G_TINT + 2] = 1.0;
-    coat[G_ROUGHNESS] = m[G_COAT_ROUGHNESS], coat[G_IOR] = m[G_COAT_IOR], coat[G_DIELECTRIC] = coat[G_LAYERED] = m[G_COAT];
-}
-
-/* Which share of the light gets past the coat, for what is below it. What it absorbs goes by the way in it (Beer). */
-static inline void under_coat(const f64 *m, const f64 *tables, f64 facing, f64 *through) {
-    through[0] = through[1] = through[2] = 1.0;
-    if (m[G_COAT] <= 0.0) return;
-    f64 coat[G_COLUMNS], sight = held(facing, LEAST_SIGHT, 1.0);
-    coat_row(m, coat);
-    f64 left = below(coat, tables, facing), way = 1.0 / sqrt(1.0 - (1.0 - square(sight)) / square(m[G_COAT_IOR]));
-    for (int j = 0; j < 3; j++) {
-        f64 tint = m[G_COAT_TINT + j];
-        through[j] = left * (1.0 + m[G_COAT] * ((tint == 1.0 ? 1.0 : pow(tint, way)) - 1.0));
-    }
 }
 
 /* Whether a material of the row m reflects anything in channel j. */

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..rays.geometry import Hits, Surfaces
 from ..scene.description import Camera, Scene
-from ..scene.programs import Program
+from ..scene.programs import Program, layer_of
 from .points import SHADOW, Around, Points
 from .programs import run, unit
 from .shading import Materials
@@ -42,27 +42,37 @@ class Looks:
         rows = np.flatnonzero(self._varies[hits.material]) if self.any else np.zeros(0, np.int64)
         if not len(rows):
             return hits
-        own = Materials._make(column[hits.material[rows]] for column in table)
         h = hits.at(rows)
         points = Points(h.P, h.Ns, h.Ng, -direction[rows], h.front, h.uv, h.triangle, ray[rows], self._around)
-        material, Ns = hits.material[rows], None
-        for m in np.unique(material):
-            some = np.flatnonzero(material == m)
+        row, Ns, displaced = hits.material.copy(), None, None
+        made, count = [table], len(table.ka)  # tables, and the rows in them
+        for m in np.unique(h.material):
+            some = np.flatnonzero(h.material == m)
+            layers, bent = _rows(table, int(m), len(some), count), {}
             for name, values in run(self._programs[m], points.at(some), self._textures).items():
-                if name == "normal":
-                    Ns = hits.Ns.copy() if Ns is None else Ns
-                    Ns[rows[some]] = unit(values, h.Ns[some])
-                    continue
-                getattr(own, name)[some] = values
+                layer, name = layer_of(name)
+                if name in ("normal", "displaced"):
+                    values = unit(values, h.Ns[some])
+                    if not layer:
+                        bent[name] = values
+                        continue
+                    name = "bent"
+                getattr(layers[layer], name)[:] = values
                 if name == "Od":
-                    own.image[some] = -1
+                    layers[layer].image[:] = -1
                 elif name == "alpha":
-                    own.alpha_image[some] = -1
-        row = hits.material.copy()
-        row[rows] = len(table.ka) + np.arange(len(rows), dtype=np.int32)
-        longer = (np.concatenate([a, b]) for a, b in zip(table, own, strict=True))
+                    layers[layer].alpha_image[:] = -1
+            if "normal" in bent:
+                Ns = hits.Ns.copy() if Ns is None else Ns
+                Ns[rows[some]] = bent["normal"]
+            if "displaced" in bent:
+                displaced = hits.Ns.copy() if displaced is None else displaced
+                displaced[rows[some]] = bent["displaced"]
+            row[rows[some]] = count + np.arange(len(some), dtype=np.int32)
+            made, count = [*made, *layers], count + len(layers) * len(some)
+        longer = (np.concatenate(columns) for columns in zip(*made, strict=True))
         return hits._replace(row=row, table=Materials(*longer), Ns=hits.Ns if Ns is None else Ns,
-                             smooth=None if Ns is None else hits.Ns)
+                             smooth=None if Ns is None else hits.Ns, displaced=displaced)
 
     def let_through(self, material: NDArray[np.int32], triangle: NDArray[np.int32], u: NDArray, v: NDArray,
                     uv: NDArray[np.float32], alpha: NDArray[np.float64], kt: NDArray[np.float64]) -> None:
@@ -85,3 +95,16 @@ class Looks:
                 alpha[rows[some]] = found["alpha"]
             if "kt" in found:
                 kt[rows[some]] = found["kt"]
+
+
+def _rows(table: Materials, material: int, n: int, first: int) -> list[Materials]:
+    """n rows for a material and each of its layers, for a table in which they begin at row `first`."""
+    made, row = [], material
+    while row >= 0:
+        one = Materials._make(np.repeat(column[row:row + 1], n, axis=0) for column in table)
+        row = int(table.also[row])
+        first += n
+        if row >= 0:
+            one.also[:] = first + np.arange(n, dtype=np.int32)
+        made.append(one)
+    return made

@@ -13,22 +13,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.programs import OPERATIONS, PARAMETERS, Program
+from ..scene.programs import OPERATIONS, PARAMETERS, Program, layer_of
 from .atmosphere import sky
 from .points import Points
 from .procedural import TEXTURES
+from .shading import covered
 from .textures import Texture
 
 Register = Any  # (n,) float64, or a number
 
 
 def run(program: Program, points: Points, textures: Sequence[Texture | None],
-        wanted: Collection[str] = PARAMETERS) -> dict[str, NDArray[np.float64]]:
+        wanted: Collection[str] | None = None) -> dict[str, NDArray[np.float64]]:
     """Return the parameters that `program` sets: (n,) or, of colours, (n,3), held to what a Material may have.
 
-    wanted: of which parameters only; what they do not need is not computed. An argument may be an array instead of a
-    number, with one for each instance: so programs that differ in numbers only are run as one (`lamps`).
+    wanted: of which parameters only, None: of all, also of layers; what they do not need is not computed. An argument
+    may be an array instead of a number, with one for each instance: so programs that differ in numbers only are run as
+    one (`lamps`).
     """
+    wanted = program.values if wanted is None else wanted
     needed, asked = program.needed(wanted)
     registers: list[Register] = []
     moved: dict[tuple, Points] = {}
@@ -69,7 +72,7 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
     for name, refs in program.values.items():
         if name not in wanted:
             continue
-        channels, low, high = PARAMETERS[name]
+        channels, low, high = PARAMETERS[layer_of(name)[1]]
         out = np.empty((n, channels))
         for k, ref in enumerate(refs):
             out[:, k] = value(ref)
@@ -90,16 +93,52 @@ def _moved(matrix: NDArray[np.float64], points: Points) -> tuple[NDArray, ...]:
 
 
 def _object_normal(points: Points) -> tuple[NDArray, ...]:
+    return _to_object_normal(points, *points.Ns.T)
+
+
+def _to_object_normal(points: Points, x: Register, y: Register, z: Register) -> tuple[NDArray, ...]:
+    """A normal of the world in the object's own space, with length 1; 0 where it has no direction."""
     # Normals go by the transpose of the way back.
-    turned = np.einsum("nji,nj->ni", np.linalg.pinv(points.around.to_object[:, :, :3])[points.instance], points.Ns)
-    return _columns(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+    turned = np.einsum("nji,nj->ni", np.linalg.pinv(points.around.to_object[:, :, :3])[points.instance],
+                       _stacked(points, x, y, z))
+    return _columns(turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-300))
+
+
+def _to_object(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
+    """A vector of the world, or a point (1), in the object's own space."""
+    m = points.around.to_object[points.instance]
+    return _columns(np.einsum("nij,nj->ni", m[:, :, :3], _stacked(points, x, y, z)) + point * m[:, :, 3])
+
+
+def _to_world(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
+    """A vector of the object's own space, or a point (1), in the world."""
+    back = np.linalg.pinv(points.around.to_object[:, :, :3])[points.instance]
+    moved = _stacked(points, x, y, z) - point * points.around.to_object[points.instance, :, 3]
+    return _columns(np.einsum("nij,nj->ni", back, moved))
+
+
+def _from_camera(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
+    """A vector of the camera's space, as `_camera_vector` has it, or a point (1), in the world."""
+    m = points.around.to_camera
+    moved = _stacked(points, x, y, z) * (1.0, 1.0, -1.0) - point * m[:, 3]
+    return _columns(moved @ np.linalg.inv(m[:, :3]).T)
+
+
+def _camera_vector(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
+    """A vector of the world, or a point (1), as the camera has it: x to the right, y up, z away from it."""
+    m = points.around.to_camera
+    return _columns((_stacked(points, x, y, z) @ m[:, :3].T + point * m[:, 3]) * (1.0, 1.0, -1.0))
+
+
+def _stacked(points: Points, x: Register, y: Register, z: Register) -> NDArray[np.float64]:
+    out = np.empty((len(points.P), 3))
+    out[:, 0], out[:, 1], out[:, 2] = x, y, z
+    return out
 
 
 def _world_normal(points: Points, x: Register, y: Register, z: Register) -> Sequence[Register]:
     """Return a normal of the object's own space in the world, with length 1; 0 where it has no direction."""
-    normal = np.empty((len(points.P), 3))
-    normal[:, 0], normal[:, 1], normal[:, 2] = x, y, z
-    normal = np.einsum("nji,nj->ni", points.around.to_object[:, :, :3][points.instance], normal)
+    normal = np.einsum("nji,nj->ni", points.around.to_object[:, :, :3][points.instance], _stacked(points, x, y, z))
     return _columns(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
 
 
@@ -145,8 +184,7 @@ def _bump(points: Points, here: Register, first: Register, second: Register, x: 
 
     Blinn, "Simulation of wrinkled surfaces" (1978), as Cycles has it: the normal less the heights' gradient.
     """
-    n = np.empty((len(points.P), 3))
-    n[:, 0], n[:, 1], n[:, 2] = x, y, z
+    n = _stacked(points, x, y, z)
     dx, dy = points.steps(width)
     rx, ry = np.cross(dy, n), np.cross(n, dx)
     area = np.einsum("ni,ni->n", dx, rx)
@@ -185,12 +223,6 @@ def _box(points: Points, blend: Register) -> Sequence[Register]:
     return _columns(weight)
 
 
-def _object_scale(points: Points) -> Sequence[Register]:
-    """By what factor the object is larger in the world than in its own space, in the mean of all directions."""
-    smaller = np.abs(np.linalg.det(points.around.to_object[:, :, :3]))
-    return (np.where(smaller > 0, np.where(smaller > 0, smaller, 1.0) ** (-1 / 3), 0.0)[points.instance],)
-
-
 def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Register]:
     """Return the light of profiles at horizontal and vertical angles x and y."""
     out, numbers = np.empty(len(points.P)), np.broadcast_to(number, len(points.P))
@@ -201,10 +233,17 @@ def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Re
     return (out,)
 
 
+def _covered(points: Points, *values: Register) -> Sequence[Register]:
+    """What of light from below gets through a coat (6 values) and fibres (5)."""
+    return _columns(covered(values[:6], values[6:], points.Ns, points.incoming))
+
+
 _OF_POINTS: dict[str, Callable[..., Sequence[Register]]] = {
     "instance": _instance_value, "ray": lambda p, kind: ((p.ray == kind).astype(np.float64),),
-    "to_world_normal": _world_normal, "to_camera": _in_camera, "window": _window,
-    "bump": _bump, "box": _box, "ies": _ies, "object_scale": _object_scale,
+    "to_world": _to_world, "to_object": _to_object, "to_object_normal": _to_object_normal,
+    "from_camera": _from_camera, "in_camera": _camera_vector, "to_world_normal": _world_normal,
+    "to_camera": _in_camera,
+    "covered": _covered, "bump": _bump, "box": _box, "ies": _ies,
     "corner_normal": lambda p: _columns(p.at_corners(p.around.surfaces.corner_normals)),
 }
 _INPUTS: dict[str, Callable[[Any], Sequence[Register]]] = {
@@ -218,6 +257,7 @@ _INPUTS: dict[str, Callable[[Any], Sequence[Register]]] = {
     "object_normal": _object_normal,
     "object_location": _location,
     "parametric": lambda p: _columns(p.parametric),
+    "window": _window,
     "ray_length": lambda p: (p.length,),
     "backfacing": lambda p: [(~p.front).astype(np.float64)],
 }

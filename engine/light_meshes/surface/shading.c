@@ -3,8 +3,8 @@
    The loops over the receivers of a block have no branch that depends on the receiver, so that compilers can
    vectorise them. Each loop is written once for all types of light. The type is a constant wherever `arriving` is
    inlined, so code that only other types need is removed. Lamps with a size have loops of their own: sized_block.h. */
+#include "bent.h"
 #include "shading_bounds.h"
-#include "shading_facets.h"
 #include "shading_shares.h"
 
 /* mark, add and add_gloss for lamps with a size; FOR_KIND calls them by these names. */
@@ -70,19 +70,24 @@ INLINE void mark(int kind, const Source *s, u64 own, u64 colour, i64 unlit, cons
 KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
 i64 shading_reaching(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
     GATHERED;
-    Block block;
+    Block block, mirrors;
     materials.tables = 0;
     for (i64 first = 0; first < n; first += SIDE) {
-        fill(&block, first, &materials, &hits);
+        u64 returns = fill(&block, first, &materials, &hits, Ns + 3 * first);
+        int count = n - first < SIDE ? (int)(n - first) : SIDE;
+        int turned = smooth && returns & (GGX | COAT) && turned_block(&mirrors, first, count, &materials, &hits);
         Whole whole = whole_of(&block);
         enclose(&block);
+        if (turned) enclose(&mirrors);
         for (i64 w = 0; w < W; w++) {
             u64 bits[SIDE] = {0}, every = 0;
             for (i64 i = 64 * w; i < L && i < 64 * w + 64; i++) {
                 Source s = source_of(&lights, i);
                 u64 colour = (u64)(s.colour[0] != 0.0) | (u64)(s.colour[1] != 0.0) << 1 | (u64)(s.colour[2] != 0.0) << 2;
-                if (!colour || mark_whole(&s, bit(i), colour, unlit, &whole, &block, &every, bits)) continue;
-                FOR_KIND(mark, s.kind, &s, bit(i), colour, unlit != 0, &block, bits)
+                if (!colour) continue;
+                if (!mark_whole(&s, bit(i), colour, unlit, &whole, &block, &every, bits))
+                    FOR_KIND(mark, s.kind, &s, bit(i), colour, unlit != 0, &block, bits)
+                if (turned) FOR_KIND(mark, s.kind, &s, bit(i), colour, unlit != 0, &mirrors, bits)
             }
             for (i64 k = 0; k < SIDE && first + k < n; k++) active[(first + k) * W + w] = bits[k] | every;
         }
@@ -114,17 +119,6 @@ INLINE void add_rough(int kind, const Source *s, const f64 (*S)[SIDE], const int
         rough_more(&b->rough[k], nl, (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse, more);
         for (int j = 0; j < 3; j++) total[j][k] += S[channel[j]][k] * (a.power * nl * more[j] * s->colour[j]);
     }
-}
-
-/* The lamp as if all its light came from its middle: for what rough matt surfaces return more than smooth ones. */
-static Source middle_of(const Source *s) {
-    Source middle = *s;
-    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
-    if (s->kind == SKY) middle.kind = SUN;
-    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
-    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
-    else middle.kind = POINT;
-    return middle;
 }
 
 /* The same for a lamp with a size: as much more as of light from its middle. */
@@ -162,43 +156,21 @@ INLINE void add_gloss(int kind, const Source *s, const f64 (*S)[SIDE], const int
     }
 }
 
-/* total += S·I·`facet_power`. */
-INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b,
-                       const Facets *f, f64 (*total)[SIDE]) {
-    const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
-    for (int k = 0; k < SIDE; k++) {
-        f64 power[3];
-        facet_power(b, f, arriving(kind, s, b, k), k, power);
-        total[0][k] += red[k] * (power[0] * s->colour[0]);
-        total[1][k] += green[k] * (power[1] * s->colour[1]);
-        total[2][k] += blue[k] * (power[2] * s->colour[2]);
-    }
-}
+/* What receivers of a block get of a light, added up: what they scatter, mirror, and what their fibres return. */
+typedef struct {
+    f64 matt[3][SIDE], shine[3][SIDE], cloth[3][SIDE];
+} Sums;
 
-static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
-                             const Facets *f, f64 (*total)[SIDE]) {
-    const Sized s = size_of(source);
-    f64 small[3][SIDE];
-    u8 done[SIDE] = {0};
-    if (s.kind == BALL || s.kind == FACING) facets_of_dots(&s, b, f, small, done);
-    for (int k = 0; k < SIDE; k++) {
-        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
-        f64 power[3];
-        if (!(b->returns[k] & (GGX | COAT)) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
-        if (done[k]) taken(small, k, power);
-        else facets_sized(&s, b, f, k, power);
-        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power[j] * source->colour[j]);
-    }
-}
-
-/* total and shine += what the `count` receivers of a block get of a light. returns: all that they return. */
-static void add_all(const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b, u64 returns, int count,
-                    const f64 *nShiny, f64 (*total)[SIDE], f64 (*shine)[SIDE]) {
-    if (s->diffuse) FOR_KIND(add, s->kind, s, S, channel, b, total)
-    if (returns & ROUGH_MATT && s->diffuse) FOR_KIND(add_rough, s->kind, s, S, channel, b, count, total)
-    if (returns & PHONG && s->glossy) FOR_KIND(add_gloss, s->kind, s, S, channel, b, count, nShiny, shine)
-    if (returns & GGX && s->glossy) FOR_KIND(add_facets, s->kind, s, S, channel, b, &b->facets, shine)
-    if (returns & COAT && s->glossy) FOR_KIND(add_facets, s->kind, s, S, channel, b, &b->coat, shine)
+/* sums += what the `count` receivers of a block get of a light. returns: all that they return. shining: the block as
+   facets have it. S: shares of the light; matt_S: of what matt surfaces and fibres get. */
+static void add_all(const Source *s, const f64 (*S)[SIDE], const f64 (*matt_S)[SIDE], const int *channel, const Block *b,
+                    const Block *shining, u64 returns, int count, const f64 *nShiny, Sums *sums) {
+    if (s->diffuse) FOR_KIND(add, s->kind, s, matt_S, channel, b, sums->matt)
+    if (returns & ROUGH_MATT && s->diffuse) FOR_KIND(add_rough, s->kind, s, matt_S, channel, b, count, sums->matt)
+    if (returns & PHONG && s->glossy) FOR_KIND(add_gloss, s->kind, s, S, channel, b, count, nShiny, sums->shine)
+    if (returns & GGX && s->glossy) FOR_KIND(add_facets, s->kind, s, S, channel, shining, &shining->facets, sums->shine)
+    if (returns & COAT && s->glossy) FOR_KIND(add_facets, s->kind, s, S, channel, shining, &shining->coat, sums->shine)
+    if (returns & SHEEN && s->diffuse) FOR_KIND(add_fibres, s->kind, s, matt_S, channel, b, sums->cloth)
 }
 
 /* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
@@ -206,14 +178,17 @@ static void add_all(const Source *s, const f64 (*S)[SIDE], const int *channel, c
 KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
 i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour, f64 *matt, f64 *gloss) {
     GATHERED;
-    Block block;
+    Block block, mirrors;
     const int channel[3] = {0, (int)(C / 2), (int)(C - 1)};
     for (i64 first = 0; first < n; first += SIDE) {
-        f64 share[3][SIDE], total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}}, power[SIDE];
+        f64 share[3][SIDE], soft[3][SIDE], (*matt_share)[SIDE] = smooth ? soft : share, power[SIDE];
         f32 ahead[3 * AHEAD][SIDE];
+        Sums sums = {0};
         u64 some = 0;
-        u64 returns = fill(&block, first, &materials, &hits);
+        u64 returns = fill(&block, first, &materials, &hits, Ns + 3 * first);
         int count = n - first < SIDE ? (int)(n - first) : SIDE;
+        const Block *shining = &block;  /* as facets have it, whose normals must not mirror eyes into the surface */
+        if (smooth && returns & (GGX | COAT) && turned_block(&mirrors, first, count, &materials, &hits)) shining = &mirrors;
         for (int k = 0; k < count; k++) power[k] = nShiny[material[first + k]];
         for (i64 i = 0; i < L; i++) {
             Source s = source_of(&lights, i);
@@ -221,14 +196,16 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
             if (!(some >> (i % AHEAD) & 1)) continue;
             for (i64 c = 0; c < C; c++)
                 for (int k = 0; k < SIDE; k++) share[c][k] = ahead[i % AHEAD * C + c][k];
-            add_all(&s, share, channel, &block, returns, count, power, total, shine);
+            if (smooth) share_of_bumps(&s, &block, shining, &hits, first, count, C, share, soft);
+            add_all(&s, share, matt_share, channel, &block, shining, returns, count, power, &sums);
         }
         for (int k = 0; k < count; k++)
             for (int j = 0; j < 3; j++) {
                 i64 at = 3 * (first + k) + j;
-                colour[at] += total[j][k] * block.matt[j][k] + shine[j][k] * block.gloss[j][k];
-                if (matt) matt[at] += total[j][k] * block.matt[j][k];
-                if (gloss) gloss[at] += shine[j][k] * block.gloss[j][k];
+                f64 scattered = sums.matt[j][k] * block.matt[j][k] + sums.cloth[j][k];
+                colour[at] += scattered + sums.shine[j][k] * block.gloss[j][k];
+                if (matt) matt[at] += scattered;
+                if (gloss) gloss[at] += sums.shine[j][k] * block.gloss[j][k];
             }
     }
     return 0;
@@ -243,11 +220,12 @@ i64 shading_each(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, const u64 *active, f3
     memset(out, 0, (size_t)(n * L) * sizeof *out);
     for (i64 first = 0; first < n; first += SIDE) {
         f64 power[SIDE];
-        u64 returns = fill(&block, first, &materials, &hits);
+        u64 returns = fill(&block, first, &materials, &hits, Ns + 3 * first);
         int count = n - first < SIDE ? (int)(n - first) : SIDE;
         for (int k = 0; k < count; k++) power[k] = nShiny[material[first + k]];
         for (i64 i = 0; i < L; i++) {
-            f64 share[1][SIDE] = {{0}}, total[3][SIDE] = {{0}}, shine[3][SIDE] = {{0}};
+            f64 share[1][SIDE] = {{0}};
+            Sums sums = {0};
             u64 any = 0;
             for (int k = 0; k < count; k++) {
                 u64 lit = active[(first + k) * W + (i >> 6)] & bit(i);
@@ -255,11 +233,11 @@ i64 shading_each(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, const u64 *active, f3
             }
             if (!any) continue;
             Source s = source_of(&lights, i);
-            add_all(&s, share, channel, &block, returns, count, power, total, shine);
+            add_all(&s, share, share, channel, &block, &block, returns, count, power, &sums);
             for (int k = 0; k < count; k++) {
                 f64 most = 0.0;
                 for (int j = 0; j < 3; j++) {
-                    f64 all = total[j][k] * block.matt[j][k] + shine[j][k] * block.gloss[j][k];
+                    f64 all = sums.matt[j][k] * block.matt[j][k] + sums.cloth[j][k] + sums.shine[j][k] * block.gloss[j][k];
                     most = all > most ? all : most;
                 }
                 out[(first + k) * L + i] = (f32)most;
@@ -272,13 +250,15 @@ i64 shading_each(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, const u64 *active, f3
 /* Adds to one (matt and gloss) what a light would give a white surface if it were visible; GGX keeps its colours. most:
    S if that is above 1, otherwise 1. */
 static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShiny, f64 *one) {
-    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), gloss[3], coat[3] = {0.0};
+    f64 brightest = most * fmax(s->colour[0], fmax(s->colour[1], s->colour[2])), gloss[3], coat[3] = {0.0}, fibres = 0.0;
     int facets = s->glossy && b->returns[k] & GGX, coated = facets && b->returns[k] & COAT;
+    int sheen = s->diffuse && b->returns[k] & SHEEN;
     if (s->kind >= BALL) {
         const Sized sized = size_of(s);
         f64 P[3], N[3];
         if (facets) facets_sized(&sized, b, &b->facets, k, gloss);
         if (coated) facets_sized(&sized, b, &b->coat, k, coat);
+        if (sheen) fibres = fibres_sized(&sized, b, k);
         taken(b->P, k, P), taken(b->Ns, k, N);
         if (s->diffuse) one[0] += brightest * matt_of(&sized, P, N);
         if (s->glossy && b->returns[k] & PHONG) one[1] += brightest * gloss_sized(&sized, b, k, nShiny);
@@ -287,10 +267,12 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
         f64 power = a.power * brightest;
         if (facets) facet_power(b, &b->facets, a, k, gloss);
         if (coated) facet_power(b, &b->coat, a, k, coat);
+        if (sheen) fibres = fibres_power(b, a, k);
         if (s->diffuse) one[0] += power * (a.cosine > 0.0 ? a.cosine : 0.0) * a.inverse;
         if (s->glossy && b->returns[k] & PHONG && a.lobe > 0.0 && a.cosine > 0.0)
             one[1] += power * lobe_power(a, nShiny);
     }
+    if (sheen) one[1] += fibres * brightest;
     if (!facets) return;
     for (int j = 0; j < 3; j++) gloss[j] += coat[j];
     one[1] += most * fmax(gloss[0] * s->colour[0], fmax(gloss[1] * s->colour[1], gloss[2] * s->colour[2]));
@@ -311,7 +293,7 @@ i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, i64 W, TAKEN, const f32 *S,
     for (i64 first = 0; first < n; first += SIDE) {
         f64 one[SIDE][2] = {{0}}, all[SIDE][2] = {{0}};  /* of the group, and the sum of squares: matt and gloss */
         int some[SIDE] = {0};  /* 1: a light of the group is partly visible; 2 or 3: one is narrow */
-        fill(&block, first, &materials, &hits);
+        fill(&block, first, &materials, &hits, Ns + 3 * first);
         for (i64 at = 0; at < L; at++) {
             i64 i = order[at];
             Source s = source_of(&lights, i);
@@ -378,5 +360,12 @@ i64 shading_mirrored(i64 n, const f64 *way, const f64 *Ng, const f64 *Ns, f64 *o
         f64 length = sqrt(x * x + y * y + z * z);
         out[3 * p] = x / length, out[3 * p + 1] = y / length, out[3 * p + 2] = z / length;
     }
+    return 0;
+}
+
+/* Fills out with the normals of mirrors: those that `reflecting` gives for normals Ns that nodes have bent. */
+KERNEL(shading_reflecting, "way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  smooth f64[n,3]  out f64[n,3]!")
+i64 shading_reflecting(i64 n, const f64 *way, const f64 *Ng, const f64 *Ns, const f64 *smooth, f64 *out) {
+    for (i64 p = 0; p < n; p++) reflecting(way + 3 * p, Ng + 3 * p, Ns + 3 * p, smooth + 3 * p, out + 3 * p);
     return 0;
 }

@@ -18,6 +18,7 @@ from . import sized
 _DIRECTIONAL = [registry.NAMES.index(name) for name, kind in registry.KINDS.items() if kind.directional]
 _reaching, _gather, _steps = kernel("shading_reaching"), kernel("shading_gather"), kernel("shading_steps")
 _each = kernel("shading_each")
+_reflecting = kernel("shading_reflecting")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
 SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
@@ -86,6 +87,8 @@ class Materials(NamedTuple):
     frosted: NDArray[np.float64]
     alpha: NDArray[np.float64]
     alpha_image: NDArray[np.int32]
+    also: NDArray[np.int32]  # the row of the next layer; −1: there is none (`layers`)
+    bent: NDArray[np.float64]  # (M,3) of a layer: its normal; NaN: the surface's own
     blurred: NDArray[np.bool_]  # lobes of microfacets show what is around
     ggx: NDArray[np.bool_]  # highlights of microfacets, by all that follows
     roughness: NDArray[np.float64]
@@ -103,20 +106,24 @@ class Materials(NamedTuple):
     coat_ior: NDArray[np.float64]
     coat_tint: NDArray[np.float64]  # (M,3)
     diffuse_roughness: NDArray[np.float64]
+    share: NDArray[np.float64]
+    sheen: NDArray[np.float64]
+    sheen_roughness: NDArray[np.float64]
+    sheen_tint: NDArray[np.float64]  # (M,3)
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-        """Return what the kernels want to know of GGX, a row (26,) a material, and its tables; (None, None): none has
+        """Return what the kernels want to know of GGX, a row (32,) a material, and its tables; (None, None): none has
         it.
         """
-        return (np.column_stack(self[17:]), _facet_tables()) if (
+        return (np.column_stack(self[19:]), _facet_tables()) if (
             self.ggx.any() or self.diffuse_roughness.any()) else (None, None)
 
     def behind(self) -> Materials:
         """Return what surfaces are for the light that comes through them, scattered: matt on their other side."""
         none, black = np.zeros_like(self.kd), np.zeros_like(self.Od)
         return self._replace(Od=self.translucent, ka=np.ones_like(none), kd=np.ones_like(none), ks=none, emission=black,
-                             image=np.full_like(self.image, -1), ggx=np.zeros_like(self.ggx),
-                             diffuse_roughness=none)
+                             image=np.full_like(self.image, -1), also=np.full_like(self.also, -1),
+                             ggx=np.zeros_like(self.ggx), diffuse_roughness=none)
 
     @property
     def taken(self) -> tuple[NDArray | None, ...]:
@@ -144,7 +151,15 @@ def _facet_tables() -> NDArray[np.float64]:
 
 
 def material_arrays(materials: tuple[Material, ...]) -> Materials:
-    """Return the scene's materials as arrays."""
+    """Return the scene's materials as arrays; the layers of all follow behind the last material."""
+    also, further = [-1] * len(materials), list[Material]()
+    for n, m in enumerate(materials):
+        first = len(also)
+        also[n] = first if m.layers else -1
+        also += [-1 if k == len(m.layers) else first + k for k in range(1, len(m.layers) + 1)]
+        further += m.layers
+    materials = (*materials, *further)
+
     def column(name: str) -> NDArray[np.float64]:
         return np.array([getattr(m, name) for m in materials], np.float64)
 
@@ -156,13 +171,14 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
         colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
         np.array([m.fresnel for m in materials], np.bool_), colour("translucent"), column("frosted"),
         column("alpha"),
-        np.array([m.alpha_image for m in materials], np.int32),
+        np.array([m.alpha_image for m in materials], np.int32), np.array(also, np.int32),
+        np.full((len(materials), 3), np.nan),
         np.array([m.blurred and m.highlight == "GGX" and not m.fresnel for m in materials], np.bool_),
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
         colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
         colour("dielectric_tint"), column("layered"), column("compensation"),
         column("coat"), column("coat_roughness"), column("coat_ior"), colour("coat_tint"),
-        column("diffuse_roughness"),
+        column("diffuse_roughness"), column("share"), column("sheen"), column("sheen_roughness"), colour("sheen_tint"),
     )
 
 
@@ -195,10 +211,10 @@ class Lit(NamedTuple):
         return self._replace(hits=self.hits.at(rows), direction=self.direction[rows], Od=self.Od[rows])
 
     @property
-    def receivers(self) -> tuple[NDArray, ...]:
+    def receivers(self) -> tuple[NDArray | None, ...]:
         """Return the arguments for the kernels in `shading.c` that say where the receivers are, in their order."""
         h = self.hits
-        return h.P, h.Ng, h.Ns, self.direction, self.Od, h.row
+        return h.P, h.Ng, h.Ns, self.direction, self.Od, h.row, h.unbent
 
     @property
     def taken(self) -> tuple[NDArray | None, ...]:
@@ -280,8 +296,35 @@ def unlit(materials: Materials, material: NDArray[np.int32], Ia: NDArray[np.floa
 def dim(materials: Materials, hits: Hits, direction: NDArray[np.float64], Od: NDArray[np.float64]) -> None:
     """Take from Od (n,3) of hits of rays along `direction` what a dielectric above reflects before it gets there."""
     ggx, tables = materials.facets()
-    if ggx is not None and (materials.layered.any() or materials.coat.any()):
-        _dim(ggx, tables, direction, hits.Ns, hits.row, Od)
+    if ggx is not None and (
+            materials.layered.any() or materials.coat.any() or materials.sheen.any()):
+        _dim(ggx, tables, direction, mirroring(hits, direction), hits.unbent, hits.row, Od)
+
+
+def mirroring(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The normals (n,3) by which lobes mirror: nodes do not bend them so far that rays along `direction` go inside."""
+    if hits.unbent is None:
+        return hits.Ns
+    out = np.empty_like(hits.Ns)
+    _reflecting(direction, hits.Ng, hits.Ns, np.ascontiguousarray(hits.unbent), out)
+    return out
+
+
+def covered(coat: tuple[Any, ...], sheen: tuple[Any, ...], Ns: NDArray[np.float64],
+            incoming: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What of light from below gets through a coat and fibres (n,3), to eyes along `incoming` (n,3).
+
+    coat: weight, roughness, ior and the tint's channels; sheen: weight, roughness and the tint's channels; each a
+    number or (n,).
+    """
+    n = len(Ns)
+    rows, passed = np.zeros((n, 32)), np.ones((n, 3))
+    rows[:, 0] = 1.0  # the columns are those of ggx.h
+    for column, values in ((19, coat), (27, sheen)):
+        for k, value in enumerate(values):
+            rows[:, column + k] = value
+    _dim(rows, _facet_tables(), -incoming, Ns, None, np.arange(n, dtype=np.int32), passed)
+    return passed
 
 
 def linked(scene: Scene) -> NDArray[np.uint64] | None:

@@ -1,7 +1,7 @@
 /* What the kernels of shading.c take, and blocks of receivers, into which they load it: a vector's width of them. */
 #pragma once
 #include "../lights/types.h"
-#include "ggx.h"
+#include "layers.h"
 #include "rough_matt.h"
 #include "sized_block.h"
 #include "sized_facets.h"
@@ -14,17 +14,18 @@ typedef struct {
     f64 plain[3][SIDE], schlick[3][SIDE], edge[3][SIDE], fresnel[3][SIDE];
 } Facets;
 
-/* A block of receivers. Bits 0..2 of `returns`: channels in which matt is not 0; bits 3..5: the same for Phong's gloss;
-   bits 6..8: for that of GGX; bit 9: whether it has a coat; bit 10: whether its matt part is rough. `facets` and `coat`
-   are filled if any material has GGX. */
+/* A block of receivers. Bits 0..2 of `returns`: channels in which matt, or what fibres return, is not 0; bits 3..5: the same for Phong's gloss;
+   bits 6..8: for that of GGX; bit 9: whether it has a coat; bit 10: whether its matt part is rough; bit 11:
+   whether it has fibres. `facets` and `coat` are filled if any material has GGX. */
 typedef struct {
     f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
     u64 returns[SIDE];
     Facets facets, coat;
     RoughMatt rough[SIDE];  /* filled where bit 10 is set */
+    Fibres fibres[SIDE];  /* filled where bit 11 is set */
     f64 middle[3], around;  /* `enclose`: a ball that has all receivers */
 } Block;
-enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9, ROUGH_MATT = 1 << 10 };
+enum { MATT = 7, PHONG = 7 << 3, GGX = 7 << 6, COAT = 1 << 9, ROUGH_MATT = 1 << 10, SHEEN = 1 << 11 };
 
 /* All lights and materials, and the hits of rays with `direction`, as in shading.py. */
 typedef struct {
@@ -41,21 +42,22 @@ typedef struct {
     i64 n;
     const f64 *P, *Ng, *Ns, *direction, *Od;
     const i32 *material;
+    const f64 *smooth;  /* the normals before nodes bent them; NULL: they are Ns */
 } Receivers;
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
                "axes f64[L,3,3]  extent f64[L,8]  diffuse bool[L]  glossy bool[L]  "
-#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,26]?  tables f64[T]?  "
-#define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  "
+#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,32]?  tables f64[T]?  "
+#define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  smooth f64[n,3]?  "
 #define TAKEN                                                                                                      \
     const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,            \
         const f64 *slope, const f64 *axes, const f64 *extent, const u8 *diffuse, const u8 *glossy, const f64 *kd, \
         const f64 *ks, const f64 *Os, const f64 *nShiny, const f64 *ggx, const f64 *tables, const f64 *P, const f64 *Ng,        \
-        const f64 *Ns, const f64 *way, const f64 *Od, const i32 *material
+        const f64 *Ns, const f64 *way, const f64 *Od, const i32 *material, const f64 *smooth
 #define GATHERED                                                              \
     Lights lights = {type, position, direction, intensity, edge, slope, axes, extent, diffuse, glossy}; \
     Materials materials = {kd, ks, Os, nShiny, ggx, tables};                 \
-    Receivers hits = {n, P, Ng, Ns, way, Od, material};                      \
+    Receivers hits = {n, P, Ng, Ns, way, Od, material, smooth};              \
     (void)M, (void)T
 
 static Source source_of(const Lights *l, i64 i) {
@@ -75,12 +77,12 @@ static void put(Facets *f, int k, const Gloss *g, const f64 *through) {
 }
 
 /* Loads what receiver k reflects by its facets; m: the row of its material, NULL if it has none; tables: NULL if only
-   `returns` is wanted. */
-static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
+   `returns` is wanted; on_coat: the cosine of the eye to a coat's normal. */
+static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables, f64 on_coat) {
     for (int j = 0; m && j < 3; j++) {
         b->gloss[j][k] = 1.0;  /* their colour is in the facets */
         b->returns[k] &= ~((u64)1 << (3 + j));
-        b->returns[k] |= (u64)facets_shine(m, j) << (6 + j);
+        b->returns[k] |= (u64)facets_shine(m, j) << (6 + j) | (u64)(m[G_SHEEN] > 0.0 && m[G_SHEEN_TINT + j] > 0.0) << j;
     }
     if (!tables) return;
     static const Gloss none = {.alpha2 = 1.0, .sight = 1.0, .masked = 1.0, .ior2 = 1.0};
@@ -88,36 +90,46 @@ static void fill_facets(Block *b, int k, const f64 *m, const f64 *tables) {
     Gloss base = none, above = none;
     if (m && m[G_COAT] > 0.0 && m[G_COAT_ROUGHNESS] >= 0.0) {  /* below 0: `shading.rough_only` took its highlight */
         coat_row(m, coat);
+        to_coat(m, b->facing[k], through);
         above = gloss_row(coat, tables, b->facing[k]);
         b->returns[k] |= COAT;
     }
     put(&b->coat, k, &above, through);
-    if (m) base = gloss_row(m, tables, b->facing[k]), under_coat(m, tables, b->facing[k], through);
+    if (m) base = gloss_row(m, tables, b->facing[k]), to_base(m, tables, b->facing[k], on_coat, through);
     put(&b->facets, k, &base, through);
+    if (m && m[G_SHEEN] > 0.0) {
+        b->fibres[k] = fibres_of(m, b->facing[k]);
+        b->returns[k] |= SHEEN;
+    }
 }
 
-/* Loads the receivers from `first` on; the last receiver also fills places that are left over. Returns the bits
-   `returns` of all. */
-static u64 fill(Block *b, i64 first, const Materials *materials, const Receivers *hits) {
+/* Loads the receivers from `first` on; the last receiver also fills places that are left over. Ns: the normal of the first
+   one, and of those behind it. Returns the bits `returns` of all. */
+static u64 fill(Block *b, i64 first, const Materials *materials, const Receivers *hits, const f64 *Ns) {
     u64 all = 0;
     for (int k = 0; k < SIDE; k++) {
         i64 p = first + k < hits->n - 1 ? first + k : hits->n - 1, m = hits->material[p];
+        const f64 *N = Ns + 3 * (p - first);
         b->facing[k] = 0.0, b->returns[k] = 0;
         for (int j = 0; j < 3; j++) {
             f64 way = hits->direction[3 * p + j];
-            b->P[j][k] = hits->P[3 * p + j], b->Ng[j][k] = hits->Ng[3 * p + j], b->Ns[j][k] = hits->Ns[3 * p + j];
+            b->P[j][k] = hits->P[3 * p + j], b->Ng[j][k] = hits->Ng[3 * p + j], b->Ns[j][k] = N[j];
             b->eye[j][k] = -way;
-            b->facing[k] -= hits->Ns[3 * p + j] * way;
+            b->facing[k] -= N[j] * way;
             b->matt[j][k] = materials->kd[m] * hits->Od[3 * p + j];
             b->gloss[j][k] = materials->ks[m] * materials->Os[3 * m + j];
             b->returns[k] |= (u64)(b->matt[j][k] != 0.0) << j | (u64)(b->gloss[j][k] != 0.0) << (3 + j);
         }
         if (materials->ggx) {
             const f64 *row = materials->ggx + G_COLUMNS * m;
-            fill_facets(b, k, row[G_ON] != 0.0 ? row : 0, materials->tables);
+            f64 on_coat = b->facing[k];
+            if (hits->smooth) on_coat = -dot3(hits->smooth + 3 * p, hits->direction + 3 * p);
+            fill_facets(b, k, row[G_ON] != 0.0 ? row : 0, materials->tables, on_coat);
             if (row[G_SIGMA] > 0.0) {
+                f64 own[3] = {hits->Od[3 * p], hits->Od[3 * p + 1], hits->Od[3 * p + 2]};
+                if (row[G_ON] != 0.0 && materials->tables) undimmed(row, materials->tables, b->facing[k], on_coat, own);
                 b->returns[k] |= ROUGH_MATT;
-                b->rough[k] = rough_matt(row[G_SIGMA], b->facing[k], hits->Od + 3 * p);
+                b->rough[k] = rough_matt(row[G_SIGMA], b->facing[k], own);
             }
         }
         all |= b->returns[k];

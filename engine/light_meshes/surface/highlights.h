@@ -1,4 +1,4 @@
-/* What the receivers of a block reflect by their facets, of lights that are points and of lamps with a size (shading.c). */
+/* What receivers of a block reflect of lamps by their microfacets and fibres; part of shading.c. */
 #pragma once
 #include "shading_block.h"
 
@@ -21,6 +21,19 @@ INLINE void facet_power(const Block *b, const Facets *f, Arriving a, int k, f64 
     f64 one = a.power * aa / (spread * spread) * facing / (2.0 * (f->masked[k] * facing + f->sight[k] * shadowed));
     f64 fifth = two * two * left, s = fresnel_share(c, f->ior2[k], f->normal[k]);
     for (int j = 0; j < 3; j++) power[j] = a.cosine > 0.0 ? one * reflectance(f, j, k, c, fifth, s) : 0.0;
+}
+
+/* total += S·I·`facet_power`. */
+INLINE void add_facets(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b,
+                       const Facets *f, f64 (*total)[SIDE]) {
+    const f64 *red = S[channel[0]], *green = S[channel[1]], *blue = S[channel[2]];
+    for (int k = 0; k < SIDE; k++) {
+        f64 power[3];
+        facet_power(b, f, arriving(kind, s, b, k), k, power);
+        total[0][k] += red[k] * (power[0] * s->colour[0]);
+        total[1][k] += green[k] * (power[1] * s->colour[1]);
+        total[2][k] += blue[k] * (power[2] * s->colour[2]);
+    }
 }
 
 /* `facet_power` of a lamp with a size, over I: the sum over rays to it. */
@@ -74,4 +87,71 @@ static void facets_of_dots(const Sized *s, const Block *b, const Facets *f, f64 
         facet_power(b, f, (Arriving){1, weight[k], 1.0, cosine[k], lobe[k]}, k, one);
         for (int j = 0; j < 3; j++) power[j][k] = one[j];
     }
+}
+
+static void add_facets_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
+                             const Facets *f, f64 (*total)[SIDE]) {
+    const Sized s = size_of(source);
+    f64 small[3][SIDE];
+    u8 done[SIDE] = {0};
+    if (s.kind == BALL || s.kind == FACING) facets_of_dots(&s, b, f, small, done);
+    for (int k = 0; k < SIDE; k++) {
+        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
+        f64 power[3];
+        if (!(b->returns[k] & (GGX | COAT)) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
+        if (done[k]) taken(small, k, power);
+        else facets_sized(&s, b, f, k, power);
+        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power[j] * source->colour[j]);
+    }
+}
+
+/* The share of a light's intensity that receiver k's fibres return, but for their colour. */
+INLINE f64 fibres_power(const Block *b, Arriving a, int k) {
+    f64 together = (2.0 * a.cosine * b->facing[k] - a.lobe) * a.inverse;
+    return a.power * fibres_return(&b->fibres[k], a.cosine * a.inverse, together, b->facing[k]);
+}
+
+/* total += S·I·`fibres_power`. */
+INLINE void add_fibres(int kind, const Source *s, const f64 (*S)[SIDE], const int *channel, const Block *b, f64 (*total)[SIDE]) {
+    for (int k = 0; k < SIDE; k++) {
+        if (!(b->returns[k] & SHEEN)) continue;
+        f64 power = fibres_power(b, arriving(kind, s, b, k), k);
+        for (int j = 0; j < 3; j++) total[j][k] += S[channel[j]][k] * (power * b->fibres[k].colour[j] * s->colour[j]);
+    }
+}
+
+/* `fibres_power` of a lamp with a size, over I: the sum over rays to it, as of the widest highlight. */
+static f64 fibres_sized(const Sized *s, const Block *b, int k) {
+    Ray rays[RAYS];
+    Seen seen = {.alpha = 1.0};
+    f64 P[3], sum = 0.0;
+    taken(b->P, k, P), taken(b->Ns, k, seen.N), taken(b->eye, k, seen.V);
+    int count = rays_to(s, &seen, P, rays);
+    for (int i = 0; i < count; i++) {
+        f64 cosine = dot3(seen.N, rays[i].way), lobe = 2.0 * cosine * b->facing[k] - dot3(rays[i].way, seen.V);
+        sum += fibres_power(b, (Arriving){1, rays[i].weight, 1.0, cosine, lobe}, k);
+    }
+    return sum;
+}
+
+static void add_fibres_sized(const Source *source, const f64 (*S)[SIDE], const int *channel, const Block *b,
+                             f64 (*total)[SIDE]) {
+    const Sized s = size_of(source);
+    for (int k = 0; k < SIDE; k++) {
+        const f64 share[3] = {S[channel[0]][k], S[channel[1]][k], S[channel[2]][k]};
+        if (!(b->returns[k] & SHEEN) || (share[0] == 0.0 && share[1] == 0.0 && share[2] == 0.0)) continue;
+        f64 power = fibres_sized(&s, b, k);
+        for (int j = 0; j < 3; j++) total[j][k] += share[j] * (power * b->fibres[k].colour[j] * source->colour[j]);
+    }
+}
+
+/* The lamp as if all its light came from its middle: for what is not summed over its face. */
+static Source middle_of(const Source *s) {
+    Source middle = *s;
+    int skewed = s->axes[0] != 0.0 || s->axes[1] != 0.0 || s->axes[2] != 0.0;
+    if (s->kind == SKY) middle.kind = SUN;
+    else if (s->kind >= PLATE) middle.kind = skewed ? SKEWED_AREA : AREA;
+    else if (s->kind >= BALL_SPOT) middle.kind = skewed ? SKEWED_SPOT : SPOT;
+    else middle.kind = POINT;
+    return middle;
 }
