@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..film.numbers import numbers
 from ..rays.camera import filter_offsets
@@ -34,6 +35,7 @@ class Before(Protocol):
     measured: Measured
     shadowing: Shadowing
     everywhere: Everywhere | None
+    curved: NDArray[np.float32] | None
 
 
 class Prepared:
@@ -95,9 +97,9 @@ class Prepared:
                 previous.everywhere if previous else None)
             self.lighting.everywhere = self.everywhere.records
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
-        self.curved = None  # where highlights of lamps may be smaller than the distance of samples
+        self.curved: NDArray[np.float32] | None = None  # where highlights of lamps may be smaller than the distance of samples
         if scene.lights and self.world.materials.ggx.any():
-            same = previous is not None and previous.curved is not None and previous.surfaces is self.world.surfaces
+            same = previous is not None and previous.curved is not None and previous.world.surfaces is self.world.surfaces
             self.curved = previous.curved if previous and same else curvature(self.world.surfaces)
         self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)
