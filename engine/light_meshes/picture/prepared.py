@@ -97,10 +97,14 @@ class Prepared:
                 previous.everywhere if previous else None)
             self.lighting.everywhere = self.everywhere.records
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
-        self.curved: NDArray[np.float32] | None = None  # where highlights of lamps may be smaller than the distance of samples
+        # where highlights of lamps may be smaller than the distance of samples
+        self.curved: NDArray[np.float32] | None = None
         if scene.lights and self.world.materials.ggx.any():
-            same = previous is not None and previous.curved is not None and previous.world.surfaces is self.world.surfaces
-            self.curved = previous.curved if previous and same else curvature(self.world.surfaces)
+            surfaces = self.world.surfaces
+            if previous and previous.curved is not None and previous.world.surfaces is surfaces:
+                self.curved = previous.curved
+            else:
+                self.curved = curvature(surfaces)
         self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)
         self.sparse = None
