@@ -95,10 +95,8 @@ class Prepared:
                 previous.everywhere if previous else None)
             self.lighting.everywhere = self.everywhere.records
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
-        self.curved = None  # where highlights of lamps may be smaller than the distance of samples
-        if scene.lights and self.world.materials.ggx.any():
-            same = previous is not None and previous.curved is not None and previous.surfaces is self.world.surfaces
-            self.curved = previous.curved if previous and same else curvature(self.world.surfaces)
+        small = bool(scene.lights) and bool(self.world.materials.ggx.any())  # highlights may be smaller than samples
+        self.curved = curvature(self.world.surfaces) if small else None
         self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)
         self.sparse = None
