@@ -11,9 +11,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..film.images import Framebuffer
 from ..picture import first, render
 from ..picture.everywhere import Everywhere
@@ -38,7 +35,6 @@ class Parts:
     measured: Measured
     shadowing: Shadowing
     everywhere: Everywhere | None
-    curved: NDArray[np.float32] | None
 
 
 @dataclass
@@ -55,8 +51,7 @@ class Kept:
         """The newest of each part."""
         if self.direct is None or self.whole is None:
             return self.direct or self.whole
-        return Parts(self.direct.world, self.direct.measured, self.whole.shadowing, self.whole.everywhere,
-                     self.direct.curved)
+        return Parts(self.direct.world, self.direct.measured, self.whole.shadowing, self.whole.everywhere)
 
 
 def pictures(kept: Kept, scene: Scene, camera: Camera | None, steps: Sequence[tuple[int, int]], passes: Sequence[str],

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..film.numbers import numbers
 from ..rays.camera import filter_offsets
@@ -35,7 +34,6 @@ class Before(Protocol):
     measured: Measured
     shadowing: Shadowing
     everywhere: Everywhere | None
-    curved: NDArray[np.float32] | None
 
 
 class Prepared:
@@ -97,14 +95,8 @@ class Prepared:
                 previous.everywhere if previous else None)
             self.lighting.everywhere = self.everywhere.records
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
-        # where highlights of lamps may be smaller than the distance of samples
-        self.curved: NDArray[np.float32] | None = None
-        if scene.lights and self.world.materials.ggx.any():
-            surfaces = self.world.surfaces
-            if previous and previous.curved is not None and previous.world.surfaces is surfaces:
-                self.curved = previous.curved
-            else:
-                self.curved = curvature(surfaces)
+        small = bool(scene.lights) and bool(self.world.materials.ggx.any())  # highlights may be smaller than samples
+        self.curved = curvature(self.world.surfaces) if small else None
         self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)
         self.sparse = None

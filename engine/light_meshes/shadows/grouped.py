@@ -77,7 +77,7 @@ def tree(setup: Setup) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
             continue
         sides = np.unique(kinds[lamps])
         if len(sides) > 1:
-            values = kinds[lamps]
+            values = kinds[lamps].astype(np.float64)
         else:
             places = setup.targets.position[lamps]
             values = places[:, np.argmax(places.max(0) - places.min(0))]

@@ -37,9 +37,8 @@ def variance(curved: NDArray[np.float32], camera: Camera, share: float, hits: Hi
     (n,3) from the camera.
     """
     left, right, _, _ = camera.window
-    wide = share * (right - left) / camera.width
-    if camera.perspective:
-        wide = wide * np.linalg.norm(hits.P - camera.matrix[:3, 3], axis=1)
+    far = np.linalg.norm(hits.P - camera.matrix[:3, 3], axis=1) if camera.perspective else np.ones(len(hits.P))
+    wide = far * (share * (right - left) / camera.width)
     cosine = np.maximum(np.abs(np.einsum("ni,ni->n", hits.Ng, direction)), STEEP)
     found: NDArray[np.float64] = np.minimum((curved[hits.triangle] * wide) ** 2 / (12 * cosine), MOST)
     return found
