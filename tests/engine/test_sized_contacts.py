@@ -146,3 +146,18 @@ def test_sharp_shadows_of_a_lamp_with_a_size(way):
     assert np.array_equal(sharp[..., 0], np.where(V > 0, unshadowed[..., 0], sharp.min()))
     point = combined(all_lights(scene, softness="SCENE").with_settings(shadows="NONE"))
     assert unshadowed.max() < 0.9 * point.max()
+
+
+def test_the_foot_of_a_wall_below_a_wide_lamp():
+    """A lamp as wide as a window stands close behind a low wall. Receivers at its foot see the lamp's upper edge, which
+    gives them far less light than a count of the lamp's points says."""
+    floor, wall = Shape(rectangle((-4, -4), (4, 4)), WHITE), Shape(box((-2.6, -4, 0), (-2.5, 4, 0.9)), WHITE)
+    lamp = Light("lamp", "AREA", ONE, position=(-2.78, 0.0, 1.55), direction=(1.0, 0.0, 0.0), softness="SIZE",
+                 area_u=(0.0, 1.1, 0.0), area_v=(0.0, 0.0, 0.8))
+    scene = Scene.from_shapes([floor, wall], camera=look_down(-1.5, 0.0, 2.0, 60, height=6.0), lights=[lamp],
+                              settings=settings(h=0.04, kI=3.0, shadows="LIGHT_MESHES"))
+    found, exact = (combined(scene.with_settings(**more)).mean((0, 2)) for more in (
+        {}, {"shadows": "AREA_SAMPLING", "light_samples": 512}))
+    lit = exact > 0.05 * exact.max()
+    assert lit.mean() > 0.8
+    assert np.abs(found[lit] / exact[lit] - 1).max() < 0.04

@@ -96,6 +96,34 @@ i64 shares_grazing(i64 g, i64 n, i64 L, i64 W, const f64 *place, const f64 *N, c
     return 0;
 }
 
+/* Fills the lights of `mixed` whose points give receivers of a group very different shares of the light: as wide, seen
+   from there, as `share` of the cosine at the receiver, or at the lamp's face if that is less. Of these a count of points
+   is no share of the light. */
+KERNEL(shares_uneven,
+       "share f64  place f64[g,3]  N f64[n,3]  first i64[g]  position f64[L,3]  directional bool[L]  shape u8[L]  "
+       "size f64[L]  u f64[L,3]  v f64[L,3]  mixed u64[g,W]  out u64[g,W]!")
+i64 shares_uneven(i64 g, i64 n, i64 L, i64 W, f64 share, const f64 *place, const f64 *N, const i64 *first,
+                  const f64 *position, const u8 *directional, const u8 *shape, const f64 *size, const f64 *u, const f64 *v,
+                  const u64 *mixed, u64 *out) {
+    (void)n;
+    memset(out, 0, (size_t)(g * W) * sizeof *out);
+    for (i64 p = 0; p < g; p++)
+        for (i64 i = 0; i < L; i++) {
+            if (directional[i] || !has(mixed + W * p, i)) continue;
+            f64 way[3], face[3], radius = size[i];
+            for (int j = 0; j < 3; j++) way[j] = position[3 * i + j] - place[3 * p + j];
+            f64 far = sqrt(dot(way, way)), cosine = dot(way, N + 3 * first[p]) / far;
+            if (shape[i]) {
+                cross(u + 3 * i, v + 3 * i, face);
+                f64 other = fabs(dot(way, face)) / (far * sqrt(dot(face, face)) + 1e-300);
+                radius = sqrt(dot(u + 3 * i, u + 3 * i) + dot(v + 3 * i, v + 3 * i));
+                cosine = other < cosine ? other : cosine;
+            }
+            if (radius > share * cosine * far) out[W * p + (i >> 6)] |= bit(i);
+        }
+    return 0;
+}
+
 /* What a group's candidates say of the lights it asks for: `seen` by all with all their `points`, or `mixed`; of the
    others by none. points: as bits; seen_points (u,L): which of them each sees, and bits above these where surfaces that
    let light through are in the way: then the light is mixed and in `through`. */

@@ -35,11 +35,13 @@ FIRST = 2  # points of a lamp that every node traces
 THROUGH = 1 << 7  # the bit beside these of a node from which the lamp is seen through something, if at all
 UNKNOWN = 1  # the distance of such a node: so near that its share counts nowhere
 HALF, POINTS = 8, 16  # that nodes near penumbrae trace: all, or with many lamps half, and all where these disagree
+UNEVEN = 0.5  # lamps whose radius is this share of their distance, by the cosine, are too near for a count of points
 ACROSS = 0.8661  # steps: from the middle of a cell to what is farthest in it
 PAIRS = 1 << 15  # of node and lamp traced at once
 
 _groups, _sorted, _mean = kernel("shares_groups"), kernel("shares_sorted"), kernel("shares_mean")
 _distances, _grazing = kernel("shares_distances"), kernel("shares_grazing")
+_uneven = kernel("shares_uneven")
 
 
 class Groups(NamedTuple):
@@ -128,6 +130,14 @@ class Shares:
         """Lamps (g,W) that the plane of a group may cut."""
         out = np.empty_like(g.lit)
         _grazing(g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes[:4], g.lit, out)
+        return out
+
+    def uneven(self, g: Groups, N: NDArray, mixed: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """Which lights of `mixed` (g,W) are so wide and near, or so aslant, that a count of their points says little of
+        how much of their light arrives. N (n,3): the receivers' normals.
+        """
+        out = np.empty_like(mixed)
+        _uneven(UNEVEN, g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes[:4], mixed, out)
         return out
 
     def shares(self, g: Groups, lights: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:

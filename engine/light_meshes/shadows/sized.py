@@ -154,6 +154,7 @@ class SizedLamps(Method):
             seen, mixed, through = level.sorted(g, batch.check)
         certified = self._certified(level, at, g)
         unsure = mixed & (through | np.where(certified, np.uint64(0), ~np.uint64(0))[:, None])
+        unsure |= level.uneven(g, at.normals(), mixed)
         by_rays |= unsure[g.group] & soft
         agreed = soft & ~mixed[g.group]
         hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & agreed.any(1)).astype(np.int32))
