@@ -258,10 +258,9 @@ def built(cls: type, data: Any, where: str) -> Any:
     for name, default in fields.items():
         if name in data:
             value, kind = data[name], plain.get(name)
-            if kind and kind(value):
-                values[name] = tuple(value) if isinstance(value, list) else value
-            else:
-                values[name] = checked_value(cls, name, default, value, where)
+            right = kind and kind(value)
+            values[name] = checked_value(cls, name, default, value, where) if not right else (
+                tuple(value) if isinstance(value, list) else value)
         elif default is dataclasses.MISSING:
             raise SceneError(f"{where}: {name} is missing")
     return cls(**values)
@@ -283,12 +282,11 @@ def _plain_fields(cls: type) -> dict[str, Callable[[Any], bool]]:
             return lambda value: type(value) is float and low <= value <= high
         if isinstance(sample, int):
             return lambda value: type(value) is int and low <= value <= high and abs(value) < 2**63
-        if isinstance(sample, tuple) and all(isinstance(s, float) for s in sample):
-            return lambda value: type(value) is list and len(value) == len(sample) and all(
-                type(v) is float and low <= v <= high for v in value)
         if isinstance(sample, str):
             return lambda value: type(value) is str and (not choices or value in choices)
-        return None
+        floats = isinstance(sample, tuple) and all(isinstance(s, float) for s in sample)
+        return None if not floats else lambda value: type(value) is list and len(value) == len(sample) and all(
+            type(v) is float and low <= v <= high for v in value)
 
     samples = {name: _SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
                for name, default in names_of(cls).items()}
