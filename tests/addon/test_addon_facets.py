@@ -43,8 +43,10 @@ def test_facets_of_textures_and_mixes(translated):
     material = mixed("Mixed", 'ShaderNodeMixShader', ('ShaderNodeBsdfPrincipled', {"Roughness": 0.3}),
                      ('ShaderNodeBsdfDiffuse', {}), 0.75)
     found, _ = translated(material)
-    # A quarter is below the dielectric, of which there is a quarter.
-    assert (found.dielectric, found.layered, found.kd) == (0.25, 0.25, 1) and found.roughness == pytest.approx(0.3)
+    # A quarter is below the dielectric, of which there is a quarter; the rest is a layer without one.
+    assert (found.dielectric, found.layered, found.kd) == (0.25, 1, 0.25) and found.roughness == pytest.approx(0.3)
+    [rest] = found.layers
+    assert (rest.dielectric, rest.layered, rest.kd) == (0, 0, 0.75)
     principled = next(n for n in material.node_tree.nodes if n.bl_idname == 'ShaderNodeBsdfPrincipled')
     noise = material.node_tree.nodes.new('ShaderNodeTexNoise')
     for socket in ("Roughness", "Metallic", "Base Color", "IOR"):
