@@ -115,7 +115,7 @@ def far(ours, theirs):
 
 
 # Hypothesis' examples depend on the modules that tests before have loaded, and about one shader in a thousand is still
-# beyond the bound: an Add Shader of Sheen and Translucent was, by 4 % of what is dark. HYPOTHESIS_PROFILE=explore runs it.
+# beyond the bound: an Add Shader of Sheen and Translucent was, by 4 %. HYPOTHESIS_PROFILE=explore runs it.
 @pytest.mark.skipif(os.environ.get("HYPOTHESIS_PROFILE") != "explore", reason="for exploring: other shaders each time")
 @settings(max_examples=3, phases=[Phase.generate], suppress_health_check=list(HealthCheck), report_multiple_bugs=False)
 @given(st.lists(shader, min_size=25, max_size=25))
