@@ -13,6 +13,7 @@ from ..film.numbers import numbers
 from ..rays.camera import filter_offsets
 from ..scene.description import Camera, Scene
 from ..shadows import radius, registry
+from ..shadows.casters import Casters
 from ..support.statistics import Statistics
 from ..surface.curvature import curvature
 from ..surface.points import CAMERA
@@ -67,11 +68,7 @@ class Prepared:
         self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason, measured.pinpoints)
         if quick:
             first.plain(self.plan)
-        for what, value, why in self.world.sky.decisions():
-            self.plan.decide(what, value, why)
-        if self.world.as_lamps is not None:
-            self.plan.decide("emitting surfaces", f"{len(scene.lights) - len(bare.scene.lights)} lamps",
-                             f"for {np.count_nonzero(self.world.as_lamps):,} triangles that give light")
+        self._say_what_lights(len(scene.lights) - len(bare.scene.lights))
         before = previous.shadowing if previous else None
         self.shadowing: Shadowing = shadowing(self.world, settings, casters, self.plan, measured, stats, before)
         nodes = self.shadowing.method.nodes
@@ -90,19 +87,14 @@ class Prepared:
             self.lighting.measure(self.world.look(hits, direction, np.full(len(direction), CAMERA, np.int8)), direction)
         self.everywhere: Everywhere | None = None
         if self.plan.gathers:
-            self.everywhere = everywhere.everywhere(
-                self.world, self.plan, self.lighting, settings, measured.h if settings.auto_h else settings.h, stats,
-                previous.everywhere if previous else None)
-            self.lighting.everywhere = self.everywhere.records
+            suits = measured.h if settings.auto_h else settings.h
+            self._gather(suits, stats, previous.everywhere if previous else None)
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
         small = bool(scene.lights) and bool(self.world.materials.ggx.any())  # highlights may be smaller than samples
         self.curved = curvature(self.world.surfaces) if small else None
         self.lamps = SeenLamps(scene.lights, self.world.lamps)
         self.numbers = numbers(scene)
-        self.sparse = None
-        if self.plan.shadow_rate > 1 and nodes:
-            reach = min(settings.kI if one.points else float(one.lattice.reach[0]) for one in nodes)
-            self.sparse = Sparse(self.world, self.lighting, casters, (settings.h, reach), self.offsets, stats)
+        self.sparse = self._sparse(casters, stats)
 
         self.passes, self.stats = tuple(passes), stats
         stats.told = None
@@ -110,3 +102,25 @@ class Prepared:
         self.measured_h = measured.h if settings.auto_h else 0.0
         self.surfaces, self.tracer, self.glass = self.world.surfaces, self.world.tracer, self.world.glass
         self.seconds = time.perf_counter() - began
+
+    def _say_what_lights(self, lamps: int) -> None:
+        """Write into the plan what lights the scene beside its lamps. lamps: how many stand for emitting surfaces."""
+        for what, value, why in self.world.sky.decisions():
+            self.plan.decide(what, value, why)
+        if self.world.as_lamps is not None:
+            self.plan.decide("emitting surfaces", f"{lamps} lamps",
+                             f"for {np.count_nonzero(self.world.as_lamps):,} triangles that give light")
+
+    def _gather(self, h: float, stats: Statistics, before: Everywhere | None) -> None:
+        """Set up light from everywhere where h suits the picture. before: that of the picture before."""
+        self.everywhere = everywhere.everywhere(
+            self.world, self.plan, self.lighting, self.scene.settings, h, stats, before)
+        self.lighting.everywhere = self.everywhere.records
+
+    def _sparse(self, casters: Casters, stats: Statistics) -> Sparse | None:
+        """Return what asks for shadows at some pixels only, if the plan has it."""
+        nodes, settings = self.shadowing.method.nodes, self.scene.settings
+        if self.plan.shadow_rate <= 1 or not nodes:
+            return None
+        reach = min(settings.kI if one.points else float(one.lattice.reach[0]) for one in nodes)
+        return Sparse(self.world, self.lighting, casters, (settings.h, reach), self.offsets, stats)
