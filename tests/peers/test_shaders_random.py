@@ -121,8 +121,9 @@ FIFTY = [ast.literal_eval(line) for line in Path(__file__).with_name("random_sha
 # This one's sheen is 3 % brighter than in Cycles.
 TOO_BRIGHT = ('AddShader', (('Translucent', (('Mapping', (('RGB', (), 145),), 161),), 634), ('Sheen', (), 8),
                             ('LayerWeight', (('TexCoord', (), 446),), 233)), 311)
-APART = 5  # among those of the file: it reads the camera's and the object's data, and in the sheet's corner its median is
-#            1.56 %, for which no cause was found; alone it is within the bound
+# The sixth of the file reads data of camera and object: in the sheet its median is 1.56 %, for which no cause was
+# found; alone it is within the bound.
+APART = 5
 
 
 def compare(scene, render, add_light, specs):
