@@ -48,7 +48,7 @@ class Grids:
     def __init__(self, surfaces: Surfaces, coarse: float, top: float) -> None:
         """coarse: the largest distance between points; top: the size of the largest cells; scene units."""
         s = self.surfaces = surfaces
-        self.coarse, self._top = coarse, top
+        self.coarse, self.top = coarse, top
         self.flipped = np.ascontiguousarray(s.mirrored[s.instance])
         self.longest, ends = np.empty(len(s.triangles), np.float32), np.empty((len(s.triangles), 2), np.int32)
         _longest(s.scale, s.vertices, s.triangles, self.longest, ends)
@@ -169,24 +169,24 @@ class Grids:
         """
         n = len(keys)
         triangle, P, N = np.empty((n, 4), np.int32), np.empty((n, 4, 3)), np.empty((n, 4, 3))
-        _inside(*self.shape, self.other, self.flipped, self._top, keys, triangle, P, N)
+        _inside(*self.shape, self.other, self.flipped, self.top, keys, triangle, P, N)
         return triangle.reshape(-1), P.reshape(-1, 3), N.reshape(-1, 3)
 
     def wider(self, keys: NDArray[np.uint64], by: int) -> NDArray[np.uint64]:
         """The keys (n,) of cells around those with these keys, whose edges are 2^by times as long."""
         s, found = self.surfaces, np.empty(len(keys), np.uint64)
-        _wider(s.scale, s.vertices, s.triangles, self.other, self._top, by, keys, found)
+        _wider(s.scale, s.vertices, s.triangles, self.other, self.top, by, keys, found)
         return found
 
     def finer(self, keys: NDArray[np.uint64], on: NDArray[np.float32]) -> NDArray[np.uint64]:
         """The keys (n,) of the cells at places (n,2) on the axes, half as large as those with these keys."""
         s, found = self.surfaces, np.empty(len(keys), np.uint64)
         x, y = np.ascontiguousarray(on[:, 0]), np.ascontiguousarray(on[:, 1])
-        _finer(s.scale, s.vertices, s.triangles, self.other, self._top, keys, x, y, found)
+        _finer(s.scale, s.vertices, s.triangles, self.other, self.top, keys, x, y, found)
         return found
 
     def sizes(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """The edges (n,) of the cells with these keys (n,), and their levels: 0 is a triangle as a whole."""
         level = (keys >> np.uint64(32) & np.uint64(15)).astype(np.int64)
         triangle = (keys & np.uint64((1 << 31) - 1)).astype(np.int64)
-        return np.where(level == 0, self.longest[triangle], np.ldexp(2 * self._top, -level)), level
+        return np.where(level == 0, self.longest[triangle], np.ldexp(2 * self.top, -level)), level

@@ -8,6 +8,7 @@ own rays gather from other patches (radiosity). It is computed for patches that 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from .directions import directions
 from .grids import LAST
-from .rays import Check, Field, Gatherer, Layer, Seen
+from .rays import LAST_KEY, Check, Field, Gatherer, Met, Seen
 from .table import Table
 
 RAYS = 64  # of a patch
@@ -25,7 +26,7 @@ BATCH = 4096  # patches at once
 FEW = 4  # lamps whose light is the mean of four points of a patch; more light it at one
 FEWER = 1.5  # how much larger the patches are for their rays, of which there are fewer than of records
 
-_gather = kernel("patches_gather")
+_gather, _met, _missing = kernel("patches_gather"), kernel("patches_met"), kernel("patches_missing")
 
 # What a surface is at some points: emission (n,3), the share of light it returns in all directions (n,3), and the
 # lamps' light (n,3) that a white surface would return there; seen along directions (n,3).
@@ -49,8 +50,8 @@ class Patches:
         self._local = directions(RAYS)
         self._emission = np.empty((0, 3))
         self._albedo, self._direct, self._sky = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
-        self._looked, self._lit, self._traced, self._covered, self._widened, self._divided = (
-            np.empty(0, np.bool_) for _ in range(6))
+        self._looked, self._lit, self._traced, self._covered, self._widened, self._divided, self._seen = (
+            np.empty(0, np.bool_) for _ in range(7))
         self._bounced: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
         self._arrived: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
         # what their rays meet: links begin..begin+count of each patch to others, with weights where some let light pass
@@ -61,28 +62,26 @@ class Patches:
     def __len__(self) -> int:
         return len(self._table)
 
-    def radiance(self, layer: Layer, bounces: int, check: Check) -> NDArray[np.float64]:
-        """The radiance (n,3) of what rays met: emission, and light that has come `bounces` times, or less, from a
-        surface.
+    def met(self, met: Met, lit: bool, check: Check) -> NDArray[np.int32]:
+        """The patches (n,) that rays met; −1 and less: none. Where something stands on one and divides it, it is a
+        smaller one. lit: lamps' light on them is asked for, too.
         """
-        number = self._numbers(layer, bounces > 0, check)
-        light: NDArray[np.float64] = self._after(number, bounces, check)[number]
-        return light
-
-    def _numbers(self, layer: Layer, lit: bool, check: Check) -> NDArray[np.int32]:
-        """The patches (n,) that rays met. Where something stands on one and divides it, it is a smaller one."""
-        grids, keys = self._field.grids, layer.keys
-        number = self._table.numbers(keys)
-        left = np.arange(len(keys))
-        while len(left):
+        g, n = self._field.grids, len(met.keys)
+        number, todo, left = np.empty(n, np.int32), np.arange(n, dtype=np.int32), n
+        while left:
+            state = np.array([0, 0, left])
+            while _met(*g.shape[1:], g.other, g.top, int(LAST_KEY), self._lit if lit else self._looked, self._divided,
+                       *self._table.arrays, *met, todo, state, number):
+                self._table.grow()
+            left = int(state[1])
             self._grow()
-            self._see(_missing(number[left], self._lit if lit else self._looked), lit, check)
-            left = left[self._divided[number[left]]]
-            keys = self._table.keys[number[left]]
-            whole = grids.sizes(keys)[1] == 0  # it may stand for others
-            left, keys = left[~whole], keys[~whole]
-            number[left] = self._table.numbers(grids.finer(keys, layer.on[left]))
+            self._see(self._missing(number[todo[:left]], self._lit if lit else self._looked), lit, check)
         return number
+
+    def _missing(self, number: NDArray[np.int32], known: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Each of these numbers once that is not known."""
+        out = np.empty(len(number), np.int32)
+        return out[:_missing(number, known, self._seen, out)]
 
     def _grow(self) -> None:
         """Make room for the patches in the table."""
@@ -95,19 +94,21 @@ class Patches:
             return np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)])
 
         for name in ("_emission", "_albedo", "_direct", "_sky", "_looked", "_lit", "_traced", "_covered", "_widened",
-                     "_divided", "_begin", "_count"):
+                     "_divided", "_seen", "_begin", "_count"):
             setattr(self, name, longer(getattr(self, name)))
         self._bounced = [(longer(light), longer(known)) for light, known in self._bounced]
         self._arrived = [(longer(light), longer(known)) for light, known in self._arrived]
 
-    def _after(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
-        """The radiance of all patches, of which that of patches (n,) is known."""
+    def radiance(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
+        """The radiance of all patches, of which that of patches (n,) is known: emission, and light that has come
+        `bounces` times, or less, from a surface.
+        """
         if bounces == 0:
             self._know(number, False, check)
             return self._emission
         while len(self._bounced) < bounces:
             self._bounced.append((np.zeros((len(self._looked), 3)), np.zeros(len(self._looked), np.bool_)))
-        new = _missing(number, self._bounced[bounces - 1][1])
+        new = self._missing(number, self._bounced[bounces - 1][1])
         self._know(new, True, check)
         for i in range(0, len(new), BATCH):
             some = new[i:i + BATCH]
@@ -126,12 +127,12 @@ class Patches:
         for by in range(WIDER, 0, -1):
             wider[left] = self._table.numbers(self._field.grids.wider(self._table.keys[number[left]], by))
             self._grow()
-            self._see(_missing(wider[left], self._looked), False, check)
+            self._see(self._missing(wider[left], self._looked), False, check)
             left = left[self._divided[wider[left]]]  # it is for both sides of something
             wider[left] = number[left]
         while len(self._arrived) <= bounces:
             self._arrived.append((np.zeros((len(self._looked), 3)), np.zeros(len(self._looked), np.bool_)))
-        new = _missing(wider, self._arrived[bounces][1])
+        new = self._missing(wider, self._arrived[bounces][1])
         for i in range(0, len(new), BATCH):
             some = new[i:i + BATCH]
             self._trace(some[~self._traced[some]], bounces == 0 and self.dark, check)
@@ -142,8 +143,8 @@ class Patches:
 
     def _know(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
         """See that it is known what patches (n,) are, and their direct light if `lit`."""
-        self._see(_missing(number, self._lit if lit else self._looked), lit, check)
-        covered = _missing(number, self._widened)
+        self._see(self._missing(number, self._lit if lit else self._looked), lit, check)
+        covered = self._missing(number, self._widened)
         of_lit = self._lit[covered]
         self._uncover(covered[of_lit], True, check)
         self._uncover(covered[~of_lit], False, check)
@@ -229,12 +230,21 @@ class Patches:
         rows, others, weights = [], [], []
         for q in range(4):
             local = np.ascontiguousarray(self._local[q::4])
+            d = len(local)
             seen = self._gather(np.ascontiguousarray(P[q::4]), np.ascontiguousarray(N[q::4]), local, turn, FEWER)
-            sky += seen.light.reshape(len(new), len(local), 3).sum(1)
-            for layer in () if sky_only else seen.layers:
-                rows.append(layer.row // len(local))
-                others.append(self._numbers(layer, False, check))
-                weights.append(np.ones((len(layer.keys), 3)) if layer.weight is None else layer.weight)
+            free = np.count_nonzero(seen.distance.reshape(-1, d) == 0, axis=1)
+            sky += free[:, None] * seen.sky
+            for c in range(3):
+                sky[:, c] += np.bincount(seen.row // d, seen.light[:, c], len(new))
+            if sky_only:
+                continue
+            for row, met, weight in ((np.arange(len(seen.distance)), seen.met, None),
+                                     *((seen.row[at], met, weight) for at, met, weight in seen.layers)):
+                number = self.met(met, False, check)
+                there = np.flatnonzero(number >= 0)
+                rows.append(row[there] // d)
+                others.append(number[there])
+                weights.append(np.ones((len(there), 3)) if weight is None else weight[there])
         self._grow()
         if sky_only:  # they are asked again where others have light
             self._sky[new], self._count[new] = sky / RAYS, 0
@@ -254,7 +264,7 @@ class Patches:
         """The radiance (n,3) that white patches return of the light of other patches, after so many bounces."""
         begin, count = self._begin[number], self._count[number]
         at = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(count.sum())
-        light = self._after(self._other.values[at], bounces, check)
+        light = self.radiance(self._other.values[at], bounces, check)
         out = np.empty((len(number), 3))
         weight = None if self._weight is None else self._weight.values
         _gather(begin, count, self._other.values, weight, 1 / RAYS, light, out)
@@ -286,17 +296,25 @@ class _Growing:
         return _Growing(self._room, n)
 
 
-def _missing(number: NDArray[np.int32], known: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Each of these numbers once that is not known."""
-    new: NDArray[np.int32] = np.unique(number[~known[number]])
-    return new
+class Light(NamedTuple):
+    """The radiance that rays find, as the kernel `records_sum` takes it."""
+
+    number: NDArray[np.int32]  # (x,) of a patch; −1: the sky; from −2 down: 0 on of `extra`
+    patch: NDArray[np.float64]  # (m,3)
+    extra: NDArray[np.float64]  # (e,3)
+    sky: NDArray[np.float64]  # (3,)
 
 
-def add(seen: Seen, patches: Patches, bounces: int, check: Check) -> NDArray[np.float64]:
-    """The radiance (x,3) that rays find: sky and patches."""
-    light = seen.light
-    for layer in () if bounces == 0 and patches.dark else seen.layers:
-        found = patches.radiance(layer, bounces, check)
-        light[layer.row] += found if layer.weight is None else layer.weight * found
-    return light
-
+def light_of(seen: Seen, patches: Patches, bounces: int, check: Check) -> Light:
+    """The light of sky and patches that rays find."""
+    if bounces == 0 and patches.dark:  # all that they meet is black
+        number, patch = np.where(seen.distance > 0, np.int32(0), np.int32(-1)), np.zeros((1, 3))
+        layers = []
+    else:
+        number, layers = patches.met(seen.met, bounces > 0, check), seen.layers
+        patch = patches.radiance(number, bounces, check)
+    number[seen.row] = -2 - np.arange(len(seen.row))
+    for layer in layers:
+        of = patches.met(layer.met, bounces > 0, check)
+        seen.light[layer.row] += layer.weight * patches.radiance(of, bounces, check)[of]
+    return Light(number, patch, seen.light, seen.sky)

@@ -1,93 +1,22 @@
 /* Rays of records, what they gather, and how receivers take it from the records around them (records.py). */
 #include "grids.h"
 
-/* Two unit vectors square to the unit normal, which depend on nothing else. */
-static void tangents(const f64 *M, f64 *t, f64 *b) {
-    const f64 up[3] = {0, 0, 1}, side[3] = {1, 0, 0};
-    cross(fabs(M[2]) < 0.9 ? up : side, M, t);
-    f64 length = sqrt(dot(t, t));
-    for (int j = 0; j < 3; j++) t[j] /= length;
-    cross(M, t, b);
-}
-
-/* Fills the rays of records, `local` turned to each normal M. turn: an angle for each record, as cosine and sine. */
-KERNEL(records_rays,
-       "P f64[r,3]  M f64[r,3]  turn f64[r,2]?  local f64[d,3]  origin f64[x,3]!  direction f64[x,3]!  normal f64[x,3]!")
-i64 records_rays(i64 r, i64 d, i64 x, const f64 *P, const f64 *M, const f64 *turn, const f64 *local, f64 *origin,
-                 f64 *direction, f64 *normal) {
-    (void)x;
-    for (i64 k = 0; k < r; k++) {
-        f64 t[3], b[3], c = turn ? turn[2 * k] : 1.0, s = turn ? turn[2 * k + 1] : 0.0;
-        tangents(M + 3 * k, t, b);
-        for (i64 i = 0; i < d; i++) {
-            const f64 *l = local + 3 * i;
-            i64 at = 3 * (k * d + i);
-            f64 p = c * l[0] - s * l[1], q = s * l[0] + c * l[1];
-            for (int j = 0; j < 3; j++) {
-                origin[at + j] = P[3 * k + j], normal[at + j] = M[3 * k + j];
-                direction[at + j] = p * t[j] + q * b[j] + l[2] * M[3 * k + j];
-            }
-        }
-    }
-    return 0;
-}
-
-/* Fills how far rays went (0: they hit nothing), the key of the patch that each hit, and where on its axes. finest: sizes
-   of patches are finest·2^i, the largest that is not above `share` of the way, or the last; for_small (s,T): the triangle
-   that stands for one smaller than that, −1: it is not smaller. */
-KERNEL(records_met,
-       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  for_small i32[s,T]  "
-       "finest f64  share f64  triangle i32[x]  u f32[x]  v f32[x]  origin f64[x,3]  direction f64[x,3]  "
-       "distance f32[x]!  keys u64[x]!  on f32[x,2]!")
-i64 records_met(i64 V, i64 T, i64 s, i64 x, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
-                const i32 *other, const u8 *flipped, const i32 *for_small, f64 finest, f64 share, const i32 *triangle,
-                const f32 *u, const f32 *v, const f64 *origin, const f64 *direction, f32 *distance, u64 *keys, f32 *on) {
-    (void)V;
-    for (i64 k = 0; k < x; k++) {
-        i64 t = triangle[k], step = 0, i, j;
-        on[2 * k] = on[2 * k + 1] = 0;
-        if (t < 0) {
-            distance[k] = 0, keys[k] = 0;
-            continue;
-        }
-        Edges e = edges_of(vertices, triangles + 3 * t);
-        f64 normal[3], place[3], away = 0.0;
-        cross(e.e, e.f, normal);
-        for (int c = 0; c < 3; c++) {
-            place[c] = e.a[c] + u[k] * e.e[c] + v[k] * e.f[c];
-            away += square(place[c] - (origin[3 * k + c] - centre[c]) / scale);
-        }
-        away = scale * sqrt(away);
-        distance[k] = (f32)(away > 1e-30 ? away : 1e-30);
-        f64 size = finest;
-        while (step + 1 < s && 2.0 * size <= share * away) size *= 2.0, step++;
-        int front = (dot(normal, direction + 3 * k) < 0.0) != flipped[t];
-        i64 small = for_small[step * T + t];
-        if (small >= 0) {
-            keys[k] = key_at(small, front, 0, 0, 0);
-            continue;
-        }
-        Grid g = grid_of(vertices, triangles, other, scale, t, size);
-        f64 xy[2];
-        on_axes(&g.axes, place, xy), cell_of(&g, xy, &i, &j);
-        on[2 * k] = (f32)xy[0], on[2 * k + 1] = (f32)xy[1];
-        keys[k] = key_at(g.lead, front, (int)(s - step), i, j);
-    }
-    return 0;
-}
-
 /* Sums up what the rays of each record found. tilted: by how much more each ray counts for normals that lean to four
-   sides. mean (r,5,3): of light, for M and for these. inverse: mean of 1/distance, or that weighted by light if it is
+   sides. number: of the patch that each met, whose light is a row of `patch`; −1: nothing, where the world has the light
+   `sky`; from −2 down: a row, 0 on, of `extra`. mean (r,5,3): of light, for M and for these. inverse: mean of 1/distance, or that weighted by light if it is
    more. nearest: the shortest way; open: share of rays that hit nothing. */
 KERNEL(records_sum,
-       "distance f32[r,d]  light f64[r,d,3]  tilted f64[d,4]  mean f32[r,5,3]!  inverse f32[r]!  nearest f32[r]!  open f32[r]!")
-i64 records_sum(i64 r, i64 d, const f32 *distance, const f64 *light, const f64 *tilted, f32 *mean, f32 *inverse,
-                f32 *nearest, f32 *open) {
+       "distance f32[r,d]  number i32[r,d]  patch f64[m,3]  extra f64[e,3]  sky f64[3]  tilted f64[d,4]  mean f32[r,5,3]!  "
+       "inverse f32[r]!  nearest f32[r]!  open f32[r]!")
+i64 records_sum(i64 r, i64 d, i64 m, i64 e, const f32 *distance, const i32 *number, const f64 *patch, const f64 *extra,
+                const f64 *sky, const f64 *tilted, f32 *mean, f32 *inverse, f32 *nearest, f32 *open) {
+    (void)m, (void)e;
     for (i64 k = 0; k < r; k++) {
         f64 sum[5][3] = {{0}}, near = 0.0, bright = 0.0, all = 0.0, least = 1e30;
         i64 free = 0;
         for (i64 i = 0; i < d; i++) {
-            const f64 *L = light + 3 * (k * d + i);
+            i64 of = number[k * d + i];
+            const f64 *L = of >= 0 ? patch + 3 * of : of == -1 ? sky : extra + 3 * (-2 - of);
             f64 far = distance[k * d + i], grey = L[0] + L[1] + L[2];
             for (int j = 0; j < 3; j++) {
                 sum[0][j] += L[j];

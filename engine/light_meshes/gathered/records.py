@@ -22,7 +22,7 @@ from ..support.statistics import Statistics
 from .directions import directions, tilted
 from .grids import LAST, Places
 from .nearness import Nearness
-from .patches import Patches, add
+from .patches import Patches, light_of
 from .rays import Check, Field, Gatherer
 from .table import Table
 
@@ -187,14 +187,14 @@ class Records:
         stats = self._field.stats
         with stats.stage("gathered light: rays"):
             seen = self._gather(places.P, places.N, local)
-        with stats.stage("gathered light: nearness"), self._light:
+        with stats.stage("gathered light: nearness"):
             near = self._nearness(places.P, places.N, places.spacing, places.own)
         with stats.stage("gathered light: patches"), self._light:
-            light = add(seen, self._patches, self._bounces, check)
+            light = light_of(seen, self._patches, self._bounces, check)
         r = len(new)
         mean, inverse = np.empty((r, 5, 3), np.float32), np.empty(r, np.float32)
         nearest, free = np.empty(r, np.float32), np.empty(r, np.float32)
-        _sum(seen.distance.reshape(r, -1), light.reshape(r, -1, 3), more, mean, inverse, nearest, free)
+        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], more, mean, inverse, nearest, free)
         inverse = np.maximum(inverse, WITHIN / (APART * np.maximum(near, 1e-30)))
         with self._lock:
             self._P[new] = places.P + LIFT * places.spacing[:, None] * places.N
