@@ -167,17 +167,24 @@ i64 grids_inside(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *v
     return 0;
 }
 
-/* Fills the keys of cells around those with these keys, whose edges are 2^by times as long. */
+/* Fills the keys of cells around those with these keys, whose edges are 2^by times as long. for_small: the triangles that
+   stand for others, by step of size (rays.c). */
 KERNEL(grids_wider,
-       "scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  top f64  by i64  keys u64[n]  wider u64[n]!")
-i64 grids_wider(i64 V, i64 T, i64 n, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *other, f64 top,
-                i64 by, const u64 *keys, u64 *wider) {
+       "scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  top f64  for_small i32[s,T]  by i64  keys u64[n]  "
+       "wider u64[n]!")
+i64 grids_wider(i64 V, i64 T, i64 s, i64 n, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *other,
+                f64 top, const i32 *for_small, i64 by, const u64 *keys, u64 *wider) {
     (void)V, (void)T;
     for (i64 k = 0; k < n; k++) {
         Key key = key_of(keys[k]);
         int level = key.level - (int)by < 1 ? 1 : key.level - (int)by;
         i64 i, j;
-        if (key.level <= 1) {
+        if (key.level == 0) {
+            i64 step = key.i + by < s ? key.i + by : s - 1;
+            wider[k] = key_at(for_small[step * T + key.triangle], key.front, 0, step, 0);
+            continue;
+        }
+        if (key.level == 1) {
             wider[k] = keys[k];
             continue;
         }

@@ -172,10 +172,13 @@ class Grids:
         _inside(*self.shape, self.other, self.flipped, self.top, keys, triangle, P, N)
         return triangle.reshape(-1), P.reshape(-1, 3), N.reshape(-1, 3)
 
-    def wider(self, keys: NDArray[np.uint64], by: int) -> NDArray[np.uint64]:
-        """The keys (n,) of cells around those with these keys, whose edges are 2^by times as long."""
+    def wider(self, keys: NDArray[np.uint64], by: int, for_small: NDArray[np.int32]) -> NDArray[np.uint64]:
+        """The keys (n,) of cells around those with these keys, whose edges are 2^by times as long.
+
+        for_small (s,T): the triangles that stand for smaller ones; see `Gatherer`.
+        """
         s, found = self.surfaces, np.empty(len(keys), np.uint64)
-        _wider(s.scale, s.vertices, s.triangles, self.other, self.top, by, keys, found)
+        _wider(s.scale, s.vertices, s.triangles, self.other, self.top, for_small, by, keys, found)
         return found
 
     def finer(self, keys: NDArray[np.uint64], on: NDArray[np.float32]) -> NDArray[np.uint64]:

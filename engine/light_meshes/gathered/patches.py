@@ -17,7 +17,7 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from .directions import directions
 from .grids import LAST
-from .rays import LAST_KEY, Check, Field, Gatherer, Met, Seen
+from .rays import LAST_KEY, Check, Field, Gatherer, Met, Seen, joined
 from .table import Table
 
 RAYS = 64  # of a patch
@@ -78,6 +78,10 @@ class Patches:
             self._see(self._missing(number[todo[:left]], self._lit if lit else self._looked), lit, check)
         return number
 
+    def _wider(self, number: NDArray[np.int32], by: int) -> NDArray[np.uint64]:
+        """The keys (n,) of cells around these patches, whose edges are 2^by times as long."""
+        return self._field.grids.wider(self._table.keys[number], by, self._gather.for_small)
+
     def _missing(self, number: NDArray[np.int32], known: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Each of these numbers once that is not known."""
         out = np.empty(len(number), np.int32)
@@ -125,10 +129,11 @@ class Patches:
         """
         wider, left = number.copy(), np.arange(len(number))
         for by in range(WIDER, 0, -1):
-            wider[left] = self._table.numbers(self._field.grids.wider(self._table.keys[number[left]], by))
+            wider[left] = self._table.numbers(self._wider(number[left], by))
             self._grow()
             self._see(self._missing(wider[left], self._looked), False, check)
-            left = left[self._divided[wider[left]]]  # it is for both sides of something
+            # it is for both sides of something, or inside of it
+            left = left[self._divided[wider[left]] | self._covered[wider[left]]]
             wider[left] = number[left]
         while len(self._arrived) <= bounces:
             self._arrived.append((np.zeros((len(self._looked), 3)), np.zeros(len(self._looked), np.bool_)))
@@ -136,7 +141,9 @@ class Patches:
         for i in range(0, len(new), BATCH):
             some = new[i:i + BATCH]
             self._trace(some[~self._traced[some]], bounces == 0 and self.dark, check)
-            light = self._sky[some] + self._from_others(some, bounces, check)
+            light = self._sky[some]
+            if bounces > 0 or not self.dark:
+                light += self._from_others(some, bounces, check)
             values, known = self._arrived[bounces]
             values[some], known[some] = light, True
         return self._arrived[bounces][0][wider]
@@ -155,7 +162,8 @@ class Patches:
         for i in range(0, len(new), BATCH):
             check()
             some = new[i:i + BATCH]
-            triangle, P, N = self._field.grids.inside(self._table.keys[some])
+            keys = self._table.keys[some]
+            triangle, P, N = self._field.grids.inside(keys)
             there, covered = self._there(P, N)
             emission, albedo, direct = self._look(triangle, P, N, lit and not self._many)
             if lit and self._many:
@@ -166,14 +174,14 @@ class Patches:
             self._looked[some] = True
             self._lit[some] = lit
             self._covered[some], self._widened[some] = covered, ~covered
-            self._divided[some] = self._is_divided(self._table.keys[some], P, N)
+            self._divided[some] = self._is_divided(keys, P, N)
 
     def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
         """Let patches that are covered but for a corner be as the wider ones around them, unless these are covered."""
         for by in (1, 2, 4):
             keys = self._table.keys[number]
-            around = self._field.grids.wider(keys, by)
-            differs = around != keys
+            around = self._wider(number, by)
+            differs = (around != keys) & (self._field.grids.sizes(keys)[1] > 0)
             number, wider = number[differs], self._table.numbers(around[differs])
             if not len(number):
                 return
@@ -227,37 +235,32 @@ class Patches:
         angle = (keys * np.uint64(0x9E3779B185EBCA87) >> np.uint64(40)).astype(np.float64) / 2**24 * 2 * np.pi
         turn = np.stack([np.cos(angle), np.sin(angle)], 1)
         sky = np.zeros((len(new), 3))
-        rows, others, weights = [], [], []
+        rows, several, weights = [], [], []
         for q in range(4):
             local = np.ascontiguousarray(self._local[q::4])
             d = len(local)
-            seen = self._gather(np.ascontiguousarray(P[q::4]), np.ascontiguousarray(N[q::4]), local, turn, FEWER)
-            free = np.count_nonzero(seen.distance.reshape(-1, d) == 0, axis=1)
-            sky += free[:, None] * seen.sky
+            seen = self._gather(np.ascontiguousarray(P[q::4]), np.ascontiguousarray(N[q::4]), local, turn, FEWER,
+                                sky_only)
+            sky += np.count_nonzero(seen.distance.reshape(-1, d) == 0, axis=1)[:, None] * seen.sky
             for c in range(3):
                 sky[:, c] += np.bincount(seen.row // d, seen.light[:, c], len(new))
-            if sky_only:
-                continue
             for row, met, weight in ((np.arange(len(seen.distance)), seen.met, None),
                                      *((seen.row[at], met, weight) for at, met, weight in seen.layers)):
-                number = self.met(met, False, check)
-                there = np.flatnonzero(number >= 0)
-                rows.append(row[there] // d)
-                others.append(number[there])
-                weights.append(np.ones((len(there), 3)) if weight is None else weight[there])
-        self._grow()
-        if sky_only:  # they are asked again where others have light
-            self._sky[new], self._count[new] = sky / RAYS, 0
-            return
-        row = np.concatenate(rows)
-        order = np.argsort(row, kind="stable")
+                rows.append(row // d)
+                several.append(met)
+                weights.append(np.ones((len(row), 3)) if weight is None else weight)
         self._sky[new] = sky / RAYS
-        start = np.searchsorted(row[order], np.arange(len(new) + 1))
-        had = len(self._other)
-        self._begin[new], self._count[new] = had + start[:-1], np.diff(start)
-        self._other = self._other.with_more(np.concatenate(others)[order])
+        if sky_only:  # they are asked again where others have light
+            return
+        number = self.met(joined(several), False, check)
+        there = np.flatnonzero(number >= 0)
+        row = np.concatenate(rows)[there]
+        there = there[np.argsort(row, kind="stable")]
+        count = np.bincount(row, minlength=len(new))
+        self._begin[new], self._count[new] = len(self._other) + np.cumsum(count) - count, count
+        self._other = self._other.with_more(number[there])
         if self._weight is not None:
-            self._weight = self._weight.with_more(np.concatenate(weights)[order].astype(np.float32))
+            self._weight = self._weight.with_more(np.concatenate(weights)[there].astype(np.float32))
         self._traced[new] = True
 
     def _from_others(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
@@ -309,12 +312,12 @@ def light_of(seen: Seen, patches: Patches, bounces: int, check: Check) -> Light:
     """The light of sky and patches that rays find."""
     if bounces == 0 and patches.dark:  # all that they meet is black
         number, patch = np.where(seen.distance > 0, np.int32(0), np.int32(-1)), np.zeros((1, 3))
-        layers = []
     else:
-        number, layers = patches.met(seen.met, bounces > 0, check), seen.layers
+        layers = seen.layers
+        number = patches.met(joined([seen.met, *(layer.met for layer in layers)]), bounces > 0, check)
         patch = patches.radiance(number, bounces, check)
+        number, *behind = np.split(number, np.cumsum([len(seen.distance), *(len(layer.row) for layer in layers)])[:-1])
+        for layer, of in zip(layers, behind, strict=True):
+            seen.light[layer.row] += layer.weight * patch[of]
     number[seen.row] = -2 - np.arange(len(seen.row))
-    for layer in layers:
-        of = patches.met(layer.met, bounces > 0, check)
-        seen.light[layer.row] += layer.weight * patches.radiance(of, bounces, check)[of]
     return Light(number, patch, seen.light, seen.sky)

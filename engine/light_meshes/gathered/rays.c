@@ -32,7 +32,7 @@ static inline u64 key_there(const Cells *s, i64 t, f64 u, f64 v, const f64 *orig
     while (step + 1 < s->steps && 2.0 * size <= s->share * far) size *= 2.0, step++;
     int front = (dot(normal, direction) < 0.0) != s->flipped[t];
     i64 small = s->for_small[step * s->T + t];
-    if (small >= 0) return key_at(small, front, 0, 0, 0);
+    if (small >= 0) return key_at(small, front, 0, step, 0);
     Grid g = grid_of(s->vertices, s->triangles, s->other, s->scale, t, size);
     on_axes(&g.axes, place, xy), cell_of(&g, xy, &i, &j);
     return key_at(g.lead, front, (int)(s->steps - step), i, j);

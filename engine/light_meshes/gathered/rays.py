@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -47,6 +47,11 @@ class Met(NamedTuple):
     v: NDArray[np.float32]
 
 
+def joined(several: Sequence[Met]) -> Met:
+    """All of them in one."""
+    return several[0] if len(several) == 1 else Met(*(np.concatenate(a) for a in zip(*several, strict=True)))
+
+
 class Layer(NamedTuple):
     """What rays meet that let light pass, or behind these."""
 
@@ -78,7 +83,7 @@ class Gatherer:
         self._clear = passes if field.glass.transparent else None
         every = np.ones(len(material), np.bool_)
         self.solid = np.append(closed(s, every) & ~passes, False)  # (T+1,) of closed meshes; the last: no hit
-        self._for_small = self._stand_ins(material)
+        self.for_small = self._stand_ins(material)
 
     def _stand_ins(self, material: NDArray) -> NDArray[np.int32]:
         """For triangles that are not larger than patches of each size (s,T), one of those that are near, look the same
@@ -93,16 +98,17 @@ class Gatherer:
         return found
 
     def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], local: NDArray[np.float64],
-                 turn: NDArray[np.float64] | None = None, larger: float = 1.0) -> Seen:
+                 turn: NDArray[np.float64] | None = None, larger: float = 1.0, sky_only: bool = False) -> Seen:
         """What rays from points P (r,3) along `local` (d,3), turned to normals M (r,3), meet; x = r·d.
 
         turn (r,2): by the angle with this cosine and sine before. larger: how much larger patches are.
+        sky_only: only the sky's light is asked for, and no patch.
         """
         f, g = self._field, self._field.grids
         x, d = len(P) * len(local), len(local)
         hit = f.tracer.around("diffuse", P, M, turn, local)
         distance, keys = np.empty(x, np.float32), np.empty(x, np.uint64)
-        _met(*g.shape, g.other, g.flipped, self._for_small, self._clear, self._finest, SHARE * larger, *hit, P, M, turn,
+        _met(*g.shape, g.other, g.flipped, self.for_small, self._clear, self._finest, SHARE * larger, *hit, P, M, turn,
              local, distance, keys)
         f.stats.add(gathered_rays=x)
         constant = np.zeros(3) if f.sky is None else f.sky.constant
@@ -118,13 +124,14 @@ class Gatherer:
             self._add_sky(light, at, direction[at], None, width)
             if len(clear):
                 at = np.arange(len(free), len(row))
-                self._pass(at, P[clear // d], direction[at], tuple(a[clear] for a in hit), light, layers, larger, width)
+                self._pass(at, P[clear // d], direction[at], tuple(a[clear] for a in hit), light,
+                           None if sky_only else layers, larger, width)
         return Seen(distance, Met(keys, *hit), np.zeros(3) if constant is None else constant, row, light, layers)
 
     def _keys(self, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], larger: float) -> Met:
         """The patches that rays (m,3) meet."""
         g, keys = self._field.grids, np.empty(len(origin), np.uint64)
-        _met_by(*g.shape, g.other, g.flipped, self._for_small, self._finest, SHARE * larger, *hit, origin, direction,
+        _met_by(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, *hit, origin, direction,
                 keys)
         return Met(keys, *hit)
 
@@ -137,8 +144,11 @@ class Gatherer:
             light[rows] += found if weight is None else weight * found
 
     def _pass(self, row: NDArray, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], light: NDArray,
-              layers: list[Layer], larger: float, width: NDArray[np.float64]) -> None:
-        """Follow rays (m,) of numbers `row`, which met what lets them pass, straight on, as shadow rays go."""
+              layers: list[Layer] | None, larger: float, width: NDArray[np.float64]) -> None:
+        """Follow rays (m,) of numbers `row`, which met what lets them pass, straight on, as shadow rays go.
+
+        layers: gets what they meet; None: only the sky's light is asked for.
+        """
         f, g, glass = self._field, self._field.grids, self._field.glass
         weight = np.ones((len(row), 3))
         assert self._clear is not None
@@ -147,7 +157,8 @@ class Gatherer:
             clear = self._clear[triangle]
             passed = np.zeros((len(row), 3))
             passed[clear] = glass.factor(triangle[clear], u[clear], v[clear])
-            layers.append(Layer(row, self._keys(origin, direction, hit, larger), weight * (1 - passed)))
+            if layers is not None:
+                layers.append(Layer(row, self._keys(origin, direction, hit, larger), weight * (1 - passed)))
             go = np.flatnonzero((weight * passed).max(1, initial=0) > 1e-3)
             if not len(go):
                 break

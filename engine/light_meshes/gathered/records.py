@@ -4,13 +4,14 @@ Records are at points of the grids of triangles, so they are fixed in the world.
 asks, from fixed rays, and its value depends on nothing else: not on the camera, on order or on threads. A receiver asks
 the three points of its triangle's coarsest grid around it, then of finer ones, until it trusts them: they must be
 closer together than a share of the mean distance of what they see (Ward, Rubinstein and Clear 1988), and of the
-distance of edges near them. Between levels it blends.
+distance of edges near them. Between levels it blends. The distance of edges is found first, without rays; where it says
+that the records will not be trusted, they are not computed.
 """
 
 from __future__ import annotations
 
 import threading
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from ..support.statistics import Statistics
 from .directions import directions, tilted
-from .grids import LAST, Places
+from .grids import LAST, Around, Places
 from .nearness import Nearness
 from .patches import Patches, light_of
 from .rays import Check, Field, Gatherer
@@ -37,7 +38,7 @@ APART = 1.0  # and up to this multiple of the distance of edges
 BEYOND = 3  # levels finer than the finest, where no record can be seen from a receiver
 LIFT = 1e-3  # how far above their surface records are looked at, as a share of the distance between them
 KEPT = 2_000_000  # more records or patches are not kept for the next picture
-_ARRAYS = ("_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open")
+_ARRAYS = ("_placed", "_claimed", "_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open")
 ENOUGH = 1e-3  # so little is not asked for at the next level
 
 
@@ -64,7 +65,8 @@ class Records:
         self._table = Table()
         self._lock, self._light = threading.Condition(), threading.Lock()
         self._broken = False
-        self._done = np.zeros(0, np.bool_)
+        # where it is and how near edges are is known; a thread computes it; it is known
+        self._placed, self._claimed, self._done = (np.zeros(0, np.bool_) for _ in range(3))
         self._P, self._M = np.zeros((0, 3)), np.zeros((0, 3))
         self._mean = np.zeros((0, 5, 3), np.float32)
         self._inverse, self._nearest, self._open = (np.zeros(0, np.float32) for _ in range(3))
@@ -75,14 +77,15 @@ class Records:
     def kept(self, stats: Statistics) -> bool:
         """Get ready for another picture, whose work is counted in `stats`; whether this is worth its memory."""
         self._field.stats = stats
-        done = self._done[:len(self._table)]
-        if not done.all():  # the picture before was given up
-            keys, count = self._table.keys[done], np.count_nonzero(done)
+        placed = self._placed[:len(self._table)]
+        if not placed.all():  # the picture before was given up
+            keys, count = self._table.keys[placed], np.count_nonzero(placed)
             self._table = Table()
             self._table.numbers(keys)
             for name in _ARRAYS:
-                setattr(self, name, getattr(self, name)[:len(done)][done])
+                setattr(self, name, getattr(self, name)[:len(placed)][placed])
             assert len(self._table) == count
+        self._claimed = self._done.copy()
         self._broken = False
         return len(self._table) < KEPT and len(self._patches) < KEPT
 
@@ -96,12 +99,12 @@ class Records:
             some = hits if len(alive) == n else hits.at(alive)
             with self._field.stats.stage("gathered light: asked"):
                 around = self._field.grids.around(some.triangle, some.P, some.Ng, level)
-            number, known = self._numbers(around.keys, check)
-            trust, close = np.empty(len(alive)), np.empty(len(alive), np.bool_)
+            number = self._numbers(around.keys)
+            fine = np.inf if level >= LAST else self._fine  # there is no finer grid
+            trust, _ = _trusted(number, around, self._known(), fine)
+            known = self._ready(number[trust > 0].ravel(), check)
             with self._field.stats.stage("gathered light: asked"):
-                fine = np.inf if level >= LAST else self._fine  # there is no finer grid
-                _trust(number, around.weight, around.spacing, known.inverse, known.nearest, WITHIN, STRICT, fine, trust,
-                       close)
+                trust, close = _trusted(number, around, known, fine)
                 visible = self._visible(some, number, known, around.weight, np.flatnonzero(close & (trust > 0)))
                 end = around.spacing <= self._fine / 2**BEYOND
                 end |= level >= LAST
@@ -116,7 +119,7 @@ class Records:
         whole = 1 - share  # what is left out counts as the rest does
         return Gathered(light / whole[:, None], sky / whole)
 
-    def _visible(self, hits: Hits, number: NDArray, known: Any, weight: NDArray,
+    def _visible(self, hits: Hits, number: NDArray, known: _Known, weight: NDArray,
                  rows: NDArray) -> NDArray[np.bool_] | None:
         """Which records (n,3) the receivers of these rows see; None: all."""
         if not len(rows):
@@ -132,33 +135,51 @@ class Records:
         self._field.stats.add(gathered_short_rays=len(row))
         return visible
 
-    def _numbers(self, keys: NDArray[np.uint64], check: Check) -> tuple[NDArray[np.int32], Any]:
-        """The numbers (n,3) of records with these keys (n,3), and the arrays in which they are, ready."""
+    def _numbers(self, keys: NDArray[np.uint64]) -> NDArray[np.int32]:
+        """The numbers (n,3) of records with these keys (n,3), of which it is known how near edges are."""
         with self._lock:
             before = len(self._table)
             number = self._table.numbers(keys.ravel())
-            new = np.arange(before, len(self._table))
-            self._grow()
-            mine = self._table.keys[new]
-        if len(new):
+            new = slice(before, len(self._table))
+            if new.stop > before:
+                self._grow()
+                self._place(new)
+        return number.reshape(keys.shape)
+
+    def _place(self, new: slice) -> None:
+        """Find out how near edges are to new records."""
+        places = self._field.grids.places(self._table.keys[new])
+        near = self._nearness(places.P, places.N, places.spacing, places.own)
+        self._inverse[new], self._nearest[new] = WITHIN / (APART * np.maximum(near, 1e-30)), near
+        self._placed[new] = True
+
+    def _known(self) -> _Known:
+        """The arrays in which records are. Where one is not computed, what it sees is farther away than anything."""
+        with self._lock:
+            return _Known(self._P, self._M, self._mean, self._inverse, self._nearest, self._open)
+
+    def _ready(self, number: NDArray[np.int32], check: Check) -> _Known:
+        """The arrays in which records are, with these (n,) computed."""
+        with self._lock:
+            mine = np.unique(number[~self._claimed[number]])
+            self._claimed[mine] = True
+            keys = self._table.keys[mine]
+        if len(mine):
             try:
-                self._compute_all(new, mine, check)
+                self._compute_all(mine, keys, check)
             except BaseException:
                 with self._lock:
                     self._broken = True
                     self._lock.notify_all()
                 raise
         with self._lock:
-            if not len(new):
-                pass
-            else:
+            if len(mine):
                 self._lock.notify_all()
             while not self._done[number].all():
                 if self._broken:
                     raise SharedRecordsError("another thread failed while it computed light that this one needs")
                 self._lock.wait()
-            known = _Known(self._P, self._M, self._mean, self._inverse, self._nearest, self._open)
-        return number.reshape(keys.shape), known
+        return self._known()
 
     def _grow(self) -> None:
         n, had = len(self._table), len(self._done)
@@ -169,7 +190,7 @@ class Records:
             a = getattr(self, name)
             setattr(self, name, np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)]))
 
-    def _compute_all(self, new: NDArray[np.int64], keys: NDArray[np.uint64], check: Check) -> None:
+    def _compute_all(self, new: NDArray[np.int32], keys: NDArray[np.uint64], check: Check) -> None:
         """Compute records (n,) with these keys."""
         places = self._field.grids.places(keys)
         left = np.ones(len(new), np.bool_)
@@ -182,26 +203,32 @@ class Records:
                 some = rows[i:i + step]
                 self._compute(new[some], Places._make(a[some] for a in places), local, more, check)
 
-    def _compute(self, new: NDArray[np.int64], places: Places, local: NDArray, more: NDArray, check: Check) -> None:
+    def _compute(self, new: NDArray[np.int32], places: Places, local: NDArray, more: NDArray, check: Check) -> None:
         """Compute records by rays along `local` (d,3), which count as `more` (d,4) for leaning normals."""
         stats = self._field.stats
         with stats.stage("gathered light: rays"):
             seen = self._gather(places.P, places.N, local)
-        with stats.stage("gathered light: nearness"):
-            near = self._nearness(places.P, places.N, places.spacing, places.own)
         with stats.stage("gathered light: patches"), self._light:
             light = light_of(seen, self._patches, self._bounces, check)
         r = len(new)
         mean, inverse = np.empty((r, 5, 3), np.float32), np.empty(r, np.float32)
         nearest, free = np.empty(r, np.float32), np.empty(r, np.float32)
         _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], more, mean, inverse, nearest, free)
-        inverse = np.maximum(inverse, WITHIN / (APART * np.maximum(near, 1e-30)))
         with self._lock:
             self._P[new] = places.P + LIFT * places.spacing[:, None] * places.N
-            self._M[new], self._mean[new] = places.N, mean
-            self._inverse[new], self._nearest[new], self._open[new] = inverse, np.minimum(nearest, near), free
+            self._M[new], self._mean[new], self._open[new] = places.N, mean, free
+            self._inverse[new] = np.maximum(inverse, self._inverse[new])
+            self._nearest[new] = np.minimum(nearest, self._nearest[new])
             self._done[new] = True
             stats.add(records=r)
+
+
+def _trusted(number: NDArray[np.int32], around: Around, known: _Known,
+             fine: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """How far receivers trust the records (n,3) around them (n,), and whether something may be between (n,)."""
+    trust, close = np.empty(len(number)), np.empty(len(number), np.bool_)
+    _trust(number, around.weight, around.spacing, known.inverse, known.nearest, WITHIN, STRICT, fine, trust, close)
+    return trust, close
 
 
 class _Known(NamedTuple):
