@@ -16,21 +16,13 @@ from numpy.typing import NDArray
 from ..rays.geometry import Surfaces
 from ..support.native import kernel
 
-_around, _places, _inside = kernel("grids_around"), kernel("grids_places"), kernel("grids_inside")
+_places, _inside = kernel("grids_places"), kernel("grids_inside")
 _wider, _finer, _behind = kernel("grids_wider"), kernel("grids_finer"), kernel("grids_behind")
 _longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
 _CORNER = np.uint64(1 << 63)
 INSET = 0.012  # as in grids.h
 LAST = 15  # the finest level of a grid
 FLAT = 1e-5  # how much two triangles may differ from a parallelogram, as a share of the edge that they share
-
-
-class Around(NamedTuple):
-    """The three grid points around each of n receivers."""
-
-    keys: NDArray[np.uint64]  # (n,3)
-    weight: NDArray[np.float64]  # (n,3)
-    spacing: NDArray[np.float64]  # (n,) how far apart they are, scene units
 
 
 class Places(NamedTuple):
@@ -126,18 +118,6 @@ class Grids:
             normal = normal / length
         good = np.isfinite(normal).all(2, keepdims=True) & ((normal * own).sum(2, keepdims=True) > 0.3)
         return np.where(good, normal, own)
-
-    def around(self, triangle: NDArray[np.int32], P: NDArray[np.float64], Ng: NDArray[np.float64],
-               level: int) -> Around:
-        """The grid points around receivers P (n,3) on triangles (n,), seen from the side of Ng (n,3).
-
-        level: 0 is the coarsest grid of each triangle; each level is twice as fine.
-        """
-        n = len(P)
-        found = Around(np.empty((n, 3), np.uint64), np.empty((n, 3)), np.empty(n))
-        _around(*self.shape, self.other, self.flipped, self.longest, self.corner, self.coarse, level, triangle, P, Ng,
-                *found)
-        return found
 
     def places(self, keys: NDArray[np.uint64]) -> Places:
         """Where the grid points with these keys (n,) are."""

@@ -21,13 +21,14 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from ..support.statistics import Statistics
 from .directions import directions, tilted
-from .grids import LAST, Around, Places
+from .grids import LAST, Places
 from .nearness import Nearness
 from .patches import Patches, light_of
 from .rays import Check, Field, Gatherer
 from .table import Table
 
-_sum, _trust, _blend = kernel("records_sum"), kernel("records_trust"), kernel("records_blend")
+_sum, _asked = kernel("records_sum"), kernel("records_asked")
+NEW, WANTED, SIGHT = 1, 2, 3  # why a receiver waits, as in records.c
 # Rays of a record, by how far apart records are, in finest distances: each record of a coarse grid counts for a large
 # part of a surface, and there are few.
 RAYS = ((6.0, 1024), (3.0, 512), (0.0, 256))
@@ -91,60 +92,49 @@ class Records:
 
     def __call__(self, hits: Hits, check: Check) -> Gathered:
         """The light from everywhere at hits, for their shading normals Ns."""
-        n = len(hits.P)
-        light, sky, share = np.zeros((n, 3)), np.zeros(n), np.ones(n)
-        alive, level = np.arange(n), 0
-        while len(alive):
+        n, g, stats = len(hits.P), self._field.grids, self._field.stats
+        ask = _Asked(np.zeros(n, np.int32), np.ones(n), np.zeros((n, 3)), np.zeros(n), np.empty((n, 3), np.uint64),
+                     np.empty((n, 3), np.int32), np.empty((n, 3)), np.ones((n, 3), np.bool_), np.zeros(n, np.int32),
+                     np.zeros(n, np.uint8))
+        todo, state = np.arange(n, dtype=np.int32), np.array([n, 0])
+        while state[0]:
             check()
-            some = hits if len(alive) == n else hits.at(alive)
-            with self._field.stats.stage("gathered light: asked"):
-                around = self._field.grids.around(some.triangle, some.P, some.Ng, level)
-            number = self._numbers(around.keys)
-            fine = np.inf if level >= LAST else self._fine  # there is no finer grid
-            trust, _ = _trusted(number, around, self._known(), fine)
-            known = self._ready(number[trust > 0].ravel(), check)
-            with self._field.stats.stage("gathered light: asked"):
-                trust, close = _trusted(number, around, known, fine)
-                visible = self._visible(some, number, known, around.weight, np.flatnonzero(close & (trust > 0)))
-                end = around.spacing <= self._fine / 2**BEYOND
-                end |= level >= LAST
-                left, found, free = share[alive], np.zeros((len(alive), 3)), np.zeros(len(alive))
-                _blend(number, around.weight, visible, trust, end, some.Ns, known.M, known.mean, known.open, left,
-                       found, free)
-                light[alive] += found
-                sky[alive] += free
-                share[alive] = left
-                alive = alive[left > ENOUGH]
-            level += 1
-        whole = 1 - share  # what is left out counts as the rest does
-        return Gathered(light / whole[:, None], sky / whole)
+            with stats.stage("gathered light: asked"):
+                _asked(*g.shape, g.other, g.flipped, g.longest, g.corner, g.coarse, *self._known(), WITHIN, STRICT,
+                       self._fine, self._fine / 2**BEYOND, LAST, ENOUGH, hits.triangle, hits.P, hits.Ng, hits.Ns, *ask,
+                       todo, state)
+                state[0] = state[1]
+                waiting = todo[:state[0]]
+                new, wanted, sight = (waiting[ask.why[waiting] == why] for why in (NEW, WANTED, SIGHT))
+                self._enter(ask.keys[new].ravel())
+                self._look(hits, ask, sight)
+            self._ready(ask.number[wanted].ravel(), check)
+        whole = 1 - ask.share  # what is left out counts as the rest does
+        return Gathered(ask.light / whole[:, None], ask.sky / whole)
 
-    def _visible(self, hits: Hits, number: NDArray, known: _Known, weight: NDArray,
-                 rows: NDArray) -> NDArray[np.bool_] | None:
-        """Which records (n,3) the receivers of these rows see; None: all."""
-        if not len(rows):
-            return None
-        visible = np.ones((len(hits.P), 3), np.bool_)
-        row, corner = np.nonzero(weight[rows] > 1e-9)
+    def _look(self, hits: Hits, ask: _Asked, rows: NDArray[np.int32]) -> None:
+        """Find out which records (n,3) the receivers of these rows see."""
+        row, corner = np.nonzero(ask.weight[rows] > 1e-9)
         row = rows[row]
         # both ends stand a little above the surface
-        ends = number[row, corner]
-        blocked = self._field.tracer.occluded(hits.P, row.astype(np.int32), points(known.P), ends, hits.Ng, False,
+        blocked = self._field.tracer.occluded(hits.P, row, points(self._P), ask.number[row, corner], hits.Ng, False,
                                               kind="diffuse")
-        visible[row, corner] = ~blocked
+        ask.visible[rows] = True
+        ask.visible[row, corner] = ~blocked
+        ask.seen[rows] = ask.level[rows] + 1
         self._field.stats.add(gathered_short_rays=len(row))
-        return visible
 
-    def _numbers(self, keys: NDArray[np.uint64]) -> NDArray[np.int32]:
-        """The numbers (n,3) of records with these keys (n,3), of which it is known how near edges are."""
+    def _enter(self, keys: NDArray[np.uint64]) -> None:
+        """Enter records with these keys (n,), and find out how near edges are to them."""
+        if not len(keys):
+            return
         with self._lock:
             before = len(self._table)
-            number = self._table.numbers(keys.ravel())
+            self._table.numbers(keys)
             new = slice(before, len(self._table))
             if new.stop > before:
                 self._grow()
                 self._place(new)
-        return number.reshape(keys.shape)
 
     def _place(self, new: slice) -> None:
         """Find out how near edges are to new records."""
@@ -153,13 +143,17 @@ class Records:
         self._inverse[new], self._nearest[new] = WITHIN / (APART * np.maximum(near, 1e-30)), near
         self._placed[new] = True
 
-    def _known(self) -> _Known:
-        """The arrays in which records are. Where one is not computed, what it sees is farther away than anything."""
+    def _known(self) -> tuple[NDArray, ...]:
+        """The table and the arrays in which records are. Where one is not computed, what it sees is farther away than
+        anything.
+        """
         with self._lock:
-            return _Known(self._P, self._M, self._mean, self._inverse, self._nearest, self._open)
+            return (*self._table.arrays[:2], self._inverse, self._nearest, self._done, self._M, self._mean, self._open)
 
-    def _ready(self, number: NDArray[np.int32], check: Check) -> _Known:
-        """The arrays in which records are, with these (n,) computed."""
+    def _ready(self, number: NDArray[np.int32], check: Check) -> None:
+        """See that records (n,) are computed, by this thread or another one."""
+        if not len(number):
+            return
         with self._lock:
             mine = np.unique(number[~self._claimed[number]])
             self._claimed[mine] = True
@@ -179,7 +173,6 @@ class Records:
                 if self._broken:
                     raise SharedRecordsError("another thread failed while it computed light that this one needs")
                 self._lock.wait()
-        return self._known()
 
     def _grow(self) -> None:
         n, had = len(self._table), len(self._done)
@@ -219,24 +212,21 @@ class Records:
             self._M[new], self._mean[new], self._open[new] = places.N, mean, free
             self._inverse[new] = np.maximum(inverse, self._inverse[new])
             self._nearest[new] = np.minimum(nearest, self._nearest[new])
+        with self._lock:  # again: other threads read without it, and see what was written before they see this
             self._done[new] = True
-            stats.add(records=r)
+        stats.add(records=r)
 
 
-def _trusted(number: NDArray[np.int32], around: Around, known: _Known,
-             fine: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """How far receivers trust the records (n,3) around them (n,), and whether something may be between (n,)."""
-    trust, close = np.empty(len(number)), np.empty(len(number), np.bool_)
-    _trust(number, around.weight, around.spacing, known.inverse, known.nearest, WITHIN, STRICT, fine, trust, close)
-    return trust, close
+class _Asked(NamedTuple):
+    """How far n receivers are; see the kernel records_asked."""
 
-
-class _Known(NamedTuple):
-    """The arrays of records."""
-
-    P: NDArray[np.float64]
-    M: NDArray[np.float64]
-    mean: NDArray[np.float32]
-    inverse: NDArray[np.float32]
-    nearest: NDArray[np.float32]
-    open: NDArray[np.float32]
+    level: NDArray[np.int32]  # (n,)
+    share: NDArray[np.float64]  # (n,)
+    light: NDArray[np.float64]  # (n,3)
+    sky: NDArray[np.float64]  # (n,)
+    keys: NDArray[np.uint64]  # (n,3)
+    number: NDArray[np.int32]  # (n,3)
+    weight: NDArray[np.float64]  # (n,3)
+    visible: NDArray[np.bool_]  # (n,3)
+    seen: NDArray[np.int32]  # (n,)
+    why: NDArray[np.uint8]  # (n,)

@@ -21,7 +21,16 @@ static inline i64 number_of(const Slots *s, u64 key) {
     if (s->slots[at] < 0) {
         if (*s->size == s->room) return -1;
         s->entered[*s->size] = key;
-        s->slots[at] = (i32)(*s->size)++;
+        __atomic_store_n(s->slots + at, (i32)(*s->size)++, __ATOMIC_RELEASE);
     }
     return s->slots[at];
+}
+
+/* The number of a key; −1: it has none, or another thread has just given it one. Other threads may add keys. */
+static inline i64 known_number(const i32 *slots, i64 m, const u64 *entered, i64 room, u64 key) {
+    u64 mask = (u64)m - 1, at = spread(key) & mask;
+    i32 of;
+    for (; (of = __atomic_load_n(slots + at, __ATOMIC_ACQUIRE)) >= 0; at = (at + 1) & mask)
+        if (of < room && entered[of] == key) return of;
+    return -1;
 }
