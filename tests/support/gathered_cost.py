@@ -1,7 +1,7 @@
 """What light from everywhere costs, as docs/light.md says it: python tests/support/gathered_cost.py SNAPSHOT…
 
 Each SNAPSHOT is a folder that `light-meshes snapshot` wrote. Pictures with and without gathered light are drawn in
-turns, with all threads, and then a flight: the camera moves a hundredth of its distance to the side, frame by frame, and
+turns, with all threads, and then a flight: the camera moves a hundredth of its distance to the side each frame, and
 what is known of the frame before is taken over. Times are those of processors and of the clock; the least of each.
 """
 
