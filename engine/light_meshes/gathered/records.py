@@ -23,7 +23,7 @@ from ..support.statistics import Statistics
 from .directions import directions, tilted
 from .grids import LAST, Places
 from .nearness import Nearness
-from .patches import Patches, light_of
+from .patches import Patches, SharedRecordsError, light_of
 from .rays import Check, Field, Gatherer
 from .table import Table
 
@@ -50,10 +50,6 @@ class Gathered(NamedTuple):
     sky: NDArray[np.float64]  # (n,) share of the half-space from which nothing is in the way
 
 
-class SharedRecordsError(RuntimeError):
-    """Another thread failed or was cancelled while it computed records for which this thread waits."""
-
-
 class Records:
     """Threads share it. A thread that needs records that another one is computing waits for it."""
 
@@ -64,7 +60,7 @@ class Records:
         self._fine, self._bounces = fine, bounces
         self._kinds = [(at_least * fine, local, tilted(local)) for at_least, n in RAYS for local in [directions(n)]]
         self._table = Table()
-        self._lock, self._light = threading.Condition(), threading.Lock()
+        self._lock = threading.Condition()
         self._broken = False
         # where it is and how near edges are is known; a thread computes it; it is known
         self._placed, self._claimed, self._done = (np.zeros(0, np.bool_) for _ in range(3))
@@ -88,6 +84,7 @@ class Records:
             assert len(self._table) == count
         self._claimed = self._done.copy()
         self._broken = False
+        self._patches.again()
         return len(self._table) < KEPT and len(self._patches) < KEPT
 
     def __call__(self, hits: Hits, check: Check) -> Gathered:
@@ -201,7 +198,7 @@ class Records:
         stats = self._field.stats
         with stats.stage("gathered light: rays"):
             seen = self._gather(places.P, places.N, local)
-        with stats.stage("gathered light: patches"), self._light:
+        with stats.stage("gathered light: patches"):
             light = light_of(seen, self._patches, self._bounces, check)
         r = len(new)
         mean, inverse = np.empty((r, 5, 3), np.float32), np.empty(r, np.float32)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.images import Framebuffer, crop_of
-from ..gathered.records import SharedRecordsError
+from ..gathered.patches import SharedRecordsError
 from ..scene.description import Camera, Scene
 from ..shadows.grouped import PARTS
 from ..shadows.meshes.node_store import SharedNodesError
