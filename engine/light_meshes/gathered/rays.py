@@ -158,7 +158,10 @@ class Gatherer:
             passed = np.zeros((len(row), 3))
             passed[clear] = glass.factor(triangle[clear], u[clear], v[clear])
             if layers is not None:
-                layers.append(Layer(row, self._keys(origin, direction, hit, larger), weight * (1 - passed)))
+                own = weight * (1 - passed)
+                some = np.flatnonzero(own.any(1))
+                layers.append(Layer(row[some], self._keys(origin[some], direction[some], tuple(a[some] for a in hit),
+                                                          larger), own[some]))
             go = np.flatnonzero((weight * passed).max(1, initial=0) > 1e-3)
             if not len(go):
                 break
