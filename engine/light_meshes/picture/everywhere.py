@@ -33,6 +33,7 @@ LAMP_RAYS = 4  # from each point of a patch to each lamp, where there are
 FEW_LAMPS = 64  # or fewer; one where there are more
 AHEAD = 1 << 16  # points of the picture, about, for which light is gathered before it is drawn
 ASKED = 1 << 16  # of them at once
+LAYERS = 4  # of cut-outs through which they are looked for
 PATCH = 2.0  # the size of the smallest patches, in finest distances
 
 
@@ -91,7 +92,7 @@ def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, f
             left &= ~world.as_lamps
         patches = Patches(field, gather, Look(world, lighting, _shadows(world, plan, settings, stats)),
                           len(world.scene.lights), bool(left.any()), PATCH * fine)
-    return Records(field, gather, patches, Nearness(grids, met), fine, settings.bounces)
+    return Records(field, gather, patches, Nearness(grids, met, fine), fine, settings.bounces)
 
 
 def _shadows(world: World, plan: Plan, settings: Settings, stats: Statistics) -> Method:
@@ -157,7 +158,15 @@ def ahead(world: World, records: Records, camera: Camera, offsets: NDArray[np.fl
     small = replace(camera, width=max(camera.width // every, right), height=max(camera.height // every, top), crop=None)
     box = left, int(rows[part]), max(right, left + 1), int(rows[part + 1])
     origin, direction, reach = camera_rays(small, box, samples)
-    _, hits = world.closest("camera", origin, direction, None, reach)
-    matt = np.flatnonzero(world.materials.kd[hits.material] > 0)
-    for i in range(0, len(matt), ASKED):
-        records(hits.at(matt[i:i + ASKED]), check)
+    normal: NDArray | None = None
+    ends: NDArray | None = reach
+    for _ in range(LAYERS):
+        met, hits = world.closest("camera", origin, direction, normal, ends)
+        alpha, direction = world.glass.alpha(hits), direction[met]
+        matt = np.flatnonzero((world.materials.kd[hits.material] > 0) & (alpha > 0))
+        for i in range(0, len(matt), ASKED):
+            records(hits.at(matt[i:i + ASKED]), check)
+        on = np.flatnonzero(alpha < 1)  # straight on, through cut-outs
+        if not len(on):
+            break
+        origin, direction, normal, ends = hits.P[on], direction[on], -hits.Ng[on], None
