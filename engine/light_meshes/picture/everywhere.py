@@ -14,9 +14,11 @@ from ..gathered.nearness import Nearness
 from ..gathered.patches import Patches
 from ..gathered.rays import STEPS, Field, Gatherer
 from ..gathered.records import Records
+from ..lights.registry import KINDS as LIGHTS
 from ..rays.camera import camera_rays
 from ..rays.geometry import Hits
-from ..scene.description import Camera, Settings, same
+from ..scene.description import Camera, Light, Settings, same
+from ..shadows import lamp_points
 from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
 from ..shadows.unshadowed import Unshadowed
@@ -30,7 +32,8 @@ from .world import World
 FINE = 2.0  # the finest distance of records, in steps h that suit the picture
 LEVELS = 6  # that are coarser, each by 2
 LAMP_RAYS = 4  # from each point of a patch to each lamp, where there are
-FEW_LAMPS = 64  # or fewer; one where there are more
+FEW_LAMPS = 64  # or fewer; one where there are more, or where all are small:
+NARROW = 0.02  # suns up to this angle, radians; others up to the size of the smallest patches
 AHEAD = 1 << 16  # points of the picture, about, for which light is gathered before it is drawn
 ASKED = 1 << 16  # of them at once
 LAYERS = 4  # of cut-outs through which they are looked for
@@ -90,18 +93,28 @@ def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, f
         left = gives[world.surfaces.materials[world.surfaces.source]] & met
         if world.as_lamps is not None:
             left &= ~world.as_lamps
-        patches = Patches(field, gather, Look(world, lighting, _shadows(world, plan, settings, stats)),
+        patches = Patches(field, gather, Look(world, lighting, _shadows(world, plan, settings, PATCH * fine, stats)),
                           len(world.scene.lights), bool(left.any()), PATCH * fine)
     return Records(field, gather, patches, Nearness(grids, met, fine), fine, settings.bounces)
 
 
-def _shadows(world: World, plan: Plan, settings: Settings, stats: Statistics) -> Method:
+def _lamp_rays(lights: tuple[Light, ...], patch: float) -> int:
+    """Return how many rays go from each of the four points of a patch to each lamp: one where there are many lamps, or
+    where all are so small that their penumbras are hardly wider than the smallest patches, of size `patch`.
+    """
+    wide = 2 * lamp_points.reaches(lamp_points.shapes(lights))
+    narrow = np.array([LIGHTS[light.type].directional for light in lights], np.bool_)
+    small = wide <= np.where(narrow, NARROW, patch)
+    return 1 if len(lights) > FEW_LAMPS or small.all() else LAMP_RAYS
+
+
+def _shadows(world: World, plan: Plan, settings: Settings, patch: float, stats: Statistics) -> Method:
     """Shadows of the lamps' light on patches, by a few rays to points on each lamp: they are right in the mean."""
     lights = world.scene.lights
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
     through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
-    few = replace(settings, light_samples=LAMP_RAYS if len(lights) <= FEW_LAMPS else 1)
+    few = replace(settings, light_samples=_lamp_rays(lights, patch))
     setup = Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {}, through, None)
     return KINDS["AREA_SAMPLING"].make(setup)
 
