@@ -59,6 +59,7 @@ class Patches:
         self._local = directions(RAYS)
         self._emission = np.empty((0, 3))
         self._albedo, self._direct, self._sky = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
+        self._white = np.empty((0, 3))  # direct light, as a white surface would return it
         self._looked, self._lit, self._traced, self._covered, self._divided, self._seen = (
             np.empty(0, np.bool_) for _ in range(6))
         self._claimed = np.empty(0, np.int8)  # a thread computes what it is: 1, and the lamps' light: 2
@@ -125,6 +126,20 @@ class Patches:
             self._see(self._missing(number[todo[:left]], self._lit if lit else self._looked), lit, check)
         return number
 
+    def arriving(self, met: Met, bounces: int,
+                 check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The radiance (n,3) that white surfaces would return where rays met patches: of lamps; and of the sky, of what
+        gives light, and of light that has come `bounces` times, or less, from a surface.
+        """
+        with self.asked():
+            number = self.met(met, True, check)
+            self._know(number, True, check)
+            if self._gathers or bounces > 0:
+                around = self._incoming(number, bounces, check)
+            else:
+                around = np.zeros((len(number), 3))
+            return self._white[number], around
+
     def _wider(self, number: NDArray[np.int32], by: int) -> NDArray[np.uint64]:
         """The keys (n,) of cells around these patches, whose edges are 2^by times as long."""
         return self._field.grids.wider(self._table.keys[number], by, self._gather.for_small)
@@ -144,8 +159,8 @@ class Patches:
         def longer(a: NDArray) -> NDArray:
             return np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)])
 
-        for name in ("_emission", "_albedo", "_direct", "_sky", "_looked", "_lit", "_claimed", "_traced", "_covered",
-                     "_widened", "_widened_lit", "_divided", "_seen", "_begin", "_count"):
+        for name in ("_emission", "_albedo", "_direct", "_white", "_sky", "_looked", "_lit", "_claimed", "_traced",
+                     "_covered", "_widened", "_widened_lit", "_divided", "_seen", "_begin", "_count"):
             setattr(self, name, longer(getattr(self, name)))
         self._bounced = [tuple(map(longer, of)) for of in self._bounced]
         self._arrived = [tuple(map(longer, of)) for of in self._arrived]
@@ -215,20 +230,21 @@ class Patches:
             some = mine[i:i + BATCH]
             keys = self._table.keys[some]
             with self._computing():
-                emission, albedo, direct, covered, divided = self._look_at(keys, lit)
+                emission, albedo, direct, white, covered, divided = self._look_at(keys, lit)
             fresh = ~self._looked[some]  # what another thread has found is the same, and it may have widened it
             at = some[fresh]
             self._emission[at], self._albedo[at] = emission[fresh], albedo[fresh]
             self._covered[at], self._widened[at], self._divided[at] = covered[fresh], ~covered[fresh], divided[fresh]
             self._looked[at] = True
             if lit:
-                self._direct[some], self._widened_lit[some], self._lit[some] = direct, ~covered, True
+                self._direct[some], self._white[some] = direct, white
+                self._widened_lit[some], self._lit[some] = ~covered, True
         if len(new):
             self._wait(lambda: self._lit if lit else self._looked, new)
 
     def _look_at(self, keys: NDArray[np.uint64], lit: bool) -> tuple[NDArray, ...]:
-        """Emission, albedo and light of lamps that is returned (n,3) of patches with these keys (n,), whether they are
-        covered, and whether they are divided.
+        """Emission, albedo, light of lamps that is returned, and that a white surface would return, (n,3) of patches
+        with these keys (n,); whether they are covered, and whether they are divided.
         """
         triangle, P, N = self._field.grids.inside(keys)
         there, covered = self._there(P, N)
@@ -236,7 +252,7 @@ class Patches:
         if lit and self._many:
             one = 4 * np.arange(len(keys)) + (there[:, :, 0] > 0).argmax(1)
             direct = np.repeat(self._look(triangle[one], P[one], N[one], True)[2], 4, axis=0)
-        means = ((values.reshape(-1, 4, 3) * there).sum(1) for values in (emission, albedo, albedo * direct))
+        means = ((values.reshape(-1, 4, 3) * there).sum(1) for values in (emission, albedo, albedo * direct, direct))
         return *means, covered, self._is_divided(keys, P, N)
 
     def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
@@ -251,7 +267,7 @@ class Patches:
             self._grow()
             self._see(self._missing(wider, self._lit if lit else self._looked), lit, check)
             free = ~self._covered[wider]
-            for kept in (self._emission, self._albedo, *((self._direct,) if lit else ())):
+            for kept in (self._emission, self._albedo, *((self._direct, self._white) if lit else ())):
                 kept[number[free]] = kept[wider[free]]
             number = number[~free]
 

@@ -18,7 +18,8 @@ from ..support.statistics import Statistics
 from ..surface.sky import Sky
 from .grids import Grids
 
-_met, _met_by, _stand_ins = kernel("rays_met"), kernel("rays_met_by"), kernel("rays_stand_ins")
+_met, _met_by, _at = kernel("rays_met"), kernel("rays_met_by"), kernel("rays_at")
+_stand_ins = kernel("rays_stand_ins")
 SHARE = 0.35  # patches are up to this share of the way to them
 STEPS = 8  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
@@ -127,6 +128,16 @@ class Gatherer:
                 self._pass(at, P[clear // d], direction[at], tuple(a[clear] for a in hit), light,
                            None if sky_only else layers, larger, width)
         return Seen(distance, Met(keys, *hit), np.zeros(3) if constant is None else constant, row, light, layers)
+
+    def at(self, triangle: NDArray[np.int32], P: NDArray[np.float64], direction: NDArray[np.float64],
+           size: NDArray[np.float64]) -> Met:
+        """Return the patches of about size (n,), scene units, at places P (n,3) of triangles (n,) that rays along
+        `direction` (n,3) meet.
+        """
+        g, n = self._field.grids, len(P)
+        keys, u, v = np.empty(n, np.uint64), np.empty(n, np.float32), np.empty(n, np.float32)
+        _at(*g.shape, g.other, g.flipped, self.for_small, self._finest, triangle, P, direction, size, keys, u, v)
+        return Met(keys, triangle, u, v)
 
     def _keys(self, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], larger: float) -> Met:
         """The patches that rays (m,3) meet."""

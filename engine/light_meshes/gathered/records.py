@@ -109,6 +109,15 @@ class Records:
         whole = 1 - ask.share  # what is left out counts as the rest does
         return Gathered(ask.light / whole[:, None], ask.sky / whole)
 
+    def nearly(self, hits: Hits, direction: NDArray[np.float64], size: NDArray[np.float64],
+               check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the light (n,3) of lamps that arrives where rays along `direction` (n,3) hit, and that from
+        everywhere, each as the radiance of a white matt surface: means over patches of about size (n,), scene units.
+        """
+        with self._field.stats.stage("gathered light: patches"):
+            met = self._gather.at(hits.triangle, hits.P, direction, size)
+            return self._patches.arriving(met, self._bounces, check)
+
     def _look(self, hits: Hits, ask: _Asked, rows: NDArray[np.int32]) -> None:
         """Find out which records (n,3) the receivers of these rows see."""
         row, corner = np.nonzero(ask.weight[rows] > 1e-9)
