@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.images import Framebuffer, crop_of
-from ..gathered.records import SharedRecordsError
+from ..gathered.patches import SharedRecordsError
 from ..scene.description import Camera, Scene
 from ..shadows.grouped import PARTS
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
-from . import reuse
+from . import everywhere, reuse
 from .integrator import radiance
 from .memory import BATCH, LARGER, SPREAD
 from .prepared import Before, Prepared
@@ -136,8 +136,14 @@ def draw(
             tile((x0, y0, x1, y1))
             saying(done)
 
+    def ahead(part: int) -> None:
+        if ready.everywhere is not None:
+            everywhere.ahead(ready.world, ready.everywhere.records, ready.scene.camera, ready.offsets, part, threads,
+                             check)
+
     with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(work, box) for box in tiles]
+        futures = [pool.submit(ahead, part) for part in range(threads)] if ready.plan.gathers else []
+        futures += [pool.submit(work, box) for box in tiles]
         try:
             for future in futures:
                 future.result()
