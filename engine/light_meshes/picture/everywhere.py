@@ -17,6 +17,7 @@ from ..gathered.records import Records
 from ..rays.camera import camera_rays
 from ..rays.geometry import Hits
 from ..scene.description import Camera, Settings, same
+from ..shadows.grouped import Grouped
 from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
 from ..shadows.unshadowed import Unshadowed
@@ -30,7 +31,8 @@ from .world import World
 FINE = 2.0  # the finest distance of records, in steps h that suit the picture
 LEVELS = 6  # that are coarser, each by 2
 LAMP_RAYS = 4  # from each point of a patch to each lamp, where there are
-FEW_LAMPS = 64  # or fewer; one where there are more
+FEW_LAMPS = 64  # or fewer; one where there are more, and then
+PART = 0.05  # lamps that together give a patch at most this share of its light have one ray (`shadows.grouped`)
 AHEAD = 1 << 16  # points of the picture, about, for which light is gathered before it is drawn
 ASKED = 1 << 16  # of them at once
 PATCH = 2.0  # the size of the smallest patches, in finest distances
@@ -100,9 +102,11 @@ def _shadows(world: World, plan: Plan, settings: Settings, stats: Statistics) ->
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
     through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
-    few = replace(settings, light_samples=LAMP_RAYS if len(lights) <= FEW_LAMPS else 1)
+    many = len(lights) > FEW_LAMPS
+    few = replace(settings, light_samples=1 if many else LAMP_RAYS, light_threshold=PART)
     setup = Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {}, through, None)
-    return KINDS["AREA_SAMPLING"].make(setup)
+    method = KINDS["AREA_SAMPLING"].make(setup)
+    return Grouped(setup, method, told=False) if many else method
 
 
 class Look:
