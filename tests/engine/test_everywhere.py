@@ -140,6 +140,27 @@ def test_triangles_that_stand_for_others():
     assert several > 1000
 
 
+def test_wider_patches_of_all_sizes_are_patches():
+    """Also around triangles that are smaller than some sizes of patches only."""
+    shapes = [Shape(sphere(r, 24, 12), WHITE, matrices=[translate(3 * r, 0, r)]) for r in (0.2, 0.5, 1.0, 2.0, 4.0)]
+    of = scene([*shapes, Shape(FLOOR, WHITE)], (0, -3, 1), bounces=1, auto_h=False, h=0.05)
+    records = prepare(of, ("Combined",)).everywhere.records
+    gather, g = records._gather, records._field.grids
+    s, random = g.surfaces, np.random.default_rng(0)
+    triangle = random.integers(len(g.longest), size=5000).astype(np.int32)
+    P = s.vertices[s.triangles[triangle]].astype(np.float64).mean(1) * s.scale + s.centre
+    met = gather.at(triangle, P, -g.normals(triangle), 2.0 ** random.uniform(-5, 5, 5000))
+    whole = g.sizes(met.keys)[1] == 0
+    assert 0.2 < whole.mean() < 0.8
+    np.testing.assert_allclose(np.stack([met.u, met.v]), 1 / 3, atol=1e-4)
+    for by in (1, 3):
+        size, level = g.sizes(met.keys)
+        wider, above = g.sizes(g.wider(met.keys, by, gather.for_small))
+        assert (above[whole] == 0).all() and (wider[whole] <= gather._finest * 2.0 ** (len(gather.for_small) - 1)).all()
+        np.testing.assert_array_equal(above[~whole], np.maximum(level[~whole] - by, 1))
+        assert (wider[~whole] >= size[~whole]).all()
+
+
 def things(pixels=60, eye=(0.0, -4.0, 2.5), **more):
     """Some things under a sky and a lamp."""
     red = Material("red", Od=(0.7, 0.1, 0.1))
@@ -230,3 +251,18 @@ def test_objects_that_diffuse_rays_do_not_meet():
     roof = Shape(rectangle((-5, -5), (5, 5), 1.0), BLACK, flags={"visible_diffuse": False, "visible_camera": False})
     _, light = seen(scene([Shape(FLOOR, WHITE), roof], (0, -4, 3)), lambda x, y, z: z < 0.5)
     np.testing.assert_allclose(light, 1, rtol=1e-6)
+
+
+def test_many_lamps_have_shadows_in_groups_on_what_they_light(monkeypatch):
+    """A floor seen by the light that a wall and a ball return, under 100 lamps, as if patches asked each."""
+    lamps = [Light(f"lamp {i}", "POINT", (0.05 + 0.05 * (i % 3),) * 3, (i % 10 * 0.4 - 2, -1.5, 0.4 + i // 10 * 0.3))
+             for i in range(100)]
+    shapes = [Shape(box((-3, 1, 0), (3, 1.2, 3)), WHITE), Shape(FLOOR, WHITE),
+              Shape(sphere(0.5, 32, 16), WHITE, matrices=[translate(0.5, 0.2, 0.5)])]
+    of = scene(shapes, (0, -4, 2), (0, 0, 0.8), 40, lamps, (0, 0, 0), bounces=1, shadows="SHARP", auto_h=False, h=0.1)
+    passes = []
+    for part in (0.0, everywhere.PART):
+        monkeypatch.setattr(everywhere, "PART", part)
+        passes.append(render_image(of, ("Combined", "Diffuse Indirect")).passes["Diffuse Indirect"][..., 0])
+    error = np.abs(passes[1] - passes[0]) / passes[0].mean()
+    assert error.max() > 0 and np.median(error) < 0.005 and np.percentile(error, 99) < 0.03

@@ -21,6 +21,38 @@ i64 patches_gather(i64 n, i64 q, i64 m, const i64 *begin, const i64 *count, cons
     return 0;
 }
 
+/* Fills the keys of the patches of about size[k] at places P[k] of triangles, on the side that `direction` comes from,
+   and the barycentrics of these places. for_small: as `rays.Gatherer.for_small`, of patches from `finest` on. */
+KERNEL(patches_at,
+       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  for_small i32[s,T]  "
+       "finest f64  triangle i32[n]  P f64[n,3]  direction f64[n,3]  size f64[n]  keys u64[n]!  u f32[n]!  v f32[n]!")
+i64 patches_at(i64 V, i64 T, i64 s, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
+               const i32 *other, const u8 *flipped, const i32 *for_small, f64 finest, const i32 *triangle, const f64 *P,
+               const f64 *direction, const f64 *size, u64 *keys, f32 *u, f32 *v) {
+    (void)V;
+    for (i64 k = 0; k < n; k++) {
+        i64 t = triangle[k], level = s, i, j;
+        f64 normal[3], place[3], q[3], a[3], b[3], xy[2], edge = finest;
+        Edges e = edges_of(vertices, triangles + 3 * t);
+        for (int c = 0; c < 3; c++) place[c] = (P[3 * k + c] - centre[c]) / scale, q[c] = place[c] - e.a[c];
+        cross(e.e, e.f, normal), cross(q, e.f, a), cross(e.e, q, b);
+        f64 area = dot(normal, normal);
+        u[k] = area > 0.0 ? (f32)(dot(a, normal) / area) : 0.0f, v[k] = area > 0.0 ? (f32)(dot(b, normal) / area) : 0.0f;
+        int front = (dot(normal, direction + 3 * k) < 0.0) != flipped[t];
+        while (level > 1 && 2.0 * edge <= size[k]) edge *= 2.0, level--;
+        while (level < 15 && edge > size[k]) edge *= 0.5, level++;
+        i64 step = level < s ? s - level : 0, small = for_small[step * T + t];
+        if (small >= 0) {
+            keys[k] = key_at(small, front, 0, step, 0);
+            continue;
+        }
+        Grid g = grid_of(vertices, triangles, other, scale, t, edge);
+        on_axes(&g.axes, place, xy), cell_of(&g, xy, &i, &j);
+        keys[k] = key_at(g.lead, front, (int)level, i, j);
+    }
+    return 0;
+}
+
 /* Fills the numbers of the patches that rays met at barycentrics u, v of triangles: of cells with these keys, or, where
    one is divided, of the smaller one there. Keys above `last` get −1 and less. todo: rows that are not done, from
    state[0] to state[2]; those whose patches are not known are put at its begin, and state[1] counts them. Returns 1

@@ -19,6 +19,7 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from .directions import directions
 from .grids import LAST
+from .growing import Growing
 from .rays import LAST_KEY, Check, Field, Gatherer, Met, Seen, joined
 from .table import Table
 
@@ -70,8 +71,8 @@ class Patches:
         self._lock, self._broken = threading.Condition(threading.Lock()), False
         # what their rays meet: links begin..begin+count of each patch to others, with weights where some let light pass
         self._begin, self._count = np.empty(0, np.int64), np.empty(0, np.int64)
-        self._other = _Growing(np.empty(0, np.int32))
-        self._weight = _Growing(np.empty((0, 3), np.float32)) if field.glass.transparent else None
+        self._other = Growing(np.empty(0, np.int32))
+        self._weight = Growing(np.empty((0, 3), np.float32)) if field.glass.transparent else None
 
     def __len__(self) -> int:
         return len(self._table)
@@ -81,6 +82,19 @@ class Patches:
         self._claimed = self._looked.astype(np.int8) + self._lit
         self._arrived = [(light, known, known.copy()) for light, known, _ in self._arrived]
         self._broken = False
+
+    def arriving(self, met: Met, bounces: int,
+                 check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The radiance (n,3) that white surfaces would return where rays met patches: of lamps; and of the sky, of what
+        gives light, and of light that has come `bounces` times, or less, from a surface.
+        """
+        number = self.met(met, True, check)
+        self._know(number, True, check)
+        if self._gathers or bounces > 0:
+            around = self._incoming(number, bounces, check)
+        else:
+            around = np.zeros((len(number), 3))
+        return self._white[number], around
 
     @contextmanager
     def asked(self) -> Iterator[None]:
@@ -125,20 +139,6 @@ class Patches:
             self._grow()
             self._see(self._missing(number[todo[:left]], self._lit if lit else self._looked), lit, check)
         return number
-
-    def arriving(self, met: Met, bounces: int,
-                 check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The radiance (n,3) that white surfaces would return where rays met patches: of lamps; and of the sky, of what
-        gives light, and of light that has come `bounces` times, or less, from a surface.
-        """
-        with self.asked():
-            number = self.met(met, True, check)
-            self._know(number, True, check)
-            if self._gathers or bounces > 0:
-                around = self._incoming(number, bounces, check)
-            else:
-                around = np.zeros((len(number), 3))
-            return self._white[number], around
 
     def _wider(self, number: NDArray[np.int32], by: int) -> NDArray[np.uint64]:
         """The keys (n,) of cells around these patches, whose edges are 2^by times as long."""
@@ -243,8 +243,8 @@ class Patches:
             self._wait(lambda: self._lit if lit else self._looked, new)
 
     def _look_at(self, keys: NDArray[np.uint64], lit: bool) -> tuple[NDArray, ...]:
-        """Emission, albedo, light of lamps that is returned, and that a white surface would return, (n,3) of patches
-        with these keys (n,); whether they are covered, and whether they are divided.
+        """Emission, albedo and light of lamps (n,3), that is returned, and that a white one would return, of patches
+        with these keys (n,), whether they are covered, and whether they are divided.
         """
         triangle, P, N = self._field.grids.inside(keys)
         there, covered = self._there(P, N)
@@ -252,7 +252,8 @@ class Patches:
         if lit and self._many:
             one = 4 * np.arange(len(keys)) + (there[:, :, 0] > 0).argmax(1)
             direct = np.repeat(self._look(triangle[one], P[one], N[one], True)[2], 4, axis=0)
-        means = ((values.reshape(-1, 4, 3) * there).sum(1) for values in (emission, albedo, albedo * direct, direct))
+        means = ((values.reshape(-1, 4, 3) * there).sum(1) for values in (
+            emission, albedo, albedo * direct, direct))
         return *means, covered, self._is_divided(keys, P, N)
 
     def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
@@ -358,31 +359,6 @@ class Patches:
         weight = None if self._weight is None else self._weight.values
         _gather(begin, count, self._other.values, weight, 1 / RAYS, light, out)
         return out
-
-
-class _Growing:
-    """An array that gets longer."""
-
-    def __init__(self, empty: NDArray, n: int = 0) -> None:
-        self._room, self._n = empty, n
-
-    def __len__(self) -> int:
-        return self._n
-
-    @property
-    def values(self) -> NDArray:
-        """What it holds."""
-        return self._room[:self._n]
-
-    def with_more(self, more: NDArray) -> _Growing:
-        """The array with `more` at its end."""
-        n = self._n + len(more)
-        if n > len(self._room):
-            room = np.empty((2 * n, *self._room.shape[1:]), self._room.dtype)
-            room[:self._n] = self.values
-            self._room = room
-        self._room[self._n:n] = more
-        return _Growing(self._room, n)
 
 
 class Light(NamedTuple):

@@ -18,8 +18,8 @@ from ..support.statistics import Statistics
 from ..surface.sky import Sky
 from .grids import Grids
 
-_met, _met_by, _at = kernel("rays_met"), kernel("rays_met_by"), kernel("rays_at")
-_stand_ins = kernel("rays_stand_ins")
+_met, _met_by, _stand_ins = kernel("rays_met"), kernel("rays_met_by"), kernel("rays_stand_ins")
+_at = kernel("patches_at")
 SHARE = 0.35  # patches are up to this share of the way to them
 STEPS = 8  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
@@ -135,9 +135,10 @@ class Gatherer:
         `direction` (n,3) meet.
         """
         g, n = self._field.grids, len(P)
-        keys, u, v = np.empty(n, np.uint64), np.empty(n, np.float32), np.empty(n, np.float32)
-        _at(*g.shape, g.other, g.flipped, self.for_small, self._finest, triangle, P, direction, size, keys, u, v)
-        return Met(keys, triangle, u, v)
+        found = Met(np.empty(n, np.uint64), triangle, np.empty(n, np.float32), np.empty(n, np.float32))
+        _at(*g.shape, g.other, g.flipped, self.for_small, self._finest, triangle, P, direction, size, found.keys,
+            found.u, found.v)
+        return found
 
     def _keys(self, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], larger: float) -> Met:
         """The patches that rays (m,3) meet."""

@@ -114,7 +114,7 @@ class Records:
         """Return the light (n,3) of lamps that arrives where rays along `direction` (n,3) hit, and that from
         everywhere, each as the radiance of a white matt surface: means over patches of about size (n,), scene units.
         """
-        with self._field.stats.stage("gathered light: patches"):
+        with self._field.stats.stage("gathered light: patches"), self._patches.asked():
             met = self._gather.at(hits.triangle, hits.P, direction, size)
             return self._patches.arriving(met, self._bounces, check)
 

@@ -19,6 +19,7 @@ from ..rays.camera import camera_rays
 from ..rays.geometry import Hits
 from ..scene.description import Camera, Light, Settings, same
 from ..shadows import lamp_points
+from ..shadows.grouped import Grouped
 from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
 from ..shadows.unshadowed import Unshadowed
@@ -32,8 +33,9 @@ from .world import World
 FINE = 2.0  # the finest distance of records, in steps h that suit the picture
 LEVELS = 6  # that are coarser, each by 2
 LAMP_RAYS = 4  # from each point of a patch to each lamp, where there are
-FEW_LAMPS = 64  # or fewer; one where there are more, or where all are small:
-NARROW = 0.02  # suns up to this angle, radians; others up to the size of the smallest patches
+FEW_LAMPS = 64  # or fewer; one where there are more, and then
+PART = 0.05  # lamps that together give a patch at most this share of its light have one ray (`shadows.grouped`)
+NARROW = 0.02  # one, too, where all are small: suns up to this angle, radians, others up to the smallest patches' size
 AHEAD = 1 << 16  # points of the picture, about, for which light is gathered before it is drawn
 ASKED = 1 << 16  # of them at once
 LAYERS = 4  # of cut-outs through which they are looked for
@@ -114,9 +116,10 @@ def _shadows(world: World, plan: Plan, settings: Settings, patch: float, stats: 
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
     through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
-    few = replace(settings, light_samples=_lamp_rays(lights, patch))
+    few = replace(settings, light_samples=_lamp_rays(lights, patch), light_threshold=PART)
     setup = Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {}, through, None)
-    return KINDS["AREA_SAMPLING"].make(setup)
+    method = KINDS["AREA_SAMPLING"].make(setup)
+    return Grouped(setup, method, told=False) if len(lights) > FEW_LAMPS else method
 
 
 class Look:
