@@ -95,16 +95,14 @@ def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64],
     start = np.empty((n, len(lattice.reach) + 1), np.int64)
     candidate = np.empty(most + n * most // 3, np.int32)
     room = most + 4096 + n // 4
-    nodes, position, need = np.empty((room, 3), np.int32), np.empty((room, 3)), np.empty((room, active.shape[1]), np.uint64)
+    nodes, position = np.empty((room, 3), np.int32), np.empty((room, 3))
+    need = np.empty((room, active.shape[1]), np.uint64)
     table = np.empty(1 << int(2 * room).bit_length(), np.int32)
-    # Receivers in one cell have the same nodes near them, so each node is looked up once for all of them.
-    cells, rows = np.empty((n, 3), np.int32), np.empty((n, most), np.int32)
-    cell_table = np.empty(1 << int(2 * n).bit_length(), np.int32)
-    state = np.zeros(4, np.int64)
+    state = np.zeros(3, np.int64)
     while True:
-        needs_memory(_candidates(*lattice, TAU, P, N, active, serve, state, start, candidate, nodes, position, need, table,
-                                 cells, rows, cell_table))
-        p, _, count, total = state.tolist()
+        needs_memory(_candidates(*lattice, TAU, P, N, active, serve, state, start, candidate, nodes, position, need,
+                                 table))
+        p, count, total = state.tolist()
         if p == n:
             return Candidates(start, candidate[:total], nodes[:count], position[:count], need[:count])
         if total + most > len(candidate):
