@@ -61,11 +61,11 @@ def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, i
 
 
 def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> int:
-    """Return a tile size for about `rays` rays per tile; it is smaller in a small picture, so that every thread has
-    work.
+    """Return a tile size, a multiple of 8, for about `rays` rays per tile; it is smaller in a small picture, so that
+    every thread has work.
     """
     batch = min(rays / samples, pixels / (4 * threads))
-    return int(np.clip(2 ** np.round(np.log2(np.sqrt(batch))), 8, 256))
+    return int(np.clip(8 * np.round(np.sqrt(batch) / 8), 8, 256))
 
 
 def prepare(scene: Scene, passes: Sequence[str], cancelled: Callable[[], bool] = lambda: False,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..rays.tracer import points
 from ..support.native import needs_memory
-from ..support.rows import taken
+from ..support.rows import even, put, taken
 from . import pairs
 from .casters import union
 from .lamp_points import Shapes
@@ -24,7 +24,7 @@ from .pairs import PAIRS
 from .sharp import dim, sharp
 from .terminator import merge, split
 
-CANDIDATES = 1 << 22  # about the largest number of candidates that are held at once, of 6 bytes each
+CANDIDATES = 1 << 23  # about the largest number of candidates that are held at once, of 6 bytes each
 
 
 
@@ -44,7 +44,7 @@ class LightMeshes(Method):
     nodes: tuple[Nodes, ...]
     points = 0  # nodes know what they see of lamps' centres
     lamps: Shapes | None = None
-    most = CANDIDATES, 1 << 16  # candidates and receivers at once
+    most = CANDIDATES, 1 << 17  # candidates and receivers at once
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         casters = setup.casters
@@ -90,10 +90,11 @@ class LightMeshes(Method):
     def _ask(self, at: Receivers, S: NDArray[np.float32], check: Check, probe: NDArray | None) -> None:
         """Fill S for the lights in at.active (n,W). The bits of lights for which Ψ has no answer are cleared."""
         lit = pairs.rows(at.active)
-        for i in range(0, len(lit), self._batch):
+        step = even(len(lit), self._batch)
+        for i in range(0, len(lit), step):
             check()
-            row = lit[i:i + self._batch]
-            at.active[row] = self._average(at.at(row), Answer(row, S, probe), check)
+            row = lit[i:i + step]
+            put(at.active, row, self._average(at.at(row), Answer(row, S, probe), check))
 
     def _ask_above(self, at: Receivers, lifted: NDArray[np.uint64], soft: NDArray[np.uint64], S: NDArray[np.float32],
                    check: Check, probe: NDArray | None) -> None:

@@ -24,7 +24,7 @@ class SemitransparentMeshes(LightMeshes):
     paper.
     """
 
-    most = CANDIDATES // 4, 1 << 14  # a candidate takes four times the memory, because rays to it are listed
+    most = CANDIDATES // 8, 1 << 14  # a candidate takes four times the memory, because rays to it are listed
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         through = setup.through
