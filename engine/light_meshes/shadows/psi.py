@@ -69,7 +69,6 @@ class LightMeshes(Method):
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
         """Return S, see `Method`."""
-        S = np.zeros((len(at.P), self.count, self.channels), np.float32)
         soft = at.active & self._soft
         if at.triangle is not None and self._receives is not None:
             soft[~self._receives[at.triangle]] = 0
@@ -77,6 +76,7 @@ class LightMeshes(Method):
         if at.lift is not None:
             lifted = np.zeros_like(soft)
             needs_memory(split(*at.lift, at.P, at.N, *self._targets, soft, lifted))
+        S = self._dark(soft)
         self._ask(at._replace(active=soft), S, check, probe)
         if lifted is not None and lifted.any():
             self._ask_above(at, lifted, soft, S, check, probe)
@@ -86,6 +86,10 @@ class LightMeshes(Method):
         if left.any():
             S += self._sharp(at._replace(active=left), check)  # S is still 0 there
         return S
+
+    def _dark(self, asked: NDArray[np.uint64]) -> NDArray[np.float32]:
+        """Return S of 0 for receivers, but not filled where they ask for lights, (n,W): `_mean` sets it there."""
+        return pairs.dark(len(asked), self.count, self.channels, asked)
 
     def _ask(self, at: Receivers, S: NDArray[np.float32], check: Check, probe: NDArray | None) -> None:
         """Fill S for the lights in at.active (n,W). The bits of lights for which Ψ has no answer are cleared."""
@@ -107,7 +111,7 @@ class LightMeshes(Method):
         assert lift is not None
         rows = pairs.rows(lifted)
         lifted = lifted.take(rows, axis=0)
-        answered, above = lifted.copy(), np.zeros((len(rows), *S.shape[1:]), np.float32)
+        answered, above = lifted.copy(), self._dark(lifted)
         work = None if probe is None else np.zeros((len(rows), probe.shape[1]))
         places = taken(at.P, rows) + taken(lift.above, rows)
         only = None if probe is None else ~soft[rows].any(1)

@@ -11,7 +11,7 @@ from .meshes.averaging import Neighbourhood, answered, any_channel, listed, size
 from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
 from .method import Check, LatticeSetup, Receivers, Setup
-from .pairs import PAIRS
+from .pairs import PAIRS, dark
 from .psi import CANDIDATES, Answer, LightMeshes
 from .through import Straight
 
@@ -42,6 +42,9 @@ class SemitransparentMeshes(LightMeshes):
     def _store(self) -> tuple[NodeStore, PathTable | None]:
         kind = np.float64 if self._apart else np.float32
         return NodeStore(max(1, self.count), self._stride, kind), PathTable() if self._apart else None
+
+    def _dark(self, asked: NDArray[np.uint64]) -> NDArray[np.float32]:
+        return dark(len(asked), self.count, self.channels)  # to which `_mean` adds
 
     def _weights(self, seen: NDArray[np.bool_]) -> NDArray:
         return np.repeat(seen[:, None], self.channels, axis=1).astype(np.float32)

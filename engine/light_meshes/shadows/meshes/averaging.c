@@ -238,7 +238,7 @@ static int scratch_for(Scratch *t, const Near *near, i64 n) {
     return t->column && t->lights && t->seen && t->every;
 }
 
-/* Adds to S (L) of receiver p: number of kept nodes that see the light/m, eq. (4). */
+/* Adds to S (L) of receiver p, which is 0: number of kept nodes that see the light/m, eq. (4). */
 static void mean(const Near *near, i64 p, Scratch *t, f32 *S) {
     const i64 *begin = near->start + p * near->s, W = near->W, K = near->K;
     const i32 *size = near->m + p * K;
@@ -283,7 +283,7 @@ static void mean(const Near *near, i64 p, Scratch *t, f32 *S) {
     }
 }
 
-/* Adds to S (L) of receiver p: Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²), for the lights of class k. */
+/* Adds to S (L) of receiver p, which is 0 for these lights: Σ w·v / Σ w over the kept nodes, w = falloff(|x − P|²/r²), for the lights of class k. */
 static void smooth_mean(const Near *near, i64 p, i64 k, Scratch *t, f32 *S) {
     i64 W = near->W, first = near->start[p * near->s], count = 0;
     i64 last = near->uniform[p] ? first + 1 : near->start[p * near->s + k + 1];
@@ -326,7 +326,7 @@ static void smooth_mean(const Near *near, i64 p, i64 k, Scratch *t, f32 *S) {
     for (i64 j = 0; j < count; j++) S[t->lights[j]] = (f32)(t->seen[j] / total);
 }
 
-/* Does step 5 for receivers: fills m (psi_sizes), answered and empty (psi_answered), and adds the means to S[rows], with
+/* Does step 5 for receivers: fills m (psi_sizes), answered and empty (psi_answered), and sets S[rows] to the means, with
    `smooth` weights or equal ones. own, radius: the lights of each class, and its radius, world. counts[0]: how many
    receivers have a soft light without a set. Returns 1 if there is not enough memory. */
 KERNEL(psi_means,
@@ -343,9 +343,11 @@ i64 psi_means(i64 n, i64 s, i64 c, i64 u, i64 W, i64 L, i64 K, i64 r, const i64 
     (void)c, (void)u, (void)r;
     counts[0] = 0;
     for (i64 p = 0; room && p < n; p++) {
+        f32 *out = S + rows[p] * L;
+        memset(out, 0, (size_t)L * sizeof *out);
         size_of(start + p * s, K, kept, uniform[p], m + p * K);
-        for (i64 k = 0; smooth && k < K; k++) smooth_mean(&near, p, k, &scratch, S + rows[p] * L);
-        if (!smooth) mean(&near, p, &scratch, S + rows[p] * L);
+        for (i64 k = 0; smooth && k < K; k++) smooth_mean(&near, p, k, &scratch, out);
+        if (!smooth) mean(&near, p, &scratch, out);
         empty[p] = (u8)answer_of(m + p * K, K, W, soft + p * W, serve, answered + p * W);
         counts[0] += empty[p];
     }

@@ -97,7 +97,7 @@ def sizes(near: Neighbourhood) -> None:
 
 def means(near: Neighbourhood, P: NDArray[np.float64], soft: NDArray[np.uint64], lights: Classes, smooth: bool,
           rows: NDArray[np.int64], S: NDArray[np.float32]) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
-    """Do step 5: fill m of the neighbourhood, add to S[rows] (…,L,1), and return what `answered` returns.
+    """Do step 5: fill m of the neighbourhood, set S[rows] (…,L,1), and return what `answered` returns.
 
     S is the number of kept nodes that see the light/m, eq. (4); or, with smooth weights, Σ w·v / Σ w over the kept nodes,
     w = max(1 − |x − P|²/r², 1e-9).
