@@ -71,7 +71,8 @@ def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
                           + 12 * (scene.settings.light_threshold > 0))
         near = above_a_plane(scene.settings.kI)  # nodes of a receiver; the receivers of a batch share most of them
         # where surfaces let light through a candidate takes more, and there are fewer at once
-        work += min(rays * near, CANDIDATES / (8 if glass else 1)) * CANDIDATE * (4 if glass else 1) + 3 * shaded * (24 if glass else 0.5)
+        work += min(rays * near, CANDIDATES / (8 if glass else 1)) * CANDIDATE * (4 if glass else 1)
+        work += 3 * shaded * (24 if glass else 0.5)
     return [
         Part(BASE, "the engine itself", "close other programs"),
         _triangles(scene, glass),

@@ -150,8 +150,9 @@ class LightMeshes(Method):
                              np.empty((n, len(self.classes.serve)), np.int32))
 
     def _spare_rays(self, at: Receivers, near: Neighbourhood) -> NDArray[np.int64]:
-        """Mark receivers whose candidates all agree, and candidates that are certainly seen. Returns the ends (n,) of the
-        candidates to which rays are needed first: the first one of receivers whose candidates agree.
+        """Mark receivers whose candidates all agree, and candidates that are certainly seen.
+
+        Returns the ends (n,) of the candidates to which rays are needed first: one of each receiver that is marked.
         """
         end, counts, holds = np.empty(len(at.P), np.int64), np.empty(2, np.int64), None
         on = at.facet or (None if at.triangle is None else Facet(at.P, at.normals(), at.triangle))
@@ -162,13 +163,14 @@ class LightMeshes(Method):
                     averaging.free_start(at.P, at.normals(), on.P, on.N, self._margin, holds)
         with self._stats.stage("uniform skip"):
             averaging.spare(near.start, near.candidate, self._agreeing(at, near), at.active, self.classes.serve, holds,
-                            *(on or (None, None))[:2], near.position, self._margin, near.uniform, near.seen, end, counts)
+                            *(on or (None, None))[:2], near.position, self._margin, near.uniform, near.seen, end,
+                            counts)
         if holds is not None:
             self._stats.add(certified=counts[0], spared_rays=counts[1])
         return end
 
     def _short_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], check: Check) -> None:
-        """Fill weight (which is `seen`) by rays, where it matters, first up to `end` (n,) of each receiver's candidates.
+        """Fill weight (which is `seen`) by rays, where it matters; first up to `end` (n,) of a receiver's candidates.
 
         The mark `uniform` is kept only where the first candidate is seen. Otherwise it is not certain that m > 0, and
         all candidates are tested.
@@ -197,9 +199,7 @@ class LightMeshes(Method):
         return ~self._tracer.occluded(at.P, row, points(near.position), near.candidate[index], at.N, closed=True)
 
     def _agreeing(self, at: Receivers, near: Neighbourhood) -> NDArray | None:
-        """Return the values (u,W) on which candidates must agree for the uniform skip; None: near.uniform says where they
-        do.
-        """
+        """Return the values (u,W) on which candidates must agree for the uniform skip; None: near.uniform knows."""
         return near.values if self._uniform_skip else None
 
     def _mean(self, at: Receivers, near: Neighbourhood,

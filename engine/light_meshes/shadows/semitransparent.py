@@ -50,7 +50,7 @@ class SemitransparentMeshes(LightMeshes):
         return np.repeat(seen[:, None], self.channels, axis=1).astype(np.float32)
 
     def _agreeing(self, at: Receivers, near: Neighbourhood) -> None:
-        # the plan switches the uniform skip off where paths are apart, because the weight of a path depends on the receiver
+        # the plan switches the uniform skip off then, because the weight of a path depends on the receiver
         assert not (self._uniform_skip and self._apart)
         if self._uniform_skip:
             _uniform(near.start, near.candidate, near.values, at.active, self.classes.ring, self.channels, near.uniform)

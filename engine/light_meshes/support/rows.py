@@ -34,5 +34,5 @@ def where(mask: NDArray[np.bool_], there: bool = True) -> NDArray[np.int64]:
 
 
 def even(n: int, most: int) -> int:
-    """Return the size of batches of at most `most` of n rows, as few as can be, all of which are almost equally large."""
+    """Return the size of the fewest batches of at most `most` of n rows, all of which are almost equally large."""
     return -(-n // max(1, -(-n // most))) or 1

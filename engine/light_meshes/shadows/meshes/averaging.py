@@ -99,8 +99,8 @@ def means(near: Neighbourhood, P: NDArray[np.float64], soft: NDArray[np.uint64],
           rows: NDArray[np.int64], S: NDArray[np.float32]) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
     """Do step 5: fill m of the neighbourhood, set S[rows] (…,L,1), and return what `answered` returns.
 
-    S is the number of kept nodes that see the light/m, eq. (4); or, with smooth weights, Σ w·v / Σ w over the kept nodes,
-    w = max(1 − |x − P|²/r², 1e-9).
+    S is the number of kept nodes that see the light/m, eq. (4); or, with smooth weights, Σ w·v / Σ w over the kept
+    nodes, w = max(1 − |x − P|²/r², 1e-9).
     """
     found, empty, counts = np.empty_like(soft), np.empty(len(soft), np.bool_), np.empty(1, np.int64)
     needs_memory(_means(near.start, near.candidate, near.weight, near.uniform, near.values, soft, *lights, P,
