@@ -169,6 +169,12 @@ class LightMeshesScene(bpy.types.PropertyGroup):
                     "With fewer, mirrors seen in mirrors turn black",
         min=0, max=64, soft_max=16, default=4, update=_changed,
     )
+    fast_reflections: BoolProperty(
+        name="Fast Rough Reflections",
+        description="Rough surfaces show matt ones as these light others, with highlights spread out. "
+                    "Only where light comes from everywhere (World Light: Sky, or bounces)",
+        default=True, update=_changed,
+    )
     release: IntProperty(
         name="Release of Lamps", options={'HIDDEN'},
         description="Whether a lamp in which nothing was chosen casts the shadow of its own shape (2), or one width as "

@@ -49,6 +49,7 @@ class Patches:
         self._local = directions(RAYS)
         self._emission = np.empty((0, 3))
         self._albedo, self._direct, self._sky = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
+        self._white = np.empty((0, 3))  # direct light, as a white surface would return it
         self._looked, self._lit, self._traced, self._covered, self._widened, self._divided = (
             np.empty(0, np.bool_) for _ in range(6))
         self._bounced: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
@@ -68,6 +69,19 @@ class Patches:
         number = self._numbers(layer, bounces > 0, check)
         light: NDArray[np.float64] = self._after(number, bounces, check)[number]
         return light
+
+    def arriving(self, layer: Layer, bounces: int,
+                 check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The radiance (n,3) that white surfaces would return where rays met patches: of lamps; and of the sky, of what
+        gives light, and of light that has come `bounces` times, or less, from a surface.
+        """
+        number = self._numbers(layer, True, check)
+        self._know(number, True, check)
+        if self._gathers or bounces > 0:
+            around = self._incoming(number, bounces, check)
+        else:
+            around = np.zeros((len(number), 3))
+        return self._white[number], around
 
     def _numbers(self, layer: Layer, lit: bool, check: Check) -> NDArray[np.int32]:
         """The patches (n,) that rays met. Where something stands on one and divides it, it is a smaller one."""
@@ -94,8 +108,8 @@ class Patches:
         def longer(a: NDArray) -> NDArray:
             return np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)])
 
-        for name in ("_emission", "_albedo", "_direct", "_sky", "_looked", "_lit", "_traced", "_covered", "_widened",
-                     "_divided", "_begin", "_count"):
+        for name in ("_emission", "_albedo", "_direct", "_white", "_sky", "_looked", "_lit", "_traced", "_covered",
+                     "_widened", "_divided", "_begin", "_count"):
             setattr(self, name, longer(getattr(self, name)))
         self._bounced = [(longer(light), longer(known)) for light, known in self._bounced]
         self._arrived = [(longer(light), longer(known)) for light, known in self._arrived]
@@ -160,7 +174,8 @@ class Patches:
             if lit and self._many:
                 one = 4 * np.arange(len(some)) + (there[:, :, 0] > 0).argmax(1)
                 direct = np.repeat(self._look(triangle[one], P[one], N[one], True)[2], 4, axis=0)
-            for kept, values in ((self._emission, emission), (self._albedo, albedo), (self._direct, albedo * direct)):
+            for kept, values in ((self._emission, emission), (self._albedo, albedo), (self._direct, albedo * direct),
+                                 (self._white, direct)):
                 kept[some] = (values.reshape(-1, 4, 3) * there).sum(1)
             self._looked[some] = True
             self._lit[some] = lit
@@ -180,7 +195,7 @@ class Patches:
             new = np.unique(wider)
             self._see(new[~(self._lit if lit else self._looked)[new]], lit, check)
             free = ~self._covered[wider]
-            for kept in (self._emission, self._albedo, self._direct):
+            for kept in (self._emission, self._albedo, self._direct, self._white):
                 kept[number[free]] = kept[wider[free]]
             number = number[~free]
 

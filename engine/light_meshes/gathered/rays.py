@@ -18,7 +18,7 @@ from ..support.statistics import Statistics
 from ..surface.sky import Sky
 from .grids import Grids
 
-_rays, _met = kernel("records_rays"), kernel("records_met")
+_rays, _met, _at = kernel("records_rays"), kernel("records_met"), kernel("patches_at")
 SHARE = 0.35  # patches are up to this share of the way to them
 STEPS = 8  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
@@ -112,6 +112,16 @@ class Gatherer:
             rows = np.flatnonzero(clear)
             self._pass(rows, direction[rows], tuple(a[rows] for a in first), light, layers, larger, width)
         return Seen(distance, light, layers)
+
+    def at(self, triangle: NDArray[np.int32], P: NDArray[np.float64], direction: NDArray[np.float64],
+           size: NDArray[np.float64]) -> Layer:
+        """Return the patches of about size (n,), scene units, at places P (n,3) of triangles (n,) that rays along
+        `direction` (n,3) meet.
+        """
+        g, n = self._field.grids, len(P)
+        keys, on = np.empty(n, np.uint64), np.empty((n, 2), np.float32)
+        _at(*g.shape, g.other, g.flipped, self.for_small, self._finest, triangle, P, direction, size, keys, on)
+        return Layer(np.arange(n), keys, on, None)
 
     def _trace(self, origin: NDArray, direction: NDArray, normal: NDArray, larger: float) -> tuple[NDArray, ...]:
         """Triangles, barycentrics, distances, keys of patches and places on their axes of what rays meet."""

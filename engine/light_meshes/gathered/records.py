@@ -116,6 +116,15 @@ class Records:
         whole = 1 - share  # what is left out counts as the rest does
         return Gathered(light / whole[:, None], sky / whole)
 
+    def nearly(self, hits: Hits, direction: NDArray[np.float64], size: NDArray[np.float64],
+               check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the light (n,3) of lamps that arrives where rays along `direction` (n,3) hit, and that from
+        everywhere, each as the radiance of a white matt surface: means over patches of about size (n,), scene units.
+        """
+        with self._field.stats.stage("gathered light: patches"), self._light:
+            layer = self._gather.at(hits.triangle, hits.P, direction, size)
+            return self._patches.arriving(layer, self._bounces, check)
+
     def _visible(self, hits: Hits, number: NDArray, known: Any, weight: NDArray,
                  rows: NDArray) -> NDArray[np.bool_] | None:
         """Which records (n,3) the receivers of these rows see; None: all."""

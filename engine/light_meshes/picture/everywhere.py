@@ -20,7 +20,7 @@ from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
 from ..shadows.unshadowed import Unshadowed
 from ..support.statistics import Statistics
-from ..surface import colours, layers, shading
+from ..surface import albedo
 from ..surface.points import REFLECTED
 from .lighting import Lighting
 from .plan import Plan
@@ -109,7 +109,6 @@ class Look:
         """visibility: shadows for the light of lamps on patches."""
         self._world, self._lighting, self._visibility = world, lighting, visibility
         self._check: Callable[[], None] = lambda: None
-        self._layers = any(m.layers for m in world.scene.materials)
 
     def __call__(self, triangle: NDArray[np.int32], P: NDArray[np.float64], N: NDArray[np.float64],
                  lit: bool) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -122,18 +121,11 @@ class Look:
         world.surface(None, triangle, zero, zero, P + N * world.surfaces.scale, -N, hits)
         hits = world.look(hits, -N, np.full(n, REFLECTED, np.int8))
         m, row = hits.table, hits.row
-        Od = colours.matt(hits, world.textures)
-        shading.dim(m, hits, -N, Od)
-        # what mirrors and metals return is taken as if they returned it in all directions
-        albedo = m.kd[row, None] * Od + np.maximum(m.mirror[row], m.metal[row, None] * m.F0[row])
-        for layer in layers.lit(layers.further(hits), -N, world.textures) if self._layers else ():
-            own, at = layer.hits.table, layer.hits.row
-            albedo[layer.rows] += own.kd[at, None] * layer.Od + np.maximum(
-                own.mirror[at], own.metal[at, None] * own.F0[at])
+        returned = albedo.mean(hits, world.textures)
         emission = m.emission[row].copy()
         if world.as_lamps is not None:
             emission[world.as_lamps[triangle]] = 0
         direct = np.zeros((n, 3))
         if lit:
             direct = self._lighting.arriving(hits, -N, self._check, self._visibility)
-        return emission, albedo, direct
+        return emission, returned, direct

@@ -14,6 +14,7 @@ from ..support.rows import taken, where
 from ..surface import points, shading
 from ..surface.layers import further, lit
 from .frosted import BENDS, frosted
+from .patched import patched
 from .prepared import Prepared
 from .reflections import background, going, reflected, softened
 from .wave import Rays, brightest, joined
@@ -88,6 +89,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
     _add_lamps(ready, kind, rays, hit, hits, tile)
+    came = rays.origin if len(hits.P) == len(hit) else rays.origin[hit]
     if len(hits.P) < len(hit):
         _missed(ready, kind, rays.at(where(hit, False)), tile)
         rays = rays.met(where(hit), hits.P)
@@ -95,6 +97,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         rays = rays.met(None, hits.P)
     with ready.stats.stage("programs"):
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
+    if plan.patches and rays.blur is not None and kind == "reflection":
+        rays, hits = patched(ready, rays, hits, came, tile, check)
     children: list[tuple[str, Rays]] = []
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.passes import shadow_number
-from ..gathered.records import Records
+from ..gathered.records import Gathered, Records
 from ..rays.geometry import Hits
 from ..shadows import pairs
 from ..shadows.method import Check, Method, Receivers
@@ -97,7 +97,7 @@ class Lighting:
         terms = {"Emission": m.emission[hits.row], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
         if self.everywhere is not None:
-            found = self.everywhere(hits, check)
+            found = self._arriving_from_everywhere(hits, Od, layers, parts, check)
             indirect = m.kd[hits.row, None] * Od * found.light
             for layer in layers:
                 own = layer.hits
@@ -106,6 +106,20 @@ class Lighting:
             if parts:
                 terms |= {"Diffuse Indirect": indirect, "Ambient Occlusion": np.repeat(found.sky[:, None], 3, axis=1)}
         return Od, Sums(colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})
+
+    def _arriving_from_everywhere(self, hits: Hits, Od: NDArray, layers: Sequence[Layer], parts: bool,
+                                  check: Check) -> Gathered:
+        """Return the light from everywhere at hits: 0 where they return none, unless a pass (parts) shows it there."""
+        assert self.everywhere is not None
+        wanted = (hits.table.kd[hits.row] > 0) & Od.any(1) | parts
+        for layer in layers:
+            wanted[layer.rows] = True
+        rows = np.flatnonzero(wanted)
+        if len(rows) == len(wanted):
+            return self.everywhere(hits, check)
+        found = Gathered(np.zeros_like(Od), np.zeros(len(Od)))
+        found.light[rows], found.sky[rows] = self.everywhere(hits.at(rows), check)
+        return found
 
     def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Check,
                   work: NDArray | None = None, lights: NDArray[np.uint64] | None = None,

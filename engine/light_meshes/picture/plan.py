@@ -51,6 +51,7 @@ class Plan:
     textures: bool = False
     holdouts: bool = False  # the camera sees some objects as holes
     catchers: bool = False  # the camera sees some surfaces only by the shadows on them
+    patches: bool = False  # rays of rough surfaces see the patches of gathered light
     gathers: bool = False  # light comes from everywhere: from the sky with occlusion, or from surface to surface
     reasons: dict[str, str] = field(default_factory=dict)
 
@@ -299,6 +300,9 @@ def _everywhere(p: Plan, scene: Scene, materials: list[Material], lights: list[L
     p.gathers = bool(sources) and matt
     p.decide("light from everywhere", f"{s.bounces} bounces" if p.gathers else "no",
              "no surface is matt" if not matt else ", ".join(sources) or "nothing sends any")
+    p.patches = s.fast_reflections and p.gathers and (p.frosted or (p.blurred and p.reflections)) and not ambient
+    if p.patches:
+        p.decide("rough reflections", "patches", "they show matt surfaces by the light that these send others")
 
 
 def darkness(scene: Scene, p: Plan) -> list[str]:

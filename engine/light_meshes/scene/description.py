@@ -52,11 +52,11 @@ class Settings:
     h: float = 0.05  # step of the lattice, scene units
     kI: float = 3.0  # r = h·kI is the radius of the interpolation ball
     auto_h: bool = False  # choose h from what the camera sees, finer if a light's r needs it; `h` is then ignored
-    # for auto_h: the h that was measured before from what the camera sees; 0 means measure it now
-    measured_h: float = 0.0
+    measured_h: float = 0.0  # for auto_h: the h that the camera measured before; 0 means measure it now
     weights: str = "UNIFORM"  # weights of the nodes in the ball: UNIFORM (paper), or SMOOTH, falling to 0 at r
     samples: int = 4  # camera rays per pixel
     max_depth: int = 4  # how many mirror reflections follow the first hit
+    fast_reflections: bool = False  # rough surfaces show matt ones by the light of patches that is gathered
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour
     world_light: str = "AMBIENT"  # how the world lights: AMBIENT, the paper's Ia·ka, or SKY, from all around
