@@ -39,7 +39,7 @@ ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
 BATCH = 1 << 17  # camera rays of a tile, about: each thread has one under way
 LARGER = 2  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
 SPREAD = 8  # how many times fewer there are if surfaces spread them out
-RAY, LIT, CANDIDATE = 700, 8, 6  # for a ray; for a receiver and a light; for a receiver and a node
+RAY, LIT, CANDIDATE = 400, 5, 6  # for a ray; for a receiver and a light; for a receiver and a node
 NODE = 16  # for a node, in addition to its values
 MIXED = 0.3  # share of the nodes that may be near a penumbra
 # as shares of the available memory: above DOUBT a scene is refused, above CLOSE there is a warning

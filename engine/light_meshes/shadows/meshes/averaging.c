@@ -3,6 +3,8 @@
 
 #include "averaging.h"
 
+#define INLINE static inline __attribute__((always_inline))
+
 KERNEL(psi_ask, "start i64[n,s]  candidate i32[c]  soft u64[n,W]  serve u64[K,W]  need u64[u,W]!")
 i64 psi_ask(i64 n, i64 s, i64 c, i64 W, i64 K, i64 u, const i64 *start, const i32 *candidate, const u64 *soft,
             const u64 *serve, u64 *need) {
@@ -168,10 +170,18 @@ i64 psi_sizes(i64 n, i64 s, i64 c, i64 K, const i64 *start, const u8 *kept, cons
     return 0;
 }
 
-/* Adds 1 to S (L) for each light of word w that is in `lights`, without a branch. */
+/* Sets the bits of `count` numbers, which are 0 there, to those of 1 for each light that is in `lights`. */
+INLINE void set_ones(u64 lights, i64 count, f32 *S) {
+    u32 number[64], half[2] = {(u32)lights, (u32)(lights >> 32)};
+    memcpy(number, S, (size_t)count * sizeof *number);
+    for (i64 i = 0; i < count; i++) number[i] |= (half[i >> 5] >> (i & 31) & 1) * 0x3F800000u;
+    memcpy(S, number, (size_t)count * sizeof *number);
+}
+
+/* Sets S (L) to 1 for each light of word w that is in `lights`, for which it is 0, without a branch. */
 static void spread(u64 lights, i64 w, i64 L, f32 *S) {
-    i64 count = L - 64 * w < 64 ? L - 64 * w : 64;
-    for (i64 i = 0; i < count; i++) S[64 * w + i] += (f32)(lights >> i & 1);
+    if (L - 64 * w >= 64) set_ones(lights, 64, S + 64 * w);
+    else set_ones(lights, L - 64 * w, S + 64 * w);
 }
 
 enum { QUOTIENTS = 64, MANY = 6 };  /* nodes of which quotients stand ready; lights that are counted together */
