@@ -78,12 +78,12 @@ class LightMeshes(Method):
             needs_memory(split(*at.lift, at.P, at.N, *self._targets, soft, lifted))
         S = self._dark(soft)
         self._ask(at._replace(active=soft), S, check, probe)
-        if lifted is not None and lifted.any():
+        if lifted is not None:
             self._ask_above(at, lifted, soft, S, check, probe)
         self._stats.add(receivers=len(at.P))
         dim(S, self._edges, at._replace(active=soft), check)
         left = at.active & ~soft  # lights for which Ψ has no answer get sharp shadows
-        if left.any():
+        if len(pairs.rows(left)):
             S += self._sharp(at._replace(active=left), check)  # S is still 0 there
         return S
 
@@ -110,6 +110,8 @@ class LightMeshes(Method):
         lift = at.lift
         assert lift is not None
         rows = pairs.rows(lifted)
+        if not len(rows):
+            return
         lifted = lifted.take(rows, axis=0)
         answered, above = lifted.copy(), self._dark(lifted)
         work = None if probe is None else np.zeros((len(rows), probe.shape[1]))
