@@ -136,6 +136,7 @@ ROWS = [
     Row("scene", "light_samples", 256, less_noisy, sampled),
     Row("scene", "max_depth", 0, darker, mirror),
     Row("scene", "fast_reflections", False, near, rough_ground),
+    Row("scene", "clamp_indirect", 0.1, darker, mirror),
     Row("scene", "ambient", 0.0, darker, bright_world),
     Row("scene", "world_light", 'SKY', darker, bright_world),
     Row("scene", "bounces", 1, brighter, beside_a_slope),

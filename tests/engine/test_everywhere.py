@@ -18,7 +18,7 @@ from light_meshes import (
     translate,
 )
 from light_meshes.film.images import Framebuffer
-from light_meshes.picture import emitters
+from light_meshes.picture import emitters, everywhere
 from light_meshes.picture.render import draw, prepare, render_image
 
 WHITE = Material("white", Od=(1.0, 1.0, 1.0))
@@ -163,3 +163,18 @@ def test_objects_that_diffuse_rays_do_not_meet():
     roof = Shape(rectangle((-5, -5), (5, 5), 1.0), BLACK, flags={"visible_diffuse": False, "visible_camera": False})
     _, light = seen(scene([Shape(FLOOR, WHITE), roof], (0, -4, 3)), lambda x, y, z: z < 0.5)
     np.testing.assert_allclose(light, 1, rtol=1e-6)
+
+
+def test_many_lamps_have_shadows_in_groups_on_what_they_light(monkeypatch):
+    """A floor seen by the light that a wall and a ball return, under 100 lamps, as if patches asked each."""
+    lamps = [Light(f"lamp {i}", "POINT", (0.05 + 0.05 * (i % 3),) * 3, (i % 10 * 0.4 - 2, -1.5, 0.4 + i // 10 * 0.3))
+             for i in range(100)]
+    shapes = [Shape(box((-3, 1, 0), (3, 1.2, 3)), WHITE), Shape(FLOOR, WHITE),
+              Shape(sphere(0.5, 32, 16), WHITE, matrices=[translate(0.5, 0.2, 0.5)])]
+    of = scene(shapes, (0, -4, 2), (0, 0, 0.8), 40, lamps, (0, 0, 0), bounces=1, shadows="SHARP", auto_h=False, h=0.1)
+    passes = []
+    for part in (0.0, everywhere.PART):
+        monkeypatch.setattr(everywhere, "PART", part)
+        passes.append(render_image(of, ("Combined", "Diffuse Indirect")).passes["Diffuse Indirect"][..., 0])
+    error = np.abs(passes[1] - passes[0]) / passes[0].mean()
+    assert error.max() > 0 and np.median(error) < 0.005 and np.percentile(error, 99) < 0.03

@@ -125,7 +125,7 @@ def _missed(ready: Prepared, kind: str, miss: Rays, tile: Tile) -> None:
         miss = miss.at(~lost)
     with ready.stats.stage("sky"):
         world = background(ready, miss, _kinds(kind, miss))
-    tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
+    tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world}, _brightest_shown(ready, kind))
 
 
 def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box | None, tile: Tile,
@@ -183,7 +183,13 @@ def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], h
     rows = np.flatnonzero(light.any(1) & weight.any(1))
     if len(rows):
         seen = rays.at(rows)
-        tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]})
+        tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]},
+                       _brightest_shown(ready, kind))
+
+
+def _brightest_shown(ready: Prepared, kind: str) -> float:
+    """Return how bright light may be that rays of this kind see: what mirrors and glass show has a limit."""
+    return 0.0 if kind == "camera" else ready.scene.settings.clamp_indirect
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:
@@ -209,10 +215,10 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work, layers)
     else:
         light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work, layers)
-    tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms)
+    tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms, _brightest_shown(ready, kind))
     tile.add_work(rays.pixel, work)
     if ready.plan.translucent:
-        _shine_through(ready, rays, weight, hits, tile, check)
+        _shine_through(ready, kind, rays, weight, hits, tile, check)
     return light.shadows
 
 
@@ -227,7 +233,7 @@ def _apart(ready: Prepared, rays: Rays, hits: Hits) -> NDArray[np.float64]:
     return far if rays.blur is None else np.where(rays.blur > 0, np.inf, far)
 
 
-def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
+def _shine_through(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
                    check: Callable[[], None]) -> None:
     """Add the light that comes through surfaces scattered: that of a matt surface on their other side."""
     rows = np.flatnonzero((hits.table.translucent[hits.row] > 0).any(1))
@@ -241,7 +247,7 @@ def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, til
     work = tile.work(len(rows))
     light = ready.lighting.direct(back, rays.direction[rows], check, tile.parts, False, work)
     tile.add_light(rays.pixel[rows], None if rays.part is None else rays.part[rows], weight[rows], light.colour,
-                   light.terms)
+                   light.terms, _brightest_shown(ready, kind))
     tile.add_work(rays.pixel[rows], work)
 
 

@@ -48,7 +48,7 @@ def patched(ready: Prepared, rays: Rays, hits: Hits, came: NDArray[np.float64], 
     if ready.world.as_lamps is not None:  # rough surfaces have highlights of those lamps
         emission = np.where(ready.world.as_lamps[own.triangle][:, None], 0.0, emission)
     light += emission
-    tile.add_light(some.pixel, some.part, some.weight, light, {})
+    tile.add_light(some.pixel, some.part, some.weight, light, {}, ready.scene.settings.clamp_indirect)
     rest = np.flatnonzero(~seen)
     return rays.at(rest), hits.at(rest)
 

@@ -1,5 +1,6 @@
 /* Embree's own interface, by the addresses of its functions, which Python found in the library (embree.py): rays that are
    ready made, and rays that are made here on the way. Layouts as in Embree 4's rtcore_ray.h. */
+#include "around.h"
 #include "tracer.h"
 
 #define ALIGNED _Alignas(64)
@@ -89,6 +90,31 @@ i64 embree_occluded_of(i64 m, i64 n, i64 q, u64 function, i64 wide, u64 scene, c
         tracer_segments(m, count, q, centre, scale, reach, origin, normal, origin_of + k, position, directional,
                         target_of + k, closed, o, d, t);
         embree_occluded(count, function, wide, scene, o, d, t, blocked + k);
+    }
+    return 0;
+}
+
+/* The first triangle on each of the rays along `local`, turned to normals M, from points P, which are on surfaces; x = r·d.
+   turn: see turned_to. */
+KERNEL(embree_around,
+       "function u64  scene u64  centre f64[3]  scale f64  reach f64  P f64[r,3]  M f64[r,3]  turn f64[r,2]?  local f64[d,3]  "
+       "triangle i32[x]!  u f32[x]!  v f32[x]!")
+i64 embree_around(i64 r, i64 d, i64 x, u64 function, u64 scene, const f64 *centre, f64 scale, f64 reach, const f64 *P,
+                  const f64 *M, const f64 *turn, const f64 *local, i32 *triangle, f32 *u, f32 *v) {
+    f64 origin[3 * BLOCK], direction[3 * BLOCK], normal[3 * BLOCK];
+    f32 from[3 * BLOCK], way[3 * BLOCK], t[BLOCK];
+    (void)x;
+    for (i64 k = 0; k < r; k++) {
+        Turned axes = turned_to(M + 3 * k, turn ? turn + 2 * k : 0);
+        for (i64 i = 0; i < d; i += BLOCK) {
+            i64 count = d - i < BLOCK ? d - i : BLOCK, at = k * d + i;
+            for (i64 c = 0; c < count; c++) {
+                along(&axes, local + 3 * (i + c), direction + 3 * c);
+                memcpy(origin + 3 * c, P + 3 * k, 3 * sizeof *P), memcpy(normal + 3 * c, M + 3 * k, 3 * sizeof *M);
+            }
+            tracer_rays(count, centre, scale, reach, origin, direction, normal, 0, from, way, t);
+            embree_closest(count, function, scene, from, way, t, triangle + at, u + at, v + at);
+        }
     }
     return 0;
 }

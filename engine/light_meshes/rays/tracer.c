@@ -1,6 +1,6 @@
 /* Builds rays for Embree in float64 and rounds them last; decides which of its hits are crossings (tracer.py). */
 #include "tracer.h"
-#include "triangles.h"
+#include "around.h"
 
 /* Moves points x in the frame away from their surface. */
 KERNEL(tracer_leave, "x f64[n,3]!  normal f64[n,3]")
@@ -35,6 +35,21 @@ i64 tracer_rays(i64 n, const f64 *centre, f64 scale, f64 reach, const f64 *origi
         for (int j = 0; j < 3; j++) o[3 * k + j] = (f32)x[j], d[3 * k + j] = (f32)way[j];
         f64 end = length ? most(length[k] / scale - start, 0.0) : 1e30;
         t[k] = (f32)(end < 1e30 ? end : 1e30);
+    }
+    return 0;
+}
+
+/* Fills the directions of rays `row` of those along `local`, d each, that are turned to normals M. turn: see turned_to. */
+KERNEL(tracer_directions, "M f64[r,3]  turn f64[r,2]?  local f64[d,3]  row i64[n]  direction f64[n,3]!")
+i64 tracer_directions(i64 r, i64 d, i64 n, const f64 *M, const f64 *turn, const f64 *local, const i64 *row,
+                      f64 *direction) {
+    Turned axes = {0};
+    i64 last = -1;
+    (void)r;
+    for (i64 k = 0; k < n; k++) {
+        i64 of = row[k] / d;
+        if (of != last) axes = turned_to(M + 3 * of, turn ? turn + 2 * of : 0), last = of;
+        along(&axes, local + 3 * (row[k] % d), direction + 3 * k);
     }
     return 0;
 }
