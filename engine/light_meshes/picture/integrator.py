@@ -60,14 +60,18 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
         rays = rays._replace(left=np.ones(n))
     ready.stats.add(camera_rays=n)
     waves: dict[str, Rays] = {"camera": rays}
+    del rays, origin, direction, far
     for _ in range(LONGEST):  # until no ray is left, at most
         if not waves:
             break
         next_waves: dict[str, list[Rays]] = {}
-        for kind, rays in waves.items():
-            for piece in rays.pieces(PIECE) if spreads and first is None else (rays,):
+        for kind in tuple(waves):
+            pieces = [waves.pop(kind)]  # nothing else keeps rays that are traced, which are much of a tile's memory
+            if spreads and first is None:
+                pieces = pieces.pop().pieces(PIECE)
+            while pieces:
                 check()
-                for child_kind, child in _wave(ready, kind, piece, reach, first, tile, check):
+                for child_kind, child in _wave(ready, kind, pieces.pop(0), reach, first, tile, check):
                     next_waves.setdefault(child_kind, []).append(child)
                     ready.stats.add(secondary_rays=len(child.pixel))
             reach = first = None

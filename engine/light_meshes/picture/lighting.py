@@ -15,6 +15,7 @@ from ..shadows import pairs
 from ..shadows.method import Check, Method, Receivers
 from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
+from ..support.rows import even
 from ..support.statistics import Statistics
 from ..surface import colours, shading
 from ..surface.layers import Layer
@@ -22,7 +23,7 @@ from ..surface.seen import seen_in_mirrors
 from .plan import Plan
 from .world import World
 
-SHADED = 1 << 22  # the largest number of receivers × lights that are held at once
+SHADED = 1 << 23  # the largest number of receivers × lights that are held at once
 
 
 class Sums(NamedTuple):
@@ -192,7 +193,7 @@ class Lighting:
         another method than the plan's. narrow: see `Receivers`. layers: further ones, whose lights count, too.
         """
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
-        step = max(64, SHADED // max(1, count))
+        step = even(n, max(64, SHADED // max(1, count)))
         for i in range(0, n if count else 0, step):
             check()
             part = slice(i, min(i + step, n))
