@@ -32,9 +32,11 @@ LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
+# Nodes so many steps around a receiver may answer for it where those of its group disagree; with many lamps fewer
+CLOSE = (2.0, 1.5)
 DENSE = 2.0  # nodes are asked where receivers stand so many times as close as the step
 BATCH = 1 << 15  # receivers at once
-RAYS_AT_ONCE = 1 << 18
+RAYS_AT_ONCE = 1 << 14
 
 _sums = kernel("lamp_sums")
 
@@ -77,7 +79,7 @@ class SizedLamps(Method):
         kI, sized = setup.settings.kI, sum(has(self._soft, i) for i in range(self._count))
         self._rays = RayCounts(kI, sized)
         self.weighs = self._rays.shared
-        self._enough = HALF if many(kI, sized) else POINTS
+        self._enough, self._close = (HALF, CLOSE[1]) if many(kI, sized) else (POINTS, CLOSE[0])
         self.levels = [self._level(setup, 2.0**k) for k in range(levels)]
         self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
@@ -151,13 +153,14 @@ class SizedLamps(Method):
             by_rays = grazing[g.group] & at.active
             soft = at.active & ~by_rays
         with stats.stage("nodes"):
-            seen, mixed, through = level.sorted(g, batch.check)
+            seen, mixed, through, seen_points = level.sorted(g, batch.check)
         certified = self._certified(level, at, g)
         unsure = mixed & (through | np.where(certified, np.uint64(0), ~np.uint64(0))[:, None])
         unsure |= level.uneven(g, at.normals(), mixed)
         by_rays |= unsure[g.group] & soft
         agreed = soft & ~mixed[g.group]
-        hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & agreed.any(1)).astype(np.int32))
+        unclear = mixed[g.group] & ~through[g.group] & soft
+        hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & (agreed | unclear).any(1)).astype(np.int32))
         by_rays[hidden] |= agreed[hidden]
         agreed[hidden] = 0
         with stats.stage("average"):
@@ -180,6 +183,9 @@ class SizedLamps(Method):
                 near = trust < 1
                 np.bitwise_or.at(by_rays, (row[near], light[near] >> 6),
                                  np.uint64(1) << (light[near] & 63).astype(np.uint64))
+        unclear &= by_rays
+        unclear[hidden] = 0
+        by_rays &= ~self._nearby(batch, g, seen_points, unclear)
         if batch.narrow is not None:
             batch.narrow[batch.rows] |= by_rays
         if batch.probe is not None:
@@ -188,6 +194,18 @@ class SizedLamps(Method):
             batch.probe[batch.rows] = np.stack([count, np.where(todo.any(1), count, 0), none,
                                                 ~(todo | by_rays).any(1)], axis=1)
         return by_rays
+
+    def _nearby(self, batch: Batch, g: Groups, seen_points: NDArray[np.uint8],
+                unclear: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """Add to S what the nodes close to receivers agree on, of lights in unclear (n,W) on which those of their groups
+        do not; returns these lights.
+        """
+        with self._stats.stage("average"):
+            known, seen = self.levels[0].agreed(batch.at, g, seen_points, unclear, self._close)
+            for row, light in pairs.blocks(seen, self._count):
+                to = batch.rows[row]
+                batch.S[to, light] += batch.rest[to, light][:, None]
+        return known
 
     def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
         """Those of these receivers whose nearest candidate is not seen: all of them may be behind something."""
