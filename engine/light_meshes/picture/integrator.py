@@ -196,7 +196,8 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
         rays.direction, ready.world.textures)
     hits = softened(ready, rays, hits, kind == "camera")
     if ready.plan.shares:
-        hits = hits._replace(apart=_apart(ready, rays, hits), weight=brightest(weight))
+        hits = hits._replace(apart=_apart(ready, rays, hits), weight=brightest(weight),
+                             sample=_samples(ready, rays.pixel, first) if first else None)
     if first and ready.sparse:
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work, layers)
     else:
@@ -217,6 +218,13 @@ def _apart(ready: Prepared, rays: Rays, hits: Hits) -> NDArray[np.float64]:
     if camera.perspective:
         far *= np.sqrt(((hits.P - camera.matrix[:3, 3])**2).sum(1))
     return far if rays.blur is None else np.where(rays.blur > 0, np.inf, far)
+
+
+def _samples(ready: Prepared, pixel: NDArray[np.int64], box: Box) -> NDArray[np.int64]:
+    """`Hits.sample` of what the samples `pixel` (n,) of a tile see first."""
+    number, sample = np.divmod(pixel, len(ready.offsets))
+    y, x = np.divmod(number, box[2] - box[0])
+    return np.stack([(box[1] + y) * ready.scene.camera.width + box[0] + x, sample], axis=1)
 
 
 def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,

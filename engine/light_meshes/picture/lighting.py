@@ -205,8 +205,8 @@ class Lighting:
             probe = work[part] if work is not None and self._plan.kind.counts else None
             rows = None if narrow is None else narrow[part]
             weight, shown = self._weights(lit, active, method.weighs)
-            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows, some.apart, weight, shown), check,
-                       probe)
+            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows, some.apart, weight, shown,
+                                 some.sample), check, probe)
             self.terminator.fade(some, self._targets, S)
             yield part, lit, active, S
 

@@ -256,29 +256,30 @@ class SizedLamps(Method):
                  alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
         """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         with self._stats.stage("rays near contact"):
-            clear, whole = self._clear(at, row, light, 0, rays.first, check)
+            skip = None if at.sample is None else at.sample[:, 1] * rays.most
+            clear, whole = self._clear(at, row, light, 0, rays.first, check, skip)
             if rays.most > rays.first:
                 disagree = ((clear > 0) & (clear < whole[:, None])).any(1)
                 more = np.flatnonzero(disagree & alone if rays.alone else disagree)
-                found, further = self._clear(at, row[more], light[more], rays.first, rays.most - rays.first, check)
+                found, further = self._clear(at, row[more], light[more], rays.first, rays.most - rays.first, check, skip)
                 clear[more] += found
                 whole[more] += further
         return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
     def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
-               check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+               check: Check, skip: NDArray[np.int64] | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what points first..first+count of light[k] give P[row[k]], added up: what gets through (k,C), and what
-        would if nothing stood between (k,). Ω is that of the lamp above the horizon, so the points below do not count.
+        would if nothing stood between (k,). skip (n,): of each receiver, see `points`. Ω is that of the lamp above the horizon, so the points below do not count.
         """
         clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
         facing = at.normals() if at.lift is None else at.lift.side
-        turn, targets, shapes = turns_of_points(at.P), self._lamps.targets, self._lamps.shapes
+        turn, targets, shapes = turns_of_points(at.P, at.sample), self._lamps.targets, self._lamps.shapes
         for group in self._groups:
             mine = np.flatnonzero(_in(group.lights, light))
             for i in range(0, len(mine), RAYS_AT_ONCE // count):
                 check()
                 part = mine[i:i + RAYS_AT_ONCE // count]
-                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count)
+                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count, skip)
                 order = np.arange(len(to.position), dtype=np.int32)
                 origin, normal, of = starts(at.lift, at.P, at.N, to, np.repeat(row[part], count), order)
                 visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
