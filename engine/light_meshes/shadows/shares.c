@@ -205,18 +205,20 @@ static int agreed(const Near *near, f32 least, i64 points, const u8 *seen_points
     return any ? some != 0 : -1;
 }
 
-/* Lights of `asked` that all nodes see, or none, which are nearer to a receiver than `far` and, slid along the light's way
-   onto its plane, than `slid`: in `known`, and those that are seen in `seen`. points, seen_points: as above. */
+/* Adds to S[to[p]] what the nodes near receivers p say of the lights in `asked`, by how much that counts, `rest`; sets the
+   lights in known. They do where all that are nearer to a receiver than `far`, and than `slid` once they are slid along the
+   light's way onto its plane, see it, or none. points, seen_points: see shares_sorted. */
 KERNEL(shares_agreed,
        "P f64[n,3]  N f64[n,3]  group i32[n]  start i64[g,s]  candidate i32[c]  position f64[u,3]  points i64  "
        "seen_points u8[u,L]  light_position f64[L,3]  directional bool[L]  far f64  slid f64  asked u64[n,W]  "
-       "known u64[n,W]!  seen u64[n,W]!")
-i64 shares_agreed(i64 n, i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, const f64 *P, const f64 *N, const i32 *group,
-                  const i64 *start, const i32 *candidate, const f64 *position, i64 points, const u8 *seen_points,
-                  const f64 *light_position, const u8 *directional, f64 far, f64 slid, const u64 *asked, u64 *known,
-                  u64 *seen) {
+       "to i64[n]  rest f32[m,L]  S f32[m,L,C]!  known u64[n,W]!")
+i64 shares_agreed(i64 n, i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, i64 m, i64 C, const f64 *P, const f64 *N,
+                  const i32 *group, const i64 *start, const i32 *candidate, const f64 *position, i64 points,
+                  const u8 *seen_points, const f64 *light_position, const u8 *directional, f64 far, f64 slid,
+                  const u64 *asked, const i64 *to, const f32 *rest, f32 *S, u64 *known) {
     i64 most = 0;
-    (void)c, (void)u;
+    f32 least = (f32)(slid * slid);
+    (void)c, (void)u, (void)m;
     for (i64 k = 0; k < g; k++) most = start[k * s + s - 1] - start[k * s] > most ? start[k * s + s - 1] - start[k * s] : most;
     most = (most + 16) / 16 * 16;
     f32 *room = malloc((size_t)(6 * most) * sizeof *room);
@@ -226,23 +228,35 @@ i64 shares_agreed(i64 n, i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, const f64 *P,
         free(room), free(near.node);
         return 1;
     }
-    memset(known, 0, (size_t)(n * W) * sizeof *known), memset(seen, 0, (size_t)(n * W) * sizeof *seen);
+    memset(known, 0, (size_t)(n * W) * sizeof *known);
     for (i64 p = 0; p < n; p++) {
-        const i64 *range = start + s * (i64)group[p];
         near.count = -1;
         for (i64 w = 0; w < W; w++)
             for (u64 left = asked[W * p + w]; left; left &= left - 1) {
-                i64 i = 64 * w + lowest(left);
+                i64 i = 64 * w + lowest(left), at = to[p] * L + i;
                 f64 way[3];
-                if (near.count < 0) nodes_near(P + 3 * p, N + 3 * p, range, s, candidate, position, far, &near);
+                if (near.count < 0) nodes_near(P + 3 * p, N + 3 * p, start + s * (i64)group[p], s, candidate, position, far, &near);
                 for (int j = 0; j < 3; j++) way[j] = light_position[3 * i + j] - (directional[i] ? 0.0 : P[3 * p + j]);
                 slide_all(&near, N + 3 * p, way, directional[i] ? 0.0f : 1.0f);
-                int state = agreed(&near, (f32)(slid * slid), points, seen_points + i, L);
+                int state = agreed(&near, least, points, seen_points + i, L);
                 if (state >= 0) known[W * p + w] |= bit(i);
-                if (state > 0) seen[W * p + w] |= bit(i);
+                for (i64 channel = 0; state > 0 && channel < C; channel++) S[C * at + channel] += rest[at];
             }
     }
     free(room), free(near.node);
+    return 0;
+}
+
+/* Adds to S[to[p]] of the lights in seen (n,W) all that counts, `rest`. */
+KERNEL(shares_add, "seen u64[n,W]  to i64[n]  rest f32[m,L]  S f32[m,L,C]!")
+i64 shares_add(i64 n, i64 W, i64 m, i64 L, i64 C, const u64 *seen, const i64 *to, const f32 *rest, f32 *S) {
+    (void)m;
+    for (i64 p = 0; p < n; p++)
+        for (i64 w = 0; w < W; w++)
+            for (u64 left = seen[W * p + w]; left; left &= left - 1) {
+                i64 at = to[p] * L + 64 * w + lowest(left);
+                for (i64 channel = 0; channel < C; channel++) S[C * at + channel] += rest[at];
+            }
     return 0;
 }
 

@@ -129,14 +129,18 @@ class Shares:
         return seen, mixed, through, seen_points
 
     def agreed(self, at: Receivers, g: Groups, seen_points: NDArray[np.uint8], asked: NDArray[np.uint64],
-               slid: float) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """Lights of asked (n,W) about which the nodes agree that are less than FAR steps from a receiver, and less than
-        `slid` steps when they are slid onto its plane; and those of them that they see. seen_points: from `sorted`.
+               slid: float, to: NDArray[np.intp], rest: NDArray[np.float32],
+               S: NDArray[np.float32]) -> NDArray[np.uint64]:
+        """Add to S[to] (…,L,C) what nodes near receivers say of lights of asked (n,W), by how much that counts, rest
+        (…,L). Returns the lights of which they say something.
+
+        Nodes are near that are less than FAR steps from a receiver, and less than `slid` steps when they are slid onto
+        its plane. They say something where all agree. seen_points: from `sorted`.
         """
-        known, seen = np.empty_like(asked), np.empty_like(asked)
+        known = np.empty_like(asked)
         needs_memory(_agreed(at.P, at.N, g.group, g.start, g.candidate, g.position, (1 << FIRST) - 1, seen_points,
-                             *self._lamps.targets, FAR * self.h, slid * self.h, asked, known, seen))
-        return known, seen
+                             *self._lamps.targets, FAR * self.h, slid * self.h, asked, to, rest, S, known))
+        return known
 
     def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:
         """Lamps (g,W) that the plane of a group may cut."""

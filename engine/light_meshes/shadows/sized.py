@@ -23,7 +23,7 @@ from . import pairs
 from .casters import union
 from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
 from .method import Check, Method, Receivers, Setup
-from .ray_counts import RayCounts, Rays, many
+from .ray_counts import FINE, RayCounts, Rays, many
 from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
 from .terminator import starts, touched
@@ -38,7 +38,7 @@ DENSE = 2.0  # nodes are asked where receivers stand so many times as close as t
 BATCH = 1 << 15  # receivers at once
 RAYS_AT_ONCE = 1 << 14
 
-_sums = kernel("lamp_sums")
+_sums, _add = kernel("lamp_sums"), kernel("shares_add")
 
 
 class Batch(NamedTuple):
@@ -79,7 +79,8 @@ class SizedLamps(Method):
         kI, sized = setup.settings.kI, sum(has(self._soft, i) for i in range(self._count))
         self._rays = RayCounts(kI, sized)
         self.weighs = self._rays.shared
-        self._enough, self._close = (HALF, CLOSE[1]) if many(kI, sized) else (POINTS, CLOSE[0])
+        quick = many(sized) and kI < FINE
+        self._enough, self._close = (HALF, CLOSE[1]) if quick else (POINTS, CLOSE[0])
         self.levels = [self._level(setup, 2.0**k) for k in range(levels)]
         self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
@@ -118,7 +119,10 @@ class SizedLamps(Method):
         for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays)):
             self._stats.add_each(name, _each(pairs_of, self._count))
         if by_rays.any():
-            self._add_rays(at, soft, by_rays, S, rest, check)
+            counts = self._rays(soft, at.weight, at.shown)
+            self._add_rays(at._replace(lift=None), by_rays & ~lifted, counts, S, rest, check)
+            if lifted.any():
+                self._add_rays(at, by_rays & lifted, counts, S, rest, check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0
@@ -130,12 +134,12 @@ class SizedLamps(Method):
             probe += own
         return S
 
-    def _add_rays(self, at: Receivers, soft: NDArray[np.uint64], by_rays: NDArray[np.uint64], S: NDArray[np.float32],
+    def _add_rays(self, at: Receivers, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8], S: NDArray[np.float32],
                   rest: NDArray[np.float32], check: Check) -> None:
-        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). soft (n,W): all lamps
-        with a size that light the receivers.
+        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). counts (n,L) or (n,1): of
+        rays.
         """
-        counts = np.broadcast_to(self._rays(soft, at.weight, at.shown), S.shape[:2])
+        counts = np.broadcast_to(counts, S.shape[:2])
         for row, light in pairs.blocks(by_rays, self._count):
             share, count = rest[row, light], counts[row, light]
             for number in np.unique(count):
@@ -164,9 +168,7 @@ class SizedLamps(Method):
         by_rays[hidden] |= agreed[hidden]
         agreed[hidden] = 0
         with stats.stage("average"):
-            for row, light in pairs.blocks(agreed & seen[g.group], self._count):
-                to = batch.rows[row]
-                batch.S[to, light] += batch.rest[to, light][:, None]
+            _add(agreed & seen[g.group], batch.rows, batch.rest, batch.S)
         mixed &= ~unsure
         todo = mixed[g.group] & soft
         stats.add(receivers=len(at.P), mixed_pairs=int(_each(todo | by_rays, self._count).sum()))
@@ -197,15 +199,12 @@ class SizedLamps(Method):
 
     def _nearby(self, batch: Batch, g: Groups, seen_points: NDArray[np.uint8],
                 unclear: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """Add to S what the nodes close to receivers agree on, of lights in unclear (n,W) on which those of their groups
-        do not; returns these lights.
+        """Add to S what the nodes close to receivers say of lights in unclear (n,W), on which those of their groups do
+        not agree; returns the lights of which they say something.
         """
         with self._stats.stage("average"):
-            known, seen = self.levels[0].agreed(batch.at, g, seen_points, unclear, self._close)
-            for row, light in pairs.blocks(seen, self._count):
-                to = batch.rows[row]
-                batch.S[to, light] += batch.rest[to, light][:, None]
-        return known
+            return self.levels[0].agreed(batch.at, g, seen_points, unclear, self._close, batch.rows,
+                                         batch.rest, batch.S)
 
     def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
         """Those of these receivers whose nearest candidate is not seen: all of them may be behind something."""
