@@ -120,9 +120,9 @@ class SizedLamps(Method):
             self._stats.add_each(name, _each(pairs_of, self._count))
         if by_rays.any():
             counts = self._rays(soft, at.weight, at.shown)
-            self._add_rays(at._replace(lift=None), by_rays & ~lifted, counts, S, rest, check)
+            self._add_rays(at._replace(lift=None), np.bitwise_and(by_rays, ~lifted), counts, S, rest, check)
             if lifted.any():
-                self._add_rays(at, by_rays & lifted, counts, S, rest, check)
+                self._add_rays(at, np.bitwise_and(by_rays, lifted), counts, S, rest, check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0
