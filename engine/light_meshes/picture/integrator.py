@@ -91,6 +91,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         rays = rays.met(None, hits.P)
     with ready.stats.stage("programs"):
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
+    if plan.shares and first:
+        hits = hits._replace(sample=_samples(ready, rays.pixel, first))
     children: list[tuple[str, Rays]] = []
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)
@@ -196,8 +198,7 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
         rays.direction, ready.world.textures)
     hits = softened(ready, rays, hits, kind == "camera")
     if ready.plan.shares:
-        hits = hits._replace(apart=_apart(ready, rays, hits), weight=brightest(weight),
-                             sample=_samples(ready, rays.pixel, first) if first else None)
+        hits = hits._replace(apart=_apart(ready, rays, hits), weight=brightest(weight))
     if first and ready.sparse:
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work, layers)
     else:

@@ -36,13 +36,14 @@ class Rays(NamedTuple):
 class Shared(NamedTuple):
     """How rays are shared out between many lamps."""
 
-    mean: float  # rays of a mean lamp
+    mean: float  # rays of a mean lamp, where a pixel has one sample
     counts: tuple[float, ...]  # what there is of such; to a lamp that gets the last of these
     most: int  # go so many where they disagree
 
 
-# As near as 4 and as 16 rays to each lamp. They were measured with the 4 samples of a pixel, which share a pattern.
-BALANCED, BEST = Shared(5.0, (2.0, 4.0, 8.0), 16), Shared(30.0, (4.0, 8.0, 16.0), 16)
+# As near as 4 and as 16 rays to each lamp
+BALANCED, BEST = Shared(7.0, (2.0, 4.0, 8.0), 16), Shared(40.0, (4.0, 8.0, 16.0), 16)
+SEVERAL, FEWER = 4, 0.72  # so many samples of a pixel share a pattern: so many times the rays of each are as near
 
 
 def many(lamps: int) -> bool:
@@ -64,9 +65,10 @@ def most(kI: float, lamps: int) -> Rays:
 class RayCounts:
     """The rays of each pair of a receiver and a lamp."""
 
-    def __init__(self, kI: float, lamps: int) -> None:
-        """lamps: how many have a size."""
+    def __init__(self, kI: float, lamps: int, samples: int) -> None:
+        """lamps: how many have a size. samples: of a pixel."""
         self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
+        self._mean = self._of.mean * (FEWER if samples >= SEVERAL else 1.0)
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,
                  shown: NDArray[np.float64] | None) -> NDArray[np.uint8]:
@@ -79,13 +81,13 @@ class RayCounts:
         none = np.zeros(len(active))
         if self.shared:
             out = np.empty(e.shape, np.uint8)
-            _counts(active, e, none, self._of.mean, np.array(self._of.counts), out)
+            _counts(active, e, none, self._mean, np.array(self._of.counts), out)
         else:
             out = np.full(e.shape, first, np.uint8)
         some = none[:0] if shown is None else np.flatnonzero(shown)
         if shown is not None and len(some):
             found = np.empty((len(some), e.shape[1]), np.uint8)
-            _counts(active[some], e[some], shown[some], self._of.mean if self.shared else float(first),
+            _counts(active[some], e[some], shown[some], self._mean if self.shared else float(first),
                     np.array([n for n in BLURRED if n <= first]), found)
             out[some] = found
         return out

@@ -192,30 +192,30 @@ static void slide_all(const Near *near, const f64 *N, const f64 *way, f32 turns)
 }
 
 /* 1 or 0 if all nodes that slid to less than the root of `least` from P see all points of a light, or none; −1 if they
-   disagree. */
-static int agreed(const Near *near, f32 least, i64 points, const u8 *seen_points, i64 L) {
+   disagree, or are fewer than `enough`. */
+static int agreed(const Near *near, f32 least, i64 enough, i64 points, const u8 *seen_points, i64 L) {
     u8 every = 255, some = 0;
-    int any = 0;
+    i64 count = 0;
     for (i64 k = 0; k < near->count; k++) {
         if (!(near->slid[k] < least)) continue;
         u8 sees = seen_points[near->node[k] * L];
-        every &= sees, some |= sees, any = 1;
+        every &= sees, some |= sees, count++;
         if (some > points || (some && every != points)) return -1;
     }
-    return any ? some != 0 : -1;
+    return count >= enough ? some != 0 : -1;
 }
 
 /* Adds to S[to[p]] what the nodes near receivers p say of the lights in `asked`, by how much that counts, `rest`; sets the
    lights in known. They do where all that are nearer to a receiver than `far`, and than `slid` once they are slid along the
-   light's way onto its plane, see it, or none. points, seen_points: see shares_sorted. */
+   light's way onto its plane, see it, or none; and where these are `enough`. points, seen_points: see shares_sorted. */
 KERNEL(shares_agreed,
        "P f64[n,3]  N f64[n,3]  group i32[n]  start i64[g,s]  candidate i32[c]  position f64[u,3]  points i64  "
-       "seen_points u8[u,L]  light_position f64[L,3]  directional bool[L]  far f64  slid f64  asked u64[n,W]  "
+       "seen_points u8[u,L]  light_position f64[L,3]  directional bool[L]  far f64  slid f64  enough i64  asked u64[n,W]  "
        "to i64[n]  rest f32[m,L]  S f32[m,L,C]!  known u64[n,W]!")
 i64 shares_agreed(i64 n, i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, i64 m, i64 C, const f64 *P, const f64 *N,
                   const i32 *group, const i64 *start, const i32 *candidate, const f64 *position, i64 points,
                   const u8 *seen_points, const f64 *light_position, const u8 *directional, f64 far, f64 slid,
-                  const u64 *asked, const i64 *to, const f32 *rest, f32 *S, u64 *known) {
+                  i64 enough, const u64 *asked, const i64 *to, const f32 *rest, f32 *S, u64 *known) {
     i64 most = 0;
     f32 least = (f32)(slid * slid);
     (void)c, (void)u, (void)m;
@@ -238,7 +238,7 @@ i64 shares_agreed(i64 n, i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, i64 m, i64 C,
                 if (near.count < 0) nodes_near(P + 3 * p, N + 3 * p, start + s * (i64)group[p], s, candidate, position, far, &near);
                 for (int j = 0; j < 3; j++) way[j] = light_position[3 * i + j] - (directional[i] ? 0.0 : P[3 * p + j]);
                 slide_all(&near, N + 3 * p, way, directional[i] ? 0.0f : 1.0f);
-                int state = agreed(&near, least, points, seen_points + i, L);
+                int state = agreed(&near, least, enough, points, seen_points + i, L);
                 if (state >= 0) known[W * p + w] |= bit(i);
                 for (i64 channel = 0; state > 0 && channel < C; channel++) S[C * at + channel] += rest[at];
             }

@@ -37,6 +37,7 @@ UNKNOWN = 1  # the distance of such a node: so near that its share counts nowher
 HALF, POINTS = 8, 16  # that nodes near penumbrae trace: all, or with many lamps half, and all where these disagree
 UNEVEN = 0.5  # lamps whose radius is this share of their distance, by the cosine, are too near for a count of points
 FAR = 2.6  # steps: nodes farther from a receiver are not asked whether its neighbourhood agrees
+MANY = 2.0  # nodes for each step² that they are slid at most: so many are enough; at grazing light there are fewer
 ACROSS = 0.8661  # steps: from the middle of a cell to what is farthest in it
 PAIRS = 1 << 15  # of node and lamp traced at once
 
@@ -135,11 +136,11 @@ class Shares:
         (…,L). Returns the lights of which they say something.
 
         Nodes are near that are less than FAR steps from a receiver, and less than `slid` steps when they are slid onto
-        its plane. They say something where all agree. seen_points: from `sorted`.
+        its plane. They say something where all agree, and are not too few. seen_points: from `sorted`.
         """
         known = np.empty_like(asked)
         needs_memory(_agreed(at.P, at.N, g.group, g.start, g.candidate, g.position, (1 << FIRST) - 1, seen_points,
-                             *self._lamps.targets, FAR * self.h, slid * self.h, asked, to, rest, S, known))
+                             *self._lamps.targets, FAR * self.h, slid * self.h, int(MANY * slid**2), asked, to, rest, S, known))
         return known
 
     def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:

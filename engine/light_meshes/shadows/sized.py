@@ -77,7 +77,7 @@ class SizedLamps(Method):
         self._lamps = lamps(setup)
         self._reaches = reaches(self._lamps.shapes)
         kI, sized = setup.settings.kI, sum(has(self._soft, i) for i in range(self._count))
-        self._rays = RayCounts(kI, sized)
+        self._rays = RayCounts(kI, sized, setup.settings.samples)
         self.weighs = self._rays.shared
         quick = many(sized) and kI < FINE
         self._enough, self._close = (HALF, CLOSE[1]) if quick else (POINTS, CLOSE[0])
