@@ -10,6 +10,7 @@ import shutil
 import sys
 from pathlib import Path
 
+from light_meshes.bench.tables import LAMPS, lamps_rows
 from light_meshes.bench.targets import break_even, own_rows, speed_ratios
 
 DOCS = Path(__file__).parent
@@ -37,6 +38,11 @@ def lights(results, figure):
              f"{r['frame']['median'] / sharp[r['lights']]:.2f}"] for r in own_rows(results, "S7", 4)]
     return rows and table(["lamps in the hall", "sharp", "light meshes", "ratio"], rows) + figure(
         "lights", "Seconds a frame by the number of lamps, for light meshes and the ray tracer")
+
+
+def lamps(results, figure):
+    rows = results.get("lamps")
+    return rows and table(LAMPS, lamps_rows(rows))
 
 
 def errors(results, figure):
@@ -83,7 +89,7 @@ def all_tables(results, figure):
     return f"<details><summary>table.txt</summary>\n\n```text\n{results['text'].strip()}\n```\n\n</details>"
 
 
-MAKE = {"machine": machine, "lights": lights, "errors": errors, "growth": growth, "targets": targets,
+MAKE = {"machine": machine, "lights": lights, "lamps": lamps, "errors": errors, "growth": growth, "targets": targets,
         "decisions": decisions, "all": all_tables, "main": main}
 
 

@@ -78,8 +78,8 @@ def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: 
            skip: NDArray[np.int64] | None = None) -> Targets:
     """Points first..first+count (k·count,3) of light[k] as origin[row[k]] has them, pair after pair.
 
-    origin (m,3): who looks, world; turn (m,2): how its pattern is turned; skip (m,): how many points of its pattern come
-    before the first, which others have.
+    origin (m,3): who looks, world; turn (m,2): how its pattern is turned; skip (m,): how many points of its pattern
+    come before the first, which others have.
     """
     out = np.empty((len(row) * count, 3))
     _points(first, count, origin, turn, skip, row, light, *targets, *shapes, out)
