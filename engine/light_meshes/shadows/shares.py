@@ -140,7 +140,8 @@ class Shares:
         """
         known = np.empty_like(asked)
         needs_memory(_agreed(at.P, at.N, g.group, g.start, g.candidate, g.position, (1 << FIRST) - 1, seen_points,
-                             *self._lamps.targets, FAR * self.h, slid * self.h, int(MANY * slid**2), asked, to, rest, S, known))
+                             *self._lamps.targets, FAR * self.h, slid * self.h, int(MANY * slid**2), asked,
+                             to, rest, S, known))
         return known
 
     def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:

@@ -26,7 +26,7 @@ from .method import Check, Method, Receivers, Setup
 from .ray_counts import FINE, RayCounts, Rays, many
 from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
-from .terminator import starts, touched
+from .terminator import Lift, starts, touched
 
 LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
@@ -120,9 +120,9 @@ class SizedLamps(Method):
             self._stats.add_each(name, _each(pairs_of, self._count))
         if by_rays.any():
             counts = self._rays(soft, at.weight, at.shown)
-            self._add_rays(at._replace(lift=None), np.bitwise_and(by_rays, ~lifted), counts, S, rest, check)
+            self._add_rays(at, None, np.bitwise_and(by_rays, ~lifted), counts, S, rest, check)
             if lifted.any():
-                self._add_rays(at, np.bitwise_and(by_rays, lifted), counts, S, rest, check)
+                self._add_rays(at, at.lift, np.bitwise_and(by_rays, lifted), counts, S, rest, check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0
@@ -134,17 +134,18 @@ class SizedLamps(Method):
             probe += own
         return S
 
-    def _add_rays(self, at: Receivers, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8], S: NDArray[np.float32],
-                  rest: NDArray[np.float32], check: Check) -> None:
-        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). counts (n,L) or (n,1): of
-        rays.
+    def _add_rays(self, at: Receivers, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
+                  S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
+        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). counts (n,L) or (n,1):
+        of rays. lift: of receivers; None: the rays to these lights are not lifted.
         """
         counts = np.broadcast_to(counts, S.shape[:2])
         for row, light in pairs.blocks(by_rays, self._count):
             share, count = rest[row, light], counts[row, light]
             for number in np.unique(count):
                 some = np.flatnonzero(count == number)
-                found = self._by_rays(at, row[some], light[some], self._rays.kind(int(number)), share[some] == 1, check)
+                found = self._by_rays(at, lift, row[some], light[some], self._rays.kind(int(number)), share[some] == 1,
+                                      check)
                 S[row[some], light[some]] += share[some, None] * found
 
     def _ask(self, batch: Batch) -> NDArray[np.uint64]:
@@ -251,24 +252,27 @@ class SizedLamps(Method):
         with self._stats.stage("certificate"):
             return level.certificate.holds(g.place, at.normals()[g.first], at.triangle[g.first])
 
-    def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
+    def _by_rays(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
                  alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
         """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         with self._stats.stage("rays near contact"):
             skip = None if at.sample is None else at.sample[:, 1] * rays.most
-            clear, whole = self._clear(at, row, light, 0, rays.first, check, skip)
+            clear, whole = self._clear(at, lift, row, light, 0, rays.first, check, skip)
             if rays.most > rays.first:
                 disagree = ((clear > 0) & (clear < whole[:, None])).any(1)
                 more = np.flatnonzero(disagree & alone if rays.alone else disagree)
-                found, further = self._clear(at, row[more], light[more], rays.first, rays.most - rays.first, check, skip)
+                found, further = self._clear(at, lift, row[more], light[more], rays.first,
+                                             rays.most - rays.first, check, skip)
                 clear[more] += found
                 whole[more] += further
         return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
-    def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
-               check: Check, skip: NDArray[np.int64] | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _clear(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], first: int,
+               count: int, check: Check,
+               skip: NDArray[np.int64] | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what points first..first+count of light[k] give P[row[k]], added up: what gets through (k,C), and what
-        would if nothing stood between (k,). skip (n,): of each receiver, see `points`. Ω is that of the lamp above the horizon, so the points below do not count.
+        would if nothing stood between (k,). Ω is that of the lamp above the horizon, so the points below do not count.
+        lift: of receivers that rays are lifted from. skip (n,): of each receiver, see `points`.
         """
         clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
         facing = at.normals() if at.lift is None else at.lift.side
@@ -280,7 +284,7 @@ class SizedLamps(Method):
                 part = mine[i:i + RAYS_AT_ONCE // count]
                 to = points(shapes, targets, at.P, turn, row[part], light[part], first, count, skip)
                 order = np.arange(len(to.position), dtype=np.int32)
-                origin, normal, of = starts(at.lift, at.P, at.N, to, np.repeat(row[part], count), order)
+                origin, normal, of = starts(lift, at.P, at.N, to, np.repeat(row[part], count), order)
                 visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
                 some, all_of_it = np.zeros((len(part), self._channels)), np.zeros(len(part))
                 _sums(count, at.P, facing, row[part], light[part], targets.directional, shapes.shape,
