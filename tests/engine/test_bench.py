@@ -349,7 +349,7 @@ def test_what_was_measured_goes_into_the_documentation(tiny, tmp_path):
     assert all(f"| {r['what']} |" in said for r in found["targets"]) and table.strip() in said
     pictures = re.findall(r"\]\((pictures/.*)\)", said)
     assert "pictures/bench-error-sphere.png" in pictures and all((tmp_path / p).is_file() for p in pictures)
-    assert said.count(script["NOT_MEASURED"]) == 3  # the hall's lamps, its growth, and decisions
+    assert said.count(script["NOT_MEASURED"]) == 4  # lamps with a size, the hall's lamps, its growth, decisions
     assert "bench: main" in pages[1].read_text(encoding="utf-8")
     script["insert"](folder, pages, tmp_path / "pictures")
     assert pages[0].read_text(encoding="utf-8") == said

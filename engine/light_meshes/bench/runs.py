@@ -187,7 +187,10 @@ class Bench:
                 held = {"CYCLES": by_cycles}
             else:
                 found = errors.picture(method.applied(base))
-                held = {k: v for k, v in references.items() if k != method.kind}
+                if method.kind == LAMP_SHAPE and "LAMPS" not in references:  # whose light is that of the whole lamp
+                    references["LAMPS"] = errors.picture(lamps.sized(sphere))
+                held = {"LAMPS": references["LAMPS"]} if method.kind == LAMP_SHAPE else {
+                    k: v for k, v in references.items() if k not in (method.kind, "LAMPS")}
             for name, reference in held.items():
                 self.results["errors"].append(about | {
                     "method": method.kind, "label": method.label, "kI": method.kI, "h": method.h,

@@ -44,11 +44,11 @@ def targets(results: dict[str, Any]) -> Rows:
     process = results["process"]
     rows.append(_row("first render of a process over its later ones, seconds",
                      process and process["first"] - process["later"], 0.5))
-    rows += _lamps(results.get("lamps", [])) + _threads(results.get("threads"))
+    rows += lamp_targets(results.get("lamps", [])) + _threads(results.get("threads"))
     return rows + _release(results.get("release")) + _rates(results.get("rates", []))
 
 
-def _lamps(rows: Rows) -> Rows:
+def lamp_targets(rows: Rows) -> Rows:
     """Return the targets of lamps with a size, by the part `lamps`: Balanced must be as near as 4 rays to each lamp,
     and the faster one of Balanced and Fine that is as near as 16 counts against these.
     """
