@@ -57,7 +57,7 @@ def in_short(results, figure):
     for scene, count in (("S3", 1), ("S7", 16), ("S7", 64), ("S7", 256)):
         of = ratios(results.get("lamps") or [], scene, count)
         if of:
-            told.append([str(count), *(f"{of[name]:.2f}" for name in ("sharp", "four", "error", "sixteen", "error_16"))])
+            told.append([str(count), *(f"{of[k]:.2f}" for k in ("sharp", "four", "error", "sixteen", "error_16"))])
     return told and table(["lamps", "Balanced / sharp", "/ 4 area samples", "its error / theirs",
                            "what is as near as 16 area samples / these", "its error / theirs"], told)
 

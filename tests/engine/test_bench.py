@@ -300,7 +300,7 @@ def test_a_run_has_times_and_errors_of_each_method(tiny):
             assert 0 <= r[what]["min"] <= r[what]["median"] <= r[what]["max"]
         assert 0 < r["frame"]["median"] <= r["whole"]["median"]
     for r in found["errors"]:
-        assert r["reference"] in ("RRTA", "HALF_BALL", "SPHERE", "CYCLES")
+        assert r["reference"] in ("RRTA", "HALF_BALL", "SPHERE", "LAMPS", "CYCLES")
         assert 0 < r["all"]["rmse"] < 0.1
         assert r["all"]["mae"] <= r["all"]["rmse"] <= r["all"]["max"]
         assert not judge.available() or 0 < r["all"]["flip"] < 0.5

@@ -44,7 +44,7 @@ class Plan(NamedTuple):
 
 
 PLANS = (Plan("S3", 1, 1.0, 0.4, 5, True), Plan("S7", 16, 1.0, 0.3, 2, True), Plan("S7", 64, 0.5, 0.2, 2, True),
-         Plan("S7", 256, 0.3, 0.08, 1, False), Plan("clutter", 16, 1.0, 0.3, 2, False))
+         Plan("S7", 256, 0.3, 0.08, 1, False), Plan("clutter", 16, 0.5, 0.3, 2, False))
 
 
 def table(loaded: dict[str, Scene], size: int, rounds: int, cycles: Cycles | None, counts: tuple[int, ...],

@@ -6,7 +6,8 @@ from typing import Any
 
 from .targets import Rows, speed_ratios
 
-REFERENCES = {"RRTA": "sharp", "HALF_BALL": "half-ball", "SPHERE": "sphere light", "LAMPS": "lamp of its shape", "CYCLES": "Cycles, same light"}
+REFERENCES = {"RRTA": "sharp", "HALF_BALL": "half-ball", "SPHERE": "sphere light", "LAMPS": "lamp of its shape",
+              "CYCLES": "Cycles, same light"}
 
 
 def text(results: dict[str, Any]) -> str:
