@@ -77,6 +77,14 @@ class Receivers(NamedTuple):
         return Receivers(P, N, active, triangle, facet=facet)
 
 
+class Lobes(NamedTuple):
+    """What receivers mirror."""
+
+    N: NDArray[np.float64]  # (n,3) unit shading normals
+    way: NDArray[np.float64]  # (n,3) unit directions of the eye's rays
+    alpha: NDArray[np.float64]  # (n,) the squares of their roughness, 0 where they have no highlights of facets
+
+
 class Nodes(Protocol):
     """The interface of what keeps values at lattice nodes, which may be valid in the next picture too."""
 
@@ -98,6 +106,9 @@ class Method(Protocol):
 
     nodes: tuple[Nodes, ...] = ()  # for kinds with the flag `lattice`
     weighs: bool = False  # whether it asks for `Receivers.weight`
+    # finds which share of highlights is left, over that of the other light: (n,L,C), None: all is 1
+    # None: the method has one share for both
+    highlights: Callable[[Receivers, NDArray[np.float32], Lobes, Check], NDArray[np.float32] | None] | None = None
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray[np.float64] | None = None) -> NDArray[np.float32]:
         """Return S (n,L,C) float32, 0 where not active; C = 1, or 3 if light comes through coloured glass.

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from ..rays.tracer import points as places
 from ..support.bits import has
 from ..support.native import kernel
-from . import pairs
+from . import lobe_points, pairs
 from .casters import union
 from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
-from .method import Check, Method, Receivers, Setup
+from .method import Check, Lobes, Method, Receivers, Setup
 from .ray_counts import FINE, RayCounts, Rays, many
 from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
@@ -75,7 +75,8 @@ class SizedLamps(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
-        self._reaches = reaches(self._lamps.shapes)
+        self._reaches, self._samples = reaches(self._lamps.shapes), setup.settings.samples
+        self.highlights = self._highlights if self._channels == 1 else None
         kI, sized = setup.settings.kI, sum(has(self._soft, i) for i in range(self._count))
         self._rays = RayCounts(kI, sized, setup.settings.samples)
         self.weighs = self._rays.shared
@@ -147,6 +148,38 @@ class SizedLamps(Method):
                 found = self._by_rays(at, lift, row[some], light[some], self._rays.kind(int(number)), share[some] == 1,
                                       check)
                 S[row[some], light[some]] += share[some, None] * found
+
+    def _highlights(self, at: Receivers, S: NDArray[np.float32], lobes: Lobes,
+                    check: Check) -> NDArray[np.float32] | None:
+        """See `Method.highlights`; S (n,L,C): what it said of the receivers."""
+        soft = at.active & self._soft
+        soft[lobes.alpha <= 0] = 0
+        if at.triangle is not None and self._receives is not None:
+            soft[~self._receives[at.triangle]] = 0
+        out: NDArray[np.float32] | None = None
+        turn, targets, shapes = turns_of_points(at.P, at.sample), self._lamps.targets, self._lamps.shapes
+        if at.sample is not None:
+            turn = lobe_points.turns(turn, at.sample, self._samples)
+        for group in self._groups:
+            for row, light in pairs.blocks(soft & group.lights, self._count):
+                seen = S[row, light, 0]
+                partly = np.flatnonzero((seen > 0) & (seen < 1))
+                partly = partly[lobe_points.matter(targets, self._reaches, at.P, *lobes, row[partly], light[partly])]
+                for i in range(0, len(partly), RAYS_AT_ONCE // lobe_points.DIRECTIONS):
+                    check()
+                    some = partly[i:i + RAYS_AT_ONCE // lobe_points.DIRECTIONS]
+                    to, weight = lobe_points.points(shapes, targets, at.P, *lobes, turn, row[some], light[some])
+                    order = np.flatnonzero(weight.reshape(-1)).astype(np.int32)
+                    of = np.repeat(row[some], lobe_points.DIRECTIONS)[order]
+                    origin, normal, of = starts(at.lift, at.P, at.N, to, of, order)
+                    visible = np.zeros(weight.size)
+                    visible[order] = self._sharp.segments(origin, of, to, order, normal, group.casters)[:, 0]
+                    self._stats.add(shadow_rays=len(order))
+                    found = lobe_points.share(weight, visible.reshape(weight.shape), seen[some])
+                    if out is None:
+                        out = np.ones_like(S)
+                    out[row[some], light[some], 0] = found / seen[some]
+        return out
 
     def _ask(self, batch: Batch) -> NDArray[np.uint64]:
         """Add to S what nodes say; returns the lights (n,W) that rays must answer for."""
