@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..picture.render import render_image
-from ..scene.description import Scene
+from ..scene.description import Camera, Scene
 from . import judge, scenes
 from .blender import Cycles
 from .measure import DENOISED, LAMP_SHAPE, Method, Say, seconds
@@ -63,9 +63,11 @@ def table(loaded: dict[str, Scene], size: int, rounds: int, cycles: Cycles | Non
     return rows
 
 
-def _window(plan: Plan) -> tuple[float, float, float, float]:
-    low, high = 0.5 - plan.window / 2, 0.5 + plan.window / 2
-    return low, low, high, high
+def _window(camera: Camera) -> tuple[float, ...]:
+    """Return the crop of a camera for Cycles, a little inside of its pixels, however Blender rounds."""
+    x0, y0, x1, y1 = camera.crop or (0, 0, camera.width, camera.height)
+    width, height = camera.width, camera.height
+    return tuple((at + 1e-3) / size for at, size in ((x0, width), (y0, height), (x1, width), (y1, height)))
 
 
 def middle(scene: Scene, size: int, part: float) -> Scene:
@@ -113,11 +115,10 @@ def _applied(method: Method, scene: Scene) -> Scene:
 
 def _by_cycles(plan: Plan, case: Case, size: int, counts: tuple[int, ...], cycles: Cycles,
                say: Say) -> list[dict[str, Any]]:
-    box = _window(plan)
+    window = middle(case.scene, size, plan.window)
+    box = _window(window.camera)
     truth = cycles.picture(case, size, REFERENCE, seed=1, window=box)
-    guides = render_image(dataclasses.replace(middle(case.scene, size, plan.window)).with_settings(
-        shadows="NONE"), PASSES).passes
-    edge = edges(middle(case.scene, size, plan.window), guides)
+    edge = edges(window, render_image(window.with_settings(shadows="NONE"), PASSES).passes)
     rows = []
     for kind in ("Cycles", DENOISED):
         for count in counts:
