@@ -29,7 +29,7 @@ def fraction(x: Value) -> Value:
     return x - floor(x)
 
 
-def _modulo(x: Value, y: Value) -> Value:
+def modulo(x: Value, y: Value) -> Value:
     """The rest of x/y with the sign of x; 0 where y is 0."""
     if v.is_constant(x, y):
         return math.fmod(x, y) if y != 0 else 0.0
@@ -96,7 +96,7 @@ MATH: dict[str, tuple[int, Callable[..., Value]]] = {
     'CEIL': (1, lambda a: -floor(-a)),
     'TRUNC': (1, _truncated),
     'FRACT': (1, fraction),
-    'MODULO': (2, _modulo),
+    'MODULO': (2, modulo),
     'FLOORED_MODULO': (2, _floored_modulo),
     'WRAP': (3, _wrap),
     'SNAP': (2, lambda a, b: floor(v.divide(a, b)) * b),
