@@ -135,6 +135,7 @@ def sheet(scene, sockets, cell=32):
         mesh.materials.append(tree.emit(socket))
         ob = bpy.data.objects.new(f"Plane {i}", mesh)
         ob.location = (i % columns + 0.5 - columns / 2, columns / 2 - i // columns - 0.5, 0)
+        ob.color, ob.pass_index = (0.3, 0.6, 0.9, 0.4), 2
         scene.collection.objects.link(ob)
     camera = scene.camera.data
     camera.type, camera.ortho_scale = 'ORTHO', columns

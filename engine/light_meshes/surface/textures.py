@@ -18,9 +18,11 @@ from ..scene.errors import SceneError
 from ..support.native import kernel
 from ..support.oiio import oiio
 
-_EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
+_EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")  # as in textures.c
+_INTERPOLATIONS = ("LINEAR", "CLOSEST", "CUBIC")
 _LOOK = {np.dtype(kind): kernel(f"textures_look_{name}")
          for kind, name in ((np.uint8, "u8"), (np.uint16, "u16"), (np.float32, "f32"))}
+_coverage = kernel("textures_coverage")
 _SYSTEM = ("/proc", "/sys", "/dev")  # files there are not real files
 _CONVERTED = 1 << 22  # texels at once, because each call of OpenColorIO has a large fixed cost
 
@@ -64,7 +66,7 @@ class Texture:
         self.width = self._texels.shape[1]
         self._alpha = layout.alpha if alpha and image.alpha != "IGNORED" else -1
         self._first, self._step = layout.first, min(layout.colours - 1, 1)
-        self._closest = image.interpolation == "CLOSEST"
+        self._interpolation = _INTERPOLATIONS.index(image.interpolation)
         self._extension = _EXTENSIONS.index(image.extension)
         self._matrix = np.array(image.matrix, np.float64).reshape(3, 3) if image.matrix != IDENTITY else None
         most = 0 if self._texels.dtype == np.float32 else np.iinfo(self._texels.dtype).max
@@ -121,14 +123,18 @@ class Texture:
         """Set colour[rows] to the texture at uv[rows]; v points up."""
         _LOOK[self._texels.dtype](
             self._texels, self._first, self._step, self._linear, self._weight, self._divides, self._straight,
-            self._matrix, self._closest, self._extension, np.ascontiguousarray(uv), rows, colour)
+            self._matrix, self._interpolation, self._extension, np.ascontiguousarray(uv), rows, colour)
 
     def alpha(self, uv: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return its alpha (n,) at uv (n,2); 1 if it has none."""
+        """Return its alpha (n,) at uv (n,2). One that has none is opaque, and as Cycles has it, a coloured one that is
+        clipped is nothing outside.
+        """
         alpha = np.ones((len(uv), 1))
-        if self._alpha >= 0:
+        if self._alpha < 0 and self._step and self._extension == _EXTENSIONS.index("CLIP"):
+            _coverage(*self._texels.shape[:2], self._interpolation, np.ascontiguousarray(uv), alpha)
+        elif self._alpha >= 0:
             _LOOK[self._texels.dtype](
-                self._texels, self._alpha, 0, self._straight, -1, False, self._straight, None, self._closest,
+                self._texels, self._alpha, 0, self._straight, -1, False, self._straight, None, self._interpolation,
                 self._extension, np.ascontiguousarray(uv), np.arange(len(uv)), alpha)
         return alpha[:, 0]
 
