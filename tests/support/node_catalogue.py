@@ -4,6 +4,8 @@ import itertools
 import random
 
 import bpy
+import node_trees
+from node_trees import Tree
 
 # Properties that are no choice of the node's value.
 _SKIPPED = {"color_tag", "type", "bl_icon", "bl_static_type", "warning_propagation"}
@@ -19,9 +21,9 @@ BETWEEN = {
     'ShaderNodeMapRange': {"Steps": (0.5, 6.0), "From Min": (-1.0, 0.1), "From Max": (0.4, 1.5)},
     'ShaderNodeMath': {1: (0.3, 1.6)},  # what steps are wide is seen
     'ShaderNodeVectorMath': {1: (0.3, 1.6)},
-    'ShaderNodeTexNoise': {"Scale": (1.0, 2.0), "Detail": (0.0, 2.5), "Roughness": (0.1, 0.9), "Lacunarity": (1.5, 2.4),
+    'ShaderNodeTexNoise': {"Scale": (0.6, 1.2), "Detail": (0.0, 2.0), "Roughness": (0.1, 0.9), "Lacunarity": (1.5, 2.4),
                            "Distortion": (0.0, 0.8), "Offset": (0.0, 1.0), "Gain": (0.5, 1.5), "W": (0.0, 2.0)},
-    'ShaderNodeTexVoronoi': {"Scale": (1.5, 2.0), "Randomness": (0.3, 1.0), "Smoothness": (0.0, 1.0),
+    'ShaderNodeTexVoronoi': {"Scale": (0.8, 1.1), "Randomness": (0.3, 1.0), "Smoothness": (0.0, 1.0),
                              "Exponent": (0.6, 2.5), "Detail": (0.0, 2.5), "Roughness": (0.1, 0.9),
                              "Lacunarity": (1.5, 2.4), "W": (0.0, 2.0)},
     'ShaderNodeTexWave': {"Scale": (0.4, 0.8), "Distortion": (0.0, 2.0), "Detail": (0.0, 3.0),
@@ -410,3 +412,31 @@ def structures():
             ("colour to vector", lambda tree: converted(tree, 'ShaderNodeGamma', then='ShaderNodeVectorMath')),
             ("number to vector", lambda tree: converted(tree, 'ShaderNodeMath', then='ShaderNodeVectorMath')),
             ("Mix of vectors", out_of_range)]
+
+
+GAIN, MIDDLE = 0.12, 0.5  # what is shown of a value that is held between −4 and 4
+
+
+def sheet(scene, cases, cell):
+    """Show cases side by side, by light of GAIN·value + MIDDLE, on planes that have attributes; their labels, columns."""
+    trees = []
+    for _, made in cases:
+        tree = Tree()
+        socket = made(tree)
+        for operation, bound in (('MAXIMUM', -4.0), ('MINIMUM', 4.0)):
+            socket = tree.node('ShaderNodeVectorMath', {0: socket, 1: (bound,) * 3}, operation=operation).outputs[0]
+        trees.append((tree, tree.node('ShaderNodeVectorMath', {0: socket, "Scale": GAIN / 0.2}, operation='SCALE'
+                                      ).outputs[0]))
+    columns = node_trees.sheet(scene, trees, cell)
+    for ob in scene.objects:
+        if ob.type == 'MESH':
+            weights = ob.data.attributes.new("Weights", 'FLOAT', 'POINT')
+            weights.data.foreach_set("value", (.1, .5, .9, .3))
+            paint = ob.data.color_attributes.new("Paint", 'FLOAT_COLOR', 'CORNER')
+            paint.data.foreach_set("color", (.1, .5, .9, 1, .8, .2, .3, .5, .6, .6, .1, .9, .2, .9, .4, .2))
+            ob["own"] = 0.7
+    scene["own"] = 0.4
+    return columns
+
+
+SHEETS = {"values": cases, "images": images, "inputs": inputs, "muted": muted, "structures": structures}
