@@ -319,9 +319,9 @@ def used(tree, inside, inputs=None):
 
 def _nested(tree, given):
     """A group in a group: some inputs are given, some have their own values, one output has nothing."""
-    inner, a, b = group("Inner", [("A", "Float", 0.3), ("B", "Vector", (0.1, 0.2, 0.3)), ("C", "Color", (1, 0.5, 0, 1))],
-                        [("Sum", "Vector", (0.7, 0.8, 0.9)), ("Left", "Color", (0.2, 0.4, 0.6, 1)),
-                         ("Number", "Float", 0.6)])
+    inner, a, b = group(
+        "Inner", [("A", "Float", 0.3), ("B", "Vector", (0.1, 0.2, 0.3)), ("C", "Color", (1, 0.5, 0, 1))],
+        [("Sum", "Vector", (0.7, 0.8, 0.9)), ("Left", "Color", (0.2, 0.4, 0.6, 1)), ("Number", "Float", 0.6)])
     scale = inner.nodes.new('ShaderNodeVectorMath')
     scale.operation = 'SCALE'
     inner.links.new(a.outputs["B"], scale.inputs[0])
@@ -418,7 +418,9 @@ GAIN, MIDDLE = 0.12, 0.5  # what is shown of a value that is held between −4 a
 
 
 def sheet(scene, cases, cell):
-    """Show cases side by side, by light of GAIN·value + MIDDLE, on planes that have attributes; their labels, columns."""
+    """Show cases side by side, by light of GAIN·value + MIDDLE, on planes that have attributes; returns how many
+    columns.
+    """
     trees = []
     for _, made in cases:
         tree = Tree()

@@ -1,6 +1,6 @@
 """A sheet of node trees by this bpy's Cycles and by Light Meshes: for a Python with another bpy, see
-test_node_versions.py. Arguments: which sheet, and the two files to write, and for a sheet of `node_catalogue` a third one
-for the names of its cells.
+test_node_versions.py. Arguments: which sheet, and the two files to write, and for a sheet of `node_catalogue` a third
+one for the names of its cells.
 """
 
 import json
