@@ -191,15 +191,15 @@ class Nodes:
         if link is None:
             return plain(last), last.type
         if becomes:
-            value, kind = self._linked(link, socket)
+            value, kind = self._linked(link, node, socket)
             for become in reversed(becomes):
                 value = (self._as_triple if become in ('RGBA', 'VECTOR') else self._as_number)(value, kind)
                 kind = become
             return value, kind
-        return self._linked(link, socket)
+        return self._linked(link, node, socket)
 
-    def _linked(self, link: Link, socket) -> tuple[Any, str]:
-        """The value of the output of a link that feeds `socket`, and its type."""
+    def _linked(self, link: Link, node, socket) -> tuple[Any, str]:
+        """The value of the output of a link that feeds `socket` of `node`, and its type."""
         found = self._evaluated(link)
         if found is UNREAD:
             return plain(socket), socket.type

@@ -3,8 +3,8 @@
 Each FILE (.blend, .glb, .gltf, .fbx, .obj, .ply, .stl, .usd) is opened or imported by Blender's importers, seen
 by a camera from one side, and lit by a sun and a lamp of its own; direct light only, nothing mirrored. Both engines'
 pictures are written side by side to FOLDER/NAME.png. Printed are the warnings, and the relative difference of what is
-lit: the median and the 95th percentile, and the share of pixels that differ by more than 5 %; once with shadows and once
-without, where what is left is that of materials and of edges.
+lit: the median and the 95th percentile, and the share of pixels that differ by more than 5 %; once with shadows and
+once without, where what is left is that of materials and of edges.
 """
 
 import sys
