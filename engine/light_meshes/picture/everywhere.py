@@ -126,10 +126,11 @@ class Look:
         shading.dim(m, hits, -N, Od)
         # what mirrors and metals return is taken as if they returned it in all directions
         albedo = m.kd[row, None] * Od + np.maximum(m.mirror[row], m.metal[row, None] * m.F0[row])
+        albedo += shading.cloth(m, row)
         for layer in layers.lit(layers.further(hits), -N, world.textures) if self._layers else ():
             own, at = layer.hits.table, layer.hits.row
             albedo[layer.rows] += own.kd[at, None] * layer.Od + np.maximum(
-                own.mirror[at], own.metal[at, None] * own.F0[at])
+                own.mirror[at], own.metal[at, None] * own.F0[at]) + shading.cloth(own, at)
         emission = m.emission[row].copy()
         if world.as_lamps is not None:
             emission[world.as_lamps[triangle]] = 0
