@@ -167,7 +167,8 @@ def test_objects_that_diffuse_rays_do_not_meet():
 
 
 def test_cloth_sends_light_on_as_a_matt_surface_of_its_albedo():
-    cloth = Material("cloth", kd=0.0, ka=0.0, highlight="GGX", sheen=1.0, sheen_roughness=0.6, sheen_tint=(1.0, 0.5, 0.2))
+    cloth = Material("cloth", kd=0.0, ka=0.0, highlight="GGX", sheen=1.0, sheen_roughness=0.6,
+                     sheen_tint=(1.0, 0.5, 0.2))
     table = shading.material_arrays((cloth,))
     albedo = shading.cloth(table, np.zeros(1, np.int32))[0]
     sine2 = (np.arange(2000) + 0.5) / 2000

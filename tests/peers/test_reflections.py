@@ -72,8 +72,9 @@ def test_rough_balls_see_what_cycles_shows(balls, render):
         assert np.median(difference) <= 0.03, ball
 
 
-@pytest.mark.parametrize("other", ["ShaderNodeBsdfDiffuse", "ShaderNodeBsdfTransparent", "ShaderNodeBsdfPrincipled"])
-def test_glass_mixed_with_another_shader(scene, render, add_plane, add_light, other):
+@pytest.mark.parametrize(("clear", "other"), [("Glass", "Diffuse"), ("Glass", "Transparent"), ("Glass", "Principled"),
+                                              ("Refraction", "Diffuse")])
+def test_glass_mixed_with_another_shader(scene, render, add_plane, add_light, clear, other):
     """A ball of .6 glass before a checker, without shadows: what passes glass in them is not what Cycles has."""
     checks = Tree("Checks")
     pattern = checks.node('ShaderNodeTexChecker', {"Vector": checks.node('ShaderNodeTexCoord').outputs["Object"],
@@ -85,11 +86,11 @@ def test_glass_mixed_with_another_shader(scene, render, add_plane, add_light, ot
     tree, ball = Tree("Mixed"), bpy.context.object.data
     for polygon in ball.polygons:
         polygon.use_smooth = True
-    glass = tree.node('ShaderNodeBsdfGlass', {"Color": (0.9, 0.95, 1, 1), "Roughness": 0.0, "IOR": 1.3})
+    glass = tree.node(f'ShaderNodeBsdf{clear}', {"Color": (0.9, 0.95, 1, 1), "Roughness": 0.0, "IOR": 1.3})
     mix = tree.tree.nodes.new('ShaderNodeMixShader')
     mix.inputs[0].default_value = 0.4
     tree.tree.links.new(glass.outputs[0], mix.inputs[1])
-    tree.tree.links.new(tree.node(other).outputs[0], mix.inputs[2])
+    tree.tree.links.new(tree.node(f'ShaderNodeBsdf{other}').outputs[0], mix.inputs[2])
     tree.tree.links.new(mix.outputs[0], tree.tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
     ball.materials.append(tree.material)
     add_light('SUN', rotation=(0.5, 0.3, 0), energy=2.0).data.use_shadow = False

@@ -20,7 +20,7 @@ from light_meshes.scene.description import Image, Material
 from light_meshes.surface import textures
 
 sys.path.insert(0, str(Path(__file__).parent))
-from scenes import look_down, settings  # noqa: E402 (of this folder)
+from scenes import look_down, settings
 
 
 def picture(side):
@@ -31,8 +31,10 @@ def picture(side):
 
 def scene(files, pixels):
     n = int(np.ceil(np.sqrt(len(files))))
-    shapes = [Shape(rectangle((i % n / n - 0.5, i // n / n - 0.5), ((i % n + 1) / n - 0.5, (i // n + 1) / n - 0.5), 0.0),
-                    Material(f"{i}", kd=0.0, image=i), f"{i}") for i in range(len(files))]
+    shapes = []
+    for i in range(len(files)):
+        x, y = i % n / n - 0.5, i // n / n - 0.5
+        shapes.append(Shape(rectangle((x, y), (x + 1 / n, y + 1 / n), 0.0), Material(f"{i}", kd=0.0, image=i), f"{i}"))
     corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
     uvs = np.concatenate([corners[shape.mesh.triangles] for shape in shapes])
     made = Scene.from_shapes(shapes, look_down(0, 0, 1, pixels), [], settings(), world_color=(1.0, 1.0, 1.0),
@@ -50,8 +52,9 @@ def main(count=200, side=4096, limit=0):
             shutil.copyfile(files[0], file)
         before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
         render_image(scene(files, 400))
+        after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         print(f"{count} images of {side}² texels, {count * side**2 * 3 / 2**20:,.0f} MiB; limit "
-              f"{textures.LIMIT >> 20:,} MiB: peak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:,.0f} MiB "
+              f"{textures.LIMIT >> 20:,} MiB: peak {after / 1024:,.0f} MiB "
               f"({before / 1024:,.0f} before), {time.perf_counter() - start:.1f} s")
 
 

@@ -2,6 +2,7 @@
 
 import itertools
 import random
+from pathlib import Path
 
 import bpy
 import node_trees
@@ -39,12 +40,12 @@ BETWEEN = {
 }
 ALL = {"Fac": SHARE, "Factor": SHARE}
 PLACE = (0.1, 1.1)  # of textures
-VALUES = [
+VALUES = [  # the last four are in old Blenders only
     "Math", "VectorMath", "MixRGB", "Mix", "MapRange", "Clamp", "Mapping", "VectorRotate", "VectorTransform",
     "ValToRGB", "RGBCurve", "VectorCurve", "FloatCurve", "HueSaturation", "BrightContrast", "Gamma", "Invert",
     "RGBToBW", "CombineColor", "SeparateColor", "CombineXYZ", "SeparateXYZ", "Blackbody", "Wavelength", "Normal",
     "LayerWeight", "Fresnel", "NormalMap", "TexNoise", "TexVoronoi", "TexWave", "TexMagic", "TexBrick", "TexChecker",
-    "TexGradient", "TexWhiteNoise"]
+    "TexGradient", "TexWhiteNoise", "CombineRGB", "SeparateRGB", "CombineHSV", "SeparateHSV"]
 INPUTS = ["TexCoord", "NewGeometry", "CameraData", "ObjectInfo", "UVMap", "Tangent", "Value", "RGB", "LightPath",
           "Attribute", "VertexColor"]
 
@@ -414,6 +415,25 @@ def structures():
             ("Mix of vectors", out_of_range)]
 
 
+def assets():
+    """Cases of the groups that come with Blender for shaders, each output of each, if this one has some."""
+    file = Path(bpy.utils.resource_path('LOCAL')) / "datafiles" / "assets" / "nodes" / "shading_nodes_essentials.blend"
+    if not file.exists():
+        return []
+    with bpy.data.libraries.load(str(file)) as (there, here):
+        here.node_groups = list(there.node_groups)
+    found = []
+    for inside in here.node_groups:
+        outputs = [i for i in inside.interface.items_tree if i.item_type == 'SOCKET' and i.in_out == 'OUTPUT']
+        for n, output in enumerate(outputs):
+            def made(tree, inside=inside, n=n):
+                node = used(tree, inside)
+                feed(tree, node, 'slopes', 3)
+                return node.outputs[n]
+            found.append((f"{inside.name} {output.name}", made))
+    return found
+
+
 GAIN, MIDDLE = 0.12, 0.5  # what is shown of a value that is held between −4 and 4
 
 
@@ -441,4 +461,5 @@ def sheet(scene, cases, cell):
     return columns
 
 
-SHEETS = {"values": cases, "images": images, "inputs": inputs, "muted": muted, "structures": structures}
+SHEETS = {"values": cases, "images": images, "inputs": inputs, "muted": muted,
+          "structures": lambda: structures() + assets()}

@@ -351,7 +351,7 @@ def cloth(materials: Materials, row: NDArray[np.int32]) -> NDArray[np.float64]:
         for way, counts in zip(*np.polynomial.legendre.leggauss(6), strict=True):  # a mean by sine²
             cosine = np.sqrt(0.5 + 0.5 * way)
             eyes = np.tile((np.sqrt(1 - cosine**2), 0.0, cosine), (len(some), 1))
-            past = covered((0.0, 0.0, 1.5, 1.0, 1.0, 1.0), (m.sheen[at], m.sheen_roughness[at], *m.sheen_tint[at].T), up,
-                           eyes)
+            past = covered((0.0, 0.0, 1.5, 1.0, 1.0, 1.0),
+                           (m.sheen[at], m.sheen_roughness[at], *m.sheen_tint[at].T), up, eyes)
             found[some] += 0.5 * counts * m.share[at, None] * (1 - past) * m.sheen_tint[at] / tint
     return found
