@@ -337,21 +337,3 @@ def linked(scene: Scene) -> NDArray[np.uint64] | None:
             dark = np.setdiff1d(np.arange(len(scene.objects)), light.receivers)
             lit[dark, i >> 6] &= ~(np.uint64(1) << np.uint64(i & 63))
     return lit
-
-
-def cloth(materials: Materials, row: NDArray[np.int32]) -> NDArray[np.float64]:
-    """What fibres return (n,3) of light from everywhere to eyes in all directions, at hits of these rows (n,) of
-    materials.
-    """
-    m, found = materials, np.zeros((len(row), 3))
-    some = np.flatnonzero(m.sheen[row] > 0)
-    if len(some):
-        at, up = row[some], np.tile((0.0, 0.0, 1.0), (len(some), 1))
-        tint = np.maximum(m.sheen_tint[at].max(1, keepdims=True), 1e-30)
-        for way, counts in zip(*np.polynomial.legendre.leggauss(6), strict=True):  # a mean by sine²
-            cosine = np.sqrt(0.5 + 0.5 * way)
-            eyes = np.tile((np.sqrt(1 - cosine**2), 0.0, cosine), (len(some), 1))
-            past = covered((0.0, 0.0, 1.5, 1.0, 1.0, 1.0),
-                           (m.sheen[at], m.sheen_roughness[at], *m.sheen_tint[at].T), up, eyes)
-            found[some] += 0.5 * counts * m.share[at, None] * (1 - past) * m.sheen_tint[at] / tint
-    return found
