@@ -221,6 +221,8 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
     tile.add_work(rays.pixel, work)
     if ready.plan.translucent:
         _shine_through(ready, kind, rays, weight, hits, tile, check)
+        for layer in layers:
+            _shine_through(ready, kind, rays.at(layer.rows), weight[layer.rows], layer.hits, tile, check)
     return light.shadows
 
 
