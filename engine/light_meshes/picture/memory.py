@@ -91,7 +91,7 @@ def _textures(scene: Scene) -> list[Part]:
         return []
     image, largest = max(found, key=lambda one: one[1].bytes)
     what = f"{len(found)} image {'textures' if len(found) > 1 else 'texture'}"
-    return [Part(float(IMAGES + sum(layout.bytes for _, layout in found)),
+    return [Part(float(IMAGES + textures.held([layout.bytes for _, layout in found])),
                  f"{what}, the largest '{image.name}' of {largest.width:,} × {largest.height:,}", "scale images down")]
 
 

@@ -200,7 +200,7 @@ class Image:
     name: str
     path: str
     colorspace: str = "sRGB"  # sRGB | LINEAR | a space of the OpenColorIO configuration `ocio`
-    interpolation: str = "LINEAR"  # LINEAR | CLOSEST
+    interpolation: str = "LINEAR"  # LINEAR | CLOSEST | CUBIC
     extension: str = "REPEAT"  # REPEAT | EXTEND | CLIP | MIRROR
     matrix: tuple[RGB, RGB, RGB] = IDENTITY  # from the linear light of sRGB or LINEAR to the scene's
     ocio: str = ""  # the file of the configuration

@@ -69,7 +69,7 @@ _CHOICES = {
     (Material, "highlight"): HIGHLIGHTS,
     (Image, "alpha"): IMAGE_ALPHAS,
     (Image, "stored"): STORED_ALPHAS,
-    (Image, "interpolation"): ("LINEAR", "CLOSEST"),
+    (Image, "interpolation"): ("LINEAR", "CLOSEST", "CUBIC"),
     (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
 }
 _LARGEST = 1e30  # the largest number that single precision can handle with a safe margin
