@@ -2,8 +2,9 @@
 text.
 
 Each line on stdin is a JSON object: file (a .blend), lights {name: radius, a sun's angle, or null for the size in the
-file}, power (a factor for all lights), width, height, samples, seed, picture (an .exr to write, or null), and denoise
-(optional; OpenImageDenoise with albedo and normals). The answer is a line "@light-meshes " + JSON with two times:
+file}, power (a factor for all lights), width, height, samples, seed, picture (an .exr to write, or null), denoise
+(optional; OpenImageDenoise with albedo and normals), and window (optional; left, bottom, right, top of the part that is
+rendered, 0 to 1). The answer is a line "@light-meshes " + JSON with two times:
 `sampling`, the seconds from before the first sample to after the last and the denoiser, without export and acceleration
 structure; and `whole`, the seconds of Blender's render operator.
 
@@ -42,7 +43,10 @@ def prepare(scene, request):
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
     render = scene.render
     render.threads_mode, render.threads = 'FIXED', os.cpu_count()
-    render.use_border = False
+    window = request.get("window")
+    render.use_border = render.use_crop_to_border = window is not None
+    if window is not None:
+        render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y = window
     render.resolution_x, render.resolution_y, render.resolution_percentage = request["width"], request["height"], 100
     scene.world = None
     for ob in [ob for ob in scene.objects if ob.type == 'LIGHT']:

@@ -1,6 +1,8 @@
 """Copy the results of `light-meshes bench --out FOLDER` into speed.md and README.md: `python docs/benchmark.py FOLDER`.
 
 The text between the marks <!-- bench: NAME --> and <!-- end --> is replaced by what MAKE[NAME] returns for the results.
+Names behind FOLDER are the only ones that are replaced: `python docs/benchmark.py FOLDER lamps in_short` after a run of
+`light-meshes bench --only cycles,lamps --out FOLDER`.
 """
 
 import json
@@ -10,7 +12,9 @@ import shutil
 import sys
 from pathlib import Path
 
-from light_meshes.bench.targets import break_even, own_rows, speed_ratios
+from light_meshes.bench.lamps import ratios
+from light_meshes.bench.tables import LAMPS, lamps_rows
+from light_meshes.bench.targets import break_even, lamp_targets, own_rows, speed_ratios
 
 DOCS = Path(__file__).parent
 PAGES = DOCS / "speed.md", DOCS.parent / "README.md"
@@ -37,6 +41,25 @@ def lights(results, figure):
              f"{r['frame']['median'] / sharp[r['lights']]:.2f}"] for r in own_rows(results, "S7", 4)]
     return rows and table(["lamps in the hall", "sharp", "light meshes", "ratio"], rows) + figure(
         "lights", "Seconds a frame by the number of lamps, for light meshes and the ray tracer")
+
+
+def lamps(results, figure):
+    rows = results.get("lamps")
+    if not rows:
+        return ""
+    asked = {row["what"] for row in lamp_targets(rows)}
+    about = results | {"targets": [row for row in results["targets"] if row["what"] in asked]}
+    return "\n\n".join([machine(results, figure), targets(about, figure), table(LAMPS, lamps_rows(rows))])
+
+
+def in_short(results, figure):
+    told = []
+    for scene, count in (("S3", 1), ("S7", 16), ("S7", 64), ("S7", 256)):
+        of = ratios(results.get("lamps") or [], scene, count)
+        if of:
+            told.append([str(count), *(f"{of[k]:.2f}" for k in ("sharp", "four", "error", "sixteen", "error_16"))])
+    return told and table(["lamps", "Balanced / sharp", "/ 4 area samples", "its error / theirs",
+                           "what is as near as 16 area samples / these", "its error / theirs"], told)
 
 
 def errors(results, figure):
@@ -83,12 +106,14 @@ def all_tables(results, figure):
     return f"<details><summary>table.txt</summary>\n\n```text\n{results['text'].strip()}\n```\n\n</details>"
 
 
-MAKE = {"machine": machine, "lights": lights, "errors": errors, "growth": growth, "targets": targets,
-        "decisions": decisions, "all": all_tables, "main": main}
+MAKE = {"machine": machine, "lights": lights, "lamps": lamps, "in_short": in_short, "errors": errors, "growth": growth,
+        "targets": targets, "decisions": decisions, "all": all_tables, "main": main}
 
 
-def insert(folder, pages=PAGES, pictures=DOCS / "pictures"):
-    """Fill the marked blocks of `pages` with the results in `folder`, and copy the figures into `pictures`."""
+def insert(folder, pages=PAGES, pictures=DOCS / "pictures", only=()):
+    """Fill the marked blocks of `pages`, or those of the names `only`, with the results in `folder`, and copy the
+    figures into `pictures`.
+    """
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     results["text"] = (folder / "table.txt").read_text(encoding="utf-8")
     pictures.mkdir(exist_ok=True)
@@ -101,10 +126,12 @@ def insert(folder, pages=PAGES, pictures=DOCS / "pictures"):
             return f"\n\n![{title}]({Path(os.path.relpath(copy, page.parent)).as_posix()})"
 
         def filled(block, figure=figure):
+            if only and block[2] not in only:
+                return block[0]
             said = (MAKE[block[2]](results, figure) or NOT_MEASURED).strip()
             return block[1] + said + block[3]
         page.write_text(BLOCK.sub(filled, page.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    insert(Path(sys.argv[1]))
+    insert(Path(sys.argv[1]), only=sys.argv[2:])

@@ -111,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("--out", metavar="FOLDER", type=Path, default=Path("benchmark"),
                        help="for table.txt, results.json and figures (default: %(default)s)")
     bench.add_argument("--quick", action="store_true", help="small pictures and few of them: about two minutes")
-    bench.add_argument("--only", metavar="PART,…", help="S3, S5, S7, S8, cycles, errors, growth, rates, embree, "
+    bench.add_argument("--only", metavar="PART,…", help="S3, S5, S7, S8, cycles, errors, lamps, growth, rates, embree, "
                        "process, threads, decisions, release; or figures, from the results that FOLDER has")
     bench.add_argument("--release", metavar="PYTHON", default="",
                        help="the Python of an environment with an earlier release, to render the same frames with")

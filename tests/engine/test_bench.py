@@ -300,7 +300,7 @@ def test_a_run_has_times_and_errors_of_each_method(tiny):
             assert 0 <= r[what]["min"] <= r[what]["median"] <= r[what]["max"]
         assert 0 < r["frame"]["median"] <= r["whole"]["median"]
     for r in found["errors"]:
-        assert r["reference"] in ("RRTA", "HALF_BALL", "SPHERE", "CYCLES")
+        assert r["reference"] in ("RRTA", "HALF_BALL", "SPHERE", "LAMPS", "CYCLES")
         assert 0 < r["all"]["rmse"] < 0.1
         assert r["all"]["mae"] <= r["all"]["rmse"] <= r["all"]["max"]
         assert not judge.available() or 0 < r["all"]["flip"] < 0.5
@@ -321,7 +321,7 @@ def test_errors_are_what_the_method_leads_one_to_expect(tiny):
     assert rmse("Cycles 4", "CYCLES") < rmse("Cycles 1", "CYCLES")
     assert rmse("Cycles 4, denoised", "CYCLES") < rmse("Cycles 1, denoised", "CYCLES")
     assert rmse("Cycles 4, denoised", "CYCLES") != rmse("Cycles 4", "CYCLES")
-    assert rmse("lamp shape kI 3", "SPHERE") < rmse("light meshes kI 3, h 0.05", "SPHERE")
+    assert rmse("lamp shape kI 3", "LAMPS") < rmse("light meshes kI 3, h 0.05", "SPHERE")
     assert rmse("light meshes kI 3, h 0.05", "SPHERE") < rmse("RRTA", "SPHERE")
 
 
@@ -349,7 +349,7 @@ def test_what_was_measured_goes_into_the_documentation(tiny, tmp_path):
     assert all(f"| {r['what']} |" in said for r in found["targets"]) and table.strip() in said
     pictures = re.findall(r"\]\((pictures/.*)\)", said)
     assert "pictures/bench-error-sphere.png" in pictures and all((tmp_path / p).is_file() for p in pictures)
-    assert said.count(script["NOT_MEASURED"]) == 3  # the hall's lamps, its growth, and decisions
+    assert said.count(script["NOT_MEASURED"]) == 4  # lamps with a size, the hall's lamps, its growth, decisions
     assert "bench: main" in pages[1].read_text(encoding="utf-8")
     script["insert"](folder, pages, tmp_path / "pictures")
     assert pages[0].read_text(encoding="utf-8") == said

@@ -132,7 +132,8 @@ class Seen:
         self.pixel = np.flatnonzero(self.hit)[on]  # of the picture, row by row from below
         self.P, self.triangle = hits.P[on], hits.triangle[on]
         active = np.full((int(on.sum()), 1), (1 << len(scene.lights)) - 1, np.uint64)
-        self.at = Receivers(hits.P[on], hits.Ng[on], active, hits.triangle[on])
+        sample = np.stack([self.pixel, np.zeros_like(self.pixel)], axis=1)
+        self.at = Receivers(hits.P[on], hits.Ng[on], active, hits.triangle[on], sample=sample)
         self.counts = self.ready.stats.counts
 
     def by(self, shadows: str, samples: int = 64, **values: float) -> np.ndarray:

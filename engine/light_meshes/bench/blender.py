@@ -53,13 +53,14 @@ class Cycles:
         self._folder.cleanup()
 
     def render(self, case: Case, size: int, samples: int, seed: int = 0, picture: Path | None = None,
-               denoise: bool = False) -> dict[str, Any]:
+               denoise: bool = False, window: tuple[float, ...] | None = None) -> dict[str, Any]:
         """Render a picture of size² pixels, with rays through the centres of the pixels, with OpenImageDenoise if
-        `denoise`. Returns the seconds `sampling`, with the denoiser's, and `whole`.
+        `denoise`. window: (left, bottom, right, top) of the part that is rendered, 0 to 1; None: all. Returns the
+        seconds `sampling`, with the denoiser's, and `whole`.
         """
         camera = sized(case.scene, size).camera
         request = {"file": str(case.file), "lights": case.sizes, "power": case.power, "width": camera.width,
-                   "height": camera.height, "samples": samples, "seed": seed, "denoise": denoise,
+                   "height": camera.height, "samples": samples, "seed": seed, "denoise": denoise, "window": window,
                    "picture": str(picture) if picture else None}
         assert self._child.stdin is not None and self._child.stdout is not None
         print(json.dumps(request), file=self._child.stdin, flush=True)
@@ -71,10 +72,11 @@ class Cycles:
                 return answer
         raise SceneError(f"Blender ended with code {self._child.wait()} while Cycles rendered {case.file.name}")
 
-    def picture(self, case: Case, size: int, samples: int, seed: int = 0, denoise: bool = False) -> NDArray[np.float32]:
+    def picture(self, case: Case, size: int, samples: int, seed: int = 0, denoise: bool = False,
+                window: tuple[float, ...] | None = None) -> NDArray[np.float32]:
         """Return linear RGB, shape (height, width, 3), with the bottom row first."""
         path = Path(self._folder.name) / "picture.exr"
-        self.render(case, size, samples, seed, path, denoise)
+        self.render(case, size, samples, seed, path, denoise, window)
         file = oiio.ImageInput.open(str(path))
         if file is None:
             raise SceneError(f"Cycles' picture of {case.file.name} cannot be read: {oiio.geterror()}")

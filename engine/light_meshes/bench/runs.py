@@ -21,14 +21,14 @@ from typing import Any
 from ..picture.render import render_image
 from ..scene import snapshot
 from ..scene.description import Scene
-from . import decisions, errors, rates, release, scenes, threads
+from . import decisions, errors, lamps, rates, release, scenes, threads
 from .blender import Cycles
 from .embree import ShadowRays
 from .measure import DENOISED, LAMP_SHAPE, NOT_SHADOWS, Measurement, Method, Say, in_turn
 from .scenes import Case
 
 SCENES = tuple(scenes.FILES)
-PARTS = (*SCENES, "cycles", "errors", "growth", "rates", "embree", "process", "threads", "decisions",
+PARTS = (*SCENES, "cycles", "errors", "lamps", "growth", "rates", "embree", "process", "threads", "decisions",
          "release")
 FORMAT = "light-meshes benchmark"
 
@@ -58,7 +58,7 @@ class Effort:
 QUICK = Effort(size=250, repeats=3, lights=(4, 16, 64), kI=(2.0,), steps=(), samples=(1, 4, 16), all_samples=(1, 4, 16),
                error_size=60, cycles_reference=64, triangles=(10_000, 100_000), most=2.0, most_target=6.0,
                seconds=120.0)
-QUICK_PARTS = ("S3", "S7", "cycles", "errors", "embree", "process", "threads")
+QUICK_PARTS = ("S3", "S7", "cycles", "errors", "lamps", "embree", "process", "threads")
 SHARES = {"S3": 0.12, "S5": 0.08, "S7": 0.5, "S8": 0.08, "growth": 0.1, "embree": 0.04}  # of the seconds
 
 
@@ -71,8 +71,8 @@ class Bench:
         self._loaded: dict[str, Scene] = {}
         self.results: dict[str, Any] = {
             "format": FORMAT, "version": 1, "machine": machine(), "effort": dataclasses.asdict(effort),
-            "parts": list(parts), "scenes": [], "times": [], "errors": [], "growth": [], "rates": [], "embree": None,
-            "process": None, "threads": None, "decisions": [], "release": None, "notes": []}
+            "parts": list(parts), "scenes": [], "times": [], "errors": [], "lamps": [], "growth": [], "rates": [],
+            "embree": None, "process": None, "threads": None, "decisions": [], "release": None, "notes": []}
         self.threads = os.cpu_count() or 1
 
     def run(self, keep: Callable[[], None] = lambda: None) -> None:
@@ -80,11 +80,15 @@ class Bench:
         started = time.monotonic()
         with contextlib.ExitStack() as stack:
             cycles = None
-            if "cycles" in self.parts and set(self.parts) & set(SCENES):
+            if "cycles" in self.parts and set(self.parts) & {*SCENES, "lamps"}:
                 cycles = stack.enter_context(Cycles())
             for part in self.parts:
                 if part in SCENES:
                     self._scene(part, cycles)
+                elif part == "lamps":
+                    loaded = {name: self._scene_of(name) for name in ("S3", "S7")}
+                    self.results["lamps"] = lamps.table(loaded, self.effort.size, self.effort.repeats, cycles,
+                                                        self.effort.samples, self._say)
                 elif part == "growth":
                     self._growth()
                 elif part == "rates":
@@ -183,7 +187,10 @@ class Bench:
                 held = {"CYCLES": by_cycles}
             else:
                 found = errors.picture(method.applied(base))
-                held = {k: v for k, v in references.items() if k != method.kind}
+                if method.kind == LAMP_SHAPE and "LAMPS" not in references:  # whose light is that of the whole lamp
+                    references["LAMPS"] = errors.picture(lamps.sized(sphere))
+                held = {"LAMPS": references["LAMPS"]} if method.kind == LAMP_SHAPE else {
+                    k: v for k, v in references.items() if k not in (method.kind, "LAMPS")}
             for name, reference in held.items():
                 self.results["errors"].append(about | {
                     "method": method.kind, "label": method.label, "kI": method.kI, "h": method.h,

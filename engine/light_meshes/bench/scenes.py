@@ -14,7 +14,7 @@ from ..frontends import blend
 from ..picture.prepared import Prepared
 from ..picture.render import measure
 from ..scene import snapshot
-from ..scene.description import Geometry, Light, Material, Object, Scene
+from ..scene.description import Camera, Geometry, Light, Material, Object, Scene, Settings, Shape
 from ..scene.errors import SceneError
 from ..scene.mesh import box, cylinder, sphere
 from ..scene.transforms import scale, translate
@@ -143,3 +143,24 @@ def hall(scene: Scene, triangles: int) -> Scene:
     return dataclasses.replace(scene, geometry=Geometry.from_meshes(meshes, (0, 1, 2, 0, 3), instances),
                                objects=(Object("hall"),), images=(),
                                materials=tuple(Material(f"material {n}", Od=c) for n, c in enumerate(colours)))
+
+
+# --- Clutter: boxes that stand close together under many lamps ----------------------------------------------------
+
+
+def clutter(lights: int) -> Case:
+    """Return 60 boxes of many sizes on a floor, under so many spheres of light."""
+    random = np.random.default_rng(3)
+    meshes = [box((-4, -4, -0.1), (4, 4, 0))]
+    for x, y in random.uniform(-1.6, 1.6, (60, 2)):
+        wide, deep, high = random.uniform((0.04, 0.04, 0.05), (0.18, 0.18, 0.7))
+        meshes.append(box((x - wide, y - deep, 0), (x + wide, y + deep, high)))
+    places = [(2.2 * np.cos(a), 2.2 * np.sin(a), 2.0 + 0.5 * np.sin(5 * a))
+              for a in np.arange(lights) * 2 * np.pi / lights]
+    lamps = tuple(Light(f"lamp {i}", "POINT", (30 / lights,) * 3, position=(float(x), float(y), float(z)), radius=0.15)
+                  for i, (x, y, z) in enumerate(places))
+    grey = Material("grey", Od=(0.7, 0.7, 0.7))
+    scene = Scene.from_shapes([Shape(mesh, grey, f"{n}") for n, mesh in enumerate(meshes)],
+                              Camera.look_at((0, -4.6, 3.6), (0, 0, 0), 40, 1000, 1000), lamps,
+                              Settings(mode="WHITTED", weights="SMOOTH"))
+    return Case("clutter", scene, Path(), 1.0, {}, "spheres of light of radius 0.15")

@@ -6,7 +6,8 @@ from typing import Any
 
 from .targets import Rows, speed_ratios
 
-REFERENCES = {"RRTA": "sharp", "HALF_BALL": "half-ball", "SPHERE": "sphere light", "CYCLES": "Cycles, same light"}
+REFERENCES = {"RRTA": "sharp", "HALF_BALL": "half-ball", "SPHERE": "sphere light", "LAMPS": "lamp of its shape",
+              "CYCLES": "Cycles, same light"}
 
 
 def text(results: dict[str, Any]) -> str:
@@ -18,6 +19,7 @@ def text(results: dict[str, Any]) -> str:
                      ", ".join(f"{n} lights {ratio:.2f}" for n, ratio in ratios.items()))
     for case in results["scenes"]:
         parts += _case(results, case)
+    parts += _lamps(results.get("lamps", []))
     parts += _growth(results["growth"]) + _rates(results.get("rates", []))
     parts += _single(results) + _decisions(results["decisions"])
     if results["notes"]:
@@ -87,6 +89,30 @@ def _case(results: dict[str, Any], case: dict[str, Any]) -> list[str]:
         said.append(table([f"error, {first['size']}², {first['in_penumbra']:.0%} penumbra", "against", "FLIP", "RMSE",
                            "MAE", "99 %", "max", "penumbra RMSE", "max", "rest RMSE", "max"], rows))
     return said
+
+
+LAMPS = ["scene", "method", "frame", "/ sharp", "/ area 16", "RMSE", "at edges, too", "FLIP", "at edges, too", "runs"]
+
+
+def lamps_rows(rows: Rows) -> list[list[str]]:
+    """Return the rows of the table of lamps with a size, below LAMPS."""
+    out = []
+    for r in rows:
+        of = {(t["method"], t["light_samples"]): t for t in rows if t["title"] == r["title"]}
+        sharp, sixteen = of.get(("RRTA", 0)), of.get(("area sampling", 16))
+        out.append([r["title"] + (f", the middle {r['part']:.0%} of it" if r["part"] < 1 else ""),
+                    "sharp" if r["method"] == "RRTA" else r["label"], f"{r['frame']:.2f}",
+                    *(f"{r['frame'] / t['frame']:.2f}" if t else "–" for t in (sharp, sixteen)),
+                    f"{r['rmse']:.4f}", f"{r['rmse_whole']:.4f}",
+                    *(f"{r[k]:.4f}" if k in r else "–" for k in ("flip", "flip_whole")), str(r["runs"])])
+    return out
+
+
+def _lamps(rows: Rows) -> list[str]:
+    if not rows:
+        return []
+    return [f"Lamps with a size, {rows[0]['size']}², 4 samples a pixel; errors in a window in the middle\n"
+            + table(LAMPS, lamps_rows(rows))]
 
 
 def _growth(rows: Rows) -> list[str]:

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from . import lamps
+
 Rows = list[dict[str, Any]]
 RMSE_ADDED, MAX_ADDED = 1 / 512, 1 / 64  # limits for the change by `shadow_rate`, as a share of the picture's light
 RATE = 4
@@ -42,7 +44,42 @@ def targets(results: dict[str, Any]) -> Rows:
     process = results["process"]
     rows.append(_row("first render of a process over its later ones, seconds",
                      process and process["first"] - process["later"], 0.5))
-    return rows + _threads(results.get("threads")) + _release(results.get("release")) + _rates(results.get("rates", []))
+    rows += lamp_targets(results.get("lamps", [])) + _threads(results.get("threads"))
+    return rows + _release(results.get("release")) + _rates(results.get("rates", []))
+
+
+def lamp_targets(rows: Rows) -> Rows:
+    """Return the targets of lamps with a size, by the part `lamps`: Balanced must be as near as 4 rays to each lamp,
+    and the faster one of Balanced and Fine that is as near as 16 counts against these.
+    """
+    out: Rows = []
+
+    def add(what: str, scene: str, lights: int, name: str, target: float, error: str, at_least: bool = False) -> None:
+        of = lamps.ratios(rows, scene, lights)
+        value, remark = (of or {}).get(name), ""
+        if of and value is not None and error:
+            remark = f"error / that of so many rays: {of[error]:.2f}" + f", {of['by']}" * (error == "error_16")
+        elif of and value is not None:
+            remark = "{cycles_label}, HDR-FLIP {flip[1]:.3f} to {flip[0]:.3f}, with edges {flip_whole[1]:.3f} to " \
+                     "{flip_whole[0]:.3f}".format(**of)
+            remark += "" if of["cycles_near"] else ": none is as near"
+        row = _row(what, value, target, at_least, remark)
+        if row["reached"] and of and error and of[error] > 1:
+            row["reached"] = False
+        out.append(row)
+
+    near, shape = "as near as {} rays a lamp: lamp shape / ", "S7, {} lights"
+    for lights, target in ((16, 1.0), (64, 0.6), (256, 0.5)):
+        add(near.format(4) + "sharp, " + shape.format(lights), "S7", lights, "sharp", target, "error")
+    add(near.format(4) + "area sampling 4, S3", "S3", 1, "four", 1.0, "error")
+    for scene, lights, target in (("S3", 1, 0.45), ("S7", 16, 0.3), ("S7", 64, 0.2), ("S7", 256, 0.15),
+                                  ("clutter", 16, 0.5)):
+        title = shape.format(lights) if scene == "S7" else scene
+        add(near.format(16) + "area sampling 16, " + title, scene, lights, "sixteen", target, "error_16")
+    for scene, lights, target in (("S3", 1, 3.0), ("S7", 16, 5.0), ("S7", 64, 15.0)):
+        title = shape.format(lights) if scene == "S7" else scene
+        add("Cycles, denoised, as near by HDR-FLIP / lamp shape, " + title, scene, lights, "cycles", target, "", True)
+    return out
 
 
 def _release(found: dict[str, Any] | None) -> Rows:

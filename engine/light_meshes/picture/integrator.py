@@ -99,6 +99,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
     if plan.patches and rays.blur is not None and kind == "reflection":
         rays, hits = patched(ready, rays, hits, came, tile, check)
+    if plan.shares and first:
+        hits = hits._replace(sample=_samples(ready, rays.pixel, first))
     children: list[tuple[str, Rays]] = []
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)
@@ -233,6 +235,13 @@ def _apart(ready: Prepared, rays: Rays, hits: Hits) -> NDArray[np.float64]:
     if camera.perspective:
         far *= np.sqrt(((hits.P - camera.matrix[:3, 3])**2).sum(1))
     return far if rays.blur is None else np.where(rays.blur > 0, np.inf, far)
+
+
+def _samples(ready: Prepared, pixel: NDArray[np.int64], box: Box) -> NDArray[np.int64]:
+    """`Hits.sample` of what the samples `pixel` (n,) of a tile see first."""
+    number, sample = np.divmod(pixel, len(ready.offsets))
+    y, x = np.divmod(number, box[2] - box[0])
+    return np.stack([(box[1] + y) * ready.scene.camera.width + box[0] + x, sample], axis=1)
 
 
 def _shine_through(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,

@@ -12,7 +12,7 @@ from ..film.passes import shadow_number
 from ..gathered.records import Gathered, Records
 from ..rays.geometry import Hits
 from ..shadows import pairs
-from ..shadows.method import Check, Method, Receivers
+from ..shadows.method import Check, Lobes, Method, Receivers
 from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
 from ..support.rows import even
@@ -181,7 +181,7 @@ class Lighting:
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:
         """Return these hits, in the light of all lights."""
         kernels = self._kernels if hits.table is self._world.materials else None
-        return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown, kernels)
+        return shading.Lit(self._world.lights, hits.table, hits, direction, Od, self._shown, kernels=kernels)
 
     def lit(self, surfaces: shading.Lit, unlit: bool, check: Check, work: NDArray | None = None,
             lights: NDArray[np.uint64] | None = None, visibility: Method | None = None,
@@ -220,8 +220,12 @@ class Lighting:
             probe = work[part] if work is not None and self._plan.kind.counts else None
             rows = None if narrow is None else narrow[part]
             weight, shown = self._weights(lit, active, method.weighs)
-            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows, some.apart, weight, shown), check,
-                       probe)
+            S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows, some.apart, weight, shown,
+                                 some.sample), check, probe)
+            if visibility is None and method.highlights is not None and lit.materials.ggx.any():
+                lobes = Lobes(some.Ns, lit.direction, shading.alphas(lit.materials, some.row))
+                receivers = Receivers(some.P, some.Ng, active, some.triangle, lift, sample=some.sample)
+                lit = lit._replace(highlights=method.highlights(receivers, S, lobes, check))
             self.terminator.fade(some, self._targets, S)
             yield part, lit, active, S
 

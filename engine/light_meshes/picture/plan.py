@@ -220,12 +220,13 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
         p.decide("lamps smaller than a pixel", "sharp",
                  f"{names(small)}: one ray says all, the edges in view are {max(pinpoints.values()):.2g} pixels wide")
     if lamps:
-        rays, shared = ray_counts.most(scene.settings.kI, len(lamps)), ray_counts.many(scene.settings.kI, len(lamps))
+        kI = scene.settings.kI
+        rays, least = ray_counts.most(kI, len(lamps)), int(ray_counts.shared(kI).counts[0])
         how, why = "shares at nodes", (
             f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; "
-            + (f"{int(ray_counts.COUNTS[0])} to {rays.most} rays, by what the lamp gives, where it is narrower than r"
-               if shared else f"{rays.first} rays where it is narrower than r, up to {rays.most} where something is "
-               "near")
+            + (f"{least} to {rays.most} rays, by what the lamp gives, where it is narrower than r"
+               if ray_counts.many(len(lamps)) else
+               f"{rays.first} rays where it is narrower than r, up to {rays.most} where something is near")
             + (", or where light comes through surfaces" if p.channels else ""))
         p.shares = not p.paths
         if p.paths:

@@ -30,13 +30,13 @@ static const f64 sixteenth[16] = {1.0,  R8,  R4,  R16,  0.0, -R16, -R4, -R8, -1.
 static f64 part(f64 x) { return x - floor(x); }
 
 /* Points first..first+count of the lamp of each pair, as origin[row] has them: its pattern is turned (on the torus) by
-   turn[row], and for each lamp in another way, by `own`. shape: FREE a sphere or a sun, of which the origin sees a disc
+   turn[row], and for each lamp in another way, by `own`. skip: how many points come before the first, by origin. shape: FREE a sphere or a sun, of which the origin sees a disc
    of radius `size`; else half-axes u, v. */
 KERNEL(lamp_points,
-       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  row i32[k]  light i32[k]  position f64[L,3]  "
+       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  skip i64[m]?  row i32[k]  light i32[k]  position f64[L,3]  "
        "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!")
-i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i32 *row,
-                const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
+i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i64 *skip,
+                const i32 *row, const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
                 const f64 *u, const f64 *v, const u64 *own, f64 *out) {
     (void)m, (void)L;
     if (p != k * count) return 1;
@@ -62,8 +62,9 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
         key = mixed(key + own[i]);
         f64 shift = mine[0] + random_of(own[i]), turned = 0.0, cosine = 1.0, sine = 0.0;
         i64 set = -1;
-        for (i64 n = first; n < first + count; n++) {
-            f64 *point = out + 3 * (at * count + n - first);
+        i64 begin = first + (skip ? skip[row[at]] : 0);
+        for (i64 n = begin; n < begin + count; n++) {
+            f64 *point = out + 3 * (at * count + n - begin);
             i64 j = stratum(n & 15) ^ (i64)(mixed(key + (u64)(n >> 4)) & 15);
             if (n >> 4 != set) {  /* the next 16 */
                 set = n >> 4, turned = shift + 0.5698402909980532 * (f64)set;
@@ -121,12 +122,13 @@ i64 lamp_turns_of_nodes(i64 n, const i32 *nodes, f64 *out) {
     return 0;
 }
 
-/* The turns of receivers: at random, from their own positions, the same for any tiles, threads and order. */
-KERNEL(lamp_turns_of_points, "P f64[n,3]  out f64[n,2]!")
-i64 lamp_turns_of_points(i64 n, const f64 *P, f64 *out) {
+/* The turns of receivers: at random, from their pixels, or their own positions; the same for any tiles, threads and order. */
+KERNEL(lamp_turns_of_points, "P f64[n,3]  sample i64[n,2]?  out f64[n,2]!")
+i64 lamp_turns_of_points(i64 n, const f64 *P, const i64 *sample, f64 *out) {
     for (i64 k = 0; k < n; k++) {
         u64 key = 0x9E3779B97F4A7C15u, bits;
-        for (int j = 0; j < 3; j++) {
+        if (sample) key = mixed(key + (u64)sample[2 * k]);
+        for (int j = 0; !sample && j < 3; j++) {
             memcpy(&bits, P + 3 * k + j, sizeof bits);
             key = (key ^ bits) * 0xD6E8FEB86659FD93u;
             key ^= key >> 32;

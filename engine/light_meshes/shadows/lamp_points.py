@@ -74,13 +74,15 @@ def reaches(shapes: Shapes) -> NDArray[np.float64]:
 
 
 def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: NDArray[np.float64],
-           row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int) -> Targets:
+           row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
+           skip: NDArray[np.int64] | None = None) -> Targets:
     """Points first..first+count (k·count,3) of light[k] as origin[row[k]] has them, pair after pair.
 
-    origin (m,3): who looks, world; turn (m,2): how its pattern is turned.
+    origin (m,3): who looks, world; turn (m,2): how its pattern is turned; skip (m,): how many points of its pattern
+    come before the first, which others have.
     """
     out = np.empty((len(row) * count, 3))
-    _points(first, count, origin, turn, row, light, *targets, *shapes, out)
+    _points(first, count, origin, turn, skip, row, light, *targets, *shapes, out)
     return Targets(out, np.repeat(targets.directional[light], count))
 
 
@@ -91,8 +93,10 @@ def turns_of_nodes(nodes: NDArray[np.int32]) -> NDArray[np.float64]:
     return out
 
 
-def turns_of_points(P: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How the patterns (n,2) of receivers (n,3) are turned."""
+def turns_of_points(P: NDArray[np.float64], sample: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+    """How the patterns (n,2) of receivers (n,3) are turned. sample (n,2): see `Hits`; the samples of a pixel have one
+    pattern.
+    """
     out = np.empty((len(P), 2))
-    _turns_of_points(P, out)
+    _turns_of_points(P, sample, out)
     return out

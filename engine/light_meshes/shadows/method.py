@@ -57,6 +57,7 @@ class Receivers(NamedTuple):
     # (n,) where rough surfaces show P: what of its light counts in the picture, over the light of a usual pixel; 0
     # elsewhere. None: 0 everywhere
     shown: NDArray[np.float64] | None = None
+    sample: NDArray[np.int64] | None = None  # (n,2) see `Hits`
     several: NDArray[np.uint64] | None = None  # (n,W) bits of lights that stand for others, too (see `grouped`)
     facet: Facet | None = None  # of receivers that are lifted above the mesh; None: they are on it, or it is not known
 
@@ -69,11 +70,19 @@ class Receivers(NamedTuple):
         """Return only these receivers (rows ascending); nothing is copied if they are all. Lift and all
         that follows are left out."""
         if len(rows) == len(self.P):
-            return self._replace(lift=None, narrow=None, apart=None, weight=None, shown=None, several=None)
+            return self._replace(lift=None, narrow=None, apart=None, weight=None, shown=None, several=None, sample=None)
         P, N, active, triangle = (None if a is None else taken(a, rows) for a in self[:4])
         assert P is not None and active is not None
         facet = None if self.facet is None else Facet._make(taken(a, rows) for a in self.facet)
         return Receivers(P, N, active, triangle, facet=facet)
+
+
+class Lobes(NamedTuple):
+    """What receivers mirror."""
+
+    N: NDArray[np.float64]  # (n,3) unit shading normals
+    way: NDArray[np.float64]  # (n,3) unit directions of the eye's rays
+    alpha: NDArray[np.float64]  # (n,) the squares of their roughness, 0 where they have no highlights of facets
 
 
 class Nodes(Protocol):
@@ -97,6 +106,9 @@ class Method(Protocol):
 
     nodes: tuple[Nodes, ...] = ()  # for kinds with the flag `lattice`
     weighs: bool = False  # whether it asks for `Receivers.weight`
+    # finds which share of highlights is left, over that of the other light: (n,L,C), None: all is 1
+    # None: the method has one share for both
+    highlights: Callable[[Receivers, NDArray[np.float32], Lobes, Check], NDArray[np.float32] | None] | None = None
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray[np.float64] | None = None) -> NDArray[np.float32]:
         """Return S (n,L,C) float32, 0 where not active; C = 1, or 3 if light comes through coloured glass.

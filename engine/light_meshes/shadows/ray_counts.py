@@ -3,7 +3,7 @@
 To one of a few lamps go many, and more where these disagree. With many lamps each is a small part of the light, and so
 is its error: rays are shared out so that they lessen the error of the sum most. The error of a lamp of which a receiver
 returns e is about e·n^-3/4 with n rays that stand in strata; of all ways to share out a number of rays, n ∝ e^0.8 makes
-the sum of its squares least. A lamp that gives as much as the mean lamp, weighed by what lamps give, has MEAN rays.
+the sum of its squares least. A lamp that gives as much as the mean lamp, weighed by what lamps give, has `mean` rays.
 
 Receivers that rays of a rough surface meet, some of which stand for a whole lobe, count in the picture by the share of
 light that such a ray brings. They have rays by what they add to it, beside what a usual pixel has.
@@ -20,11 +20,8 @@ from ..support.native import kernel
 
 _counts = kernel("lamp_ray_counts")
 # Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
-FEW, FINE = 4, 4.0  # so many lamps, or from that kI on: RAYS from a receiver to a lamp where the penumbra is narrow,
+FEW, FINE = 4, 4.0  # to so many lamps go RAYS where the penumbra is narrow, from a receiver to each,
 RAYS, MORE_RAYS = 16, 32  # and more where no node may answer and they disagree
-MEAN = 6.0  # rays of a mean lamp
-COUNTS = (2.0, 4.0, 8.0)  # what there is of such; to a lamp of 8
-MOST = 16  # go so many where they disagree
 BLURRED = (1.0, 2.0, 4.0, 8.0, 16.0)  # what there is where receivers are seen blurred, up to the most of others
 
 
@@ -36,22 +33,42 @@ class Rays(NamedTuple):
     alone: bool = False  # the latter only where no nodes have a say
 
 
-def many(kI: float, lamps: int) -> bool:
+class Shared(NamedTuple):
+    """How rays are shared out between many lamps."""
+
+    mean: float  # rays of a mean lamp, where a pixel has one sample
+    counts: tuple[float, ...]  # what there is of such; to a lamp that gets the last of these
+    most: int  # go so many where they disagree
+
+
+# As near as 4 and as 16 rays to each lamp
+BALANCED, BEST = Shared(7.0, (2.0, 4.0, 8.0), 16), Shared(40.0, (4.0, 8.0, 16.0), 16)
+SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many times the rays of each are as near
+
+
+def many(lamps: int) -> bool:
     """Whether rays are shared out between so many lamps, and not the same for all."""
-    return lamps > FEW and kI < FINE
+    return lamps > FEW
+
+
+def shared(kI: float) -> Shared:
+    """How they are shared out, from kI = FINE on more to each."""
+    return BEST if kI >= FINE else BALANCED
 
 
 def most(kI: float, lamps: int) -> Rays:
     """The rays of a lamp to which the most go."""
-    return Rays(int(COUNTS[-1]), MOST) if many(kI, lamps) else Rays(RAYS, MORE_RAYS, alone=True)
+    of = shared(kI)
+    return Rays(int(of.counts[-1]), of.most) if many(lamps) else Rays(RAYS, MORE_RAYS, alone=True)
 
 
 class RayCounts:
     """The rays of each pair of a receiver and a lamp."""
 
-    def __init__(self, kI: float, lamps: int) -> None:
-        """lamps: how many have a size."""
-        self.shared, self._most = many(kI, lamps), most(kI, lamps)
+    def __init__(self, kI: float, lamps: int, samples: int) -> None:
+        """lamps: how many have a size. samples: of a pixel."""
+        self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
+        self._mean = self._of.mean * (FEWER if samples >= SEVERAL else 1.0)
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,
                  shown: NDArray[np.float64] | None) -> NDArray[np.uint8]:
@@ -64,13 +81,13 @@ class RayCounts:
         none = np.zeros(len(active))
         if self.shared:
             out = np.empty(e.shape, np.uint8)
-            _counts(active, e, none, MEAN, np.array(COUNTS), out)
+            _counts(active, e, none, self._mean, np.array(self._of.counts), out)
         else:
             out = np.full(e.shape, first, np.uint8)
         some = none[:0] if shown is None else np.flatnonzero(shown)
         if shown is not None and len(some):
             found = np.empty((len(some), e.shape[1]), np.uint8)
-            _counts(active[some], e[some], shown[some], MEAN if self.shared else float(first),
+            _counts(active[some], e[some], shown[some], self._mean if self.shared else float(first),
                     np.array([n for n in BLURRED if n <= first]), found)
             out[some] = found
         return out

@@ -156,6 +156,110 @@ i64 shares_sorted(i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, const i64 *start, co
     return 0;
 }
 
+/* Nodes near a receiver, in arrays of their own for vectors: the ways to them, their squares, and how far nodes are above
+   the receiver's plane; slid: see slide_all. */
+typedef struct {
+    f32 *x, *y, *z, *square, *above, *slid;
+    i32 *node;
+    i64 count;
+} Near;
+
+/* Lists the candidates that are nearer to P than `far`. */
+static void nodes_near(const f64 *P, const f64 *N, const i64 *range, i64 s, const i32 *candidate, const f64 *position, f64 far,
+                       Near *near) {
+    i64 count = 0;
+    for (i64 q = range[0]; q < range[s - 1]; q++) {
+        const f64 *at = position + 3 * (i64)candidate[q];
+        f64 d[3] = {at[0] - P[0], at[1] - P[1], at[2] - P[2]};
+        f64 above = dot(d, N), square_of = dot(d, d);
+        near->x[count] = (f32)d[0], near->y[count] = (f32)d[1], near->z[count] = (f32)d[2];
+        near->square[count] = (f32)square_of, near->above[count] = (f32)above, near->node[count] = candidate[q];
+        count += (above > 0.0) & (square_of < far * far);
+    }
+    near->count = count;
+}
+
+/* The square of how far nodes are from P once they are slid along the way to a light onto P's plane. turns: 1, of a light
+   that all see in one direction 0. */
+static void slide_all(const Near *near, const f64 *N, const f64 *way, f32 turns) {
+    f32 x = (f32)way[0], y = (f32)way[1], z = (f32)way[2], toward = (f32)dot(way, N), whole = (f32)dot(way, way);
+    for (i64 k = 0; k < near->count; k++) {
+        f32 rise = toward - turns * near->above[k], share = near->above[k] / rise, more = 1.0f + turns * share;
+        f32 along = near->x[k] * x + near->y[k] * y + near->z[k] * z;
+        f32 slid = more * more * near->square[k] - 2.0f * share * more * along + share * share * whole;
+        near->slid[k] = rise > 0.0f ? slid : 1e30f;
+    }
+}
+
+/* 1 or 0 if all nodes that slid to less than the root of `least` from P see all points of a light, or none; −1 if they
+   disagree, or are fewer than `enough`. */
+static int agreed(const Near *near, f32 least, i64 enough, i64 points, const u8 *seen_points, i64 L) {
+    u8 every = 255, some = 0;
+    i64 count = 0;
+    for (i64 k = 0; k < near->count; k++) {
+        if (!(near->slid[k] < least)) continue;
+        u8 sees = seen_points[near->node[k] * L];
+        every &= sees, some |= sees, count++;
+        if (some > points || (some && every != points)) return -1;
+    }
+    return count >= enough ? some != 0 : -1;
+}
+
+/* Adds to S[to[p]] what the nodes near receivers p say of the lights in `asked`, by how much that counts, `rest`; sets the
+   lights in known. They do where all that are nearer to a receiver than `far`, and than `slid` once they are slid along the
+   light's way onto its plane, see it, or none; and where these are `enough`. points, seen_points: see shares_sorted. */
+KERNEL(shares_agreed,
+       "P f64[n,3]  N f64[n,3]  group i32[n]  start i64[g,s]  candidate i32[c]  position f64[u,3]  points i64  "
+       "seen_points u8[u,L]  light_position f64[L,3]  directional bool[L]  far f64  slid f64  enough i64  asked u64[n,W]  "
+       "to i64[n]  rest f32[m,L]  S f32[m,L,C]!  known u64[n,W]!")
+i64 shares_agreed(i64 n, i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, i64 m, i64 C, const f64 *P, const f64 *N,
+                  const i32 *group, const i64 *start, const i32 *candidate, const f64 *position, i64 points,
+                  const u8 *seen_points, const f64 *light_position, const u8 *directional, f64 far, f64 slid,
+                  i64 enough, const u64 *asked, const i64 *to, const f32 *rest, f32 *S, u64 *known) {
+    i64 most = 0;
+    f32 least = (f32)(slid * slid);
+    (void)c, (void)u, (void)m;
+    for (i64 k = 0; k < g; k++) most = start[k * s + s - 1] - start[k * s] > most ? start[k * s + s - 1] - start[k * s] : most;
+    most = (most + 16) / 16 * 16;
+    f32 *room = malloc((size_t)(6 * most) * sizeof *room);
+    Near near = {room, room + most, room + 2 * most, room + 3 * most, room + 4 * most, room + 5 * most, 0, 0};
+    near.node = malloc((size_t)most * sizeof *near.node);
+    if (!room || !near.node) {
+        free(room), free(near.node);
+        return 1;
+    }
+    memset(known, 0, (size_t)(n * W) * sizeof *known);
+    for (i64 p = 0; p < n; p++) {
+        near.count = -1;
+        for (i64 w = 0; w < W; w++)
+            for (u64 left = asked[W * p + w]; left; left &= left - 1) {
+                i64 i = 64 * w + lowest(left), at = to[p] * L + i;
+                f64 way[3];
+                if (near.count < 0) nodes_near(P + 3 * p, N + 3 * p, start + s * (i64)group[p], s, candidate, position, far, &near);
+                for (int j = 0; j < 3; j++) way[j] = light_position[3 * i + j] - (directional[i] ? 0.0 : P[3 * p + j]);
+                slide_all(&near, N + 3 * p, way, directional[i] ? 0.0f : 1.0f);
+                int state = agreed(&near, least, enough, points, seen_points + i, L);
+                if (state >= 0) known[W * p + w] |= bit(i);
+                for (i64 channel = 0; state > 0 && channel < C; channel++) S[C * at + channel] += rest[at];
+            }
+    }
+    free(room), free(near.node);
+    return 0;
+}
+
+/* Adds to S[to[p]] of the lights in seen (n,W) all that counts, `rest`. */
+KERNEL(shares_add, "seen u64[n,W]  to i64[n]  rest f32[m,L]  S f32[m,L,C]!")
+i64 shares_add(i64 n, i64 W, i64 m, i64 L, i64 C, const u64 *seen, const i64 *to, const f32 *rest, f32 *S) {
+    (void)m;
+    for (i64 p = 0; p < n; p++)
+        for (i64 w = 0; w < W; w++)
+            for (u64 left = seen[W * p + w]; left; left &= left - 1) {
+                i64 at = to[p] * L + 64 * w + lowest(left);
+                for (i64 channel = 0; channel < C; channel++) S[C * at + channel] += rest[at];
+            }
+    return 0;
+}
+
 /* How far each ray from origin[row] has come to the place (u, v) of a triangle (−1: none), as 8 bits; 0: none. */
 KERNEL(shares_distances,
        "centre f64[3]  scale f64  vertices f32[v,3]  triangles i32[t,3]  h f64  origin f64[n,3]  triangle i32[n]  "

@@ -36,11 +36,13 @@ THROUGH = 1 << 7  # the bit beside these of a node from which the lamp is seen t
 UNKNOWN = 1  # the distance of such a node: so near that its share counts nowhere
 HALF, POINTS = 8, 16  # that nodes near penumbrae trace: all, or with many lamps half, and all where these disagree
 UNEVEN = 0.5  # lamps whose radius is this share of their distance, by the cosine, are too near for a count of points
+FAR = 2.6  # steps: nodes farther from a receiver are not asked whether its neighbourhood agrees
+MANY = 2.0  # nodes for each step² that they are slid at most: so many are enough; at grazing light there are fewer
 ACROSS = 0.8661  # steps: from the middle of a cell to what is farthest in it
 PAIRS = 1 << 15  # of node and lamp traced at once
 
 _groups, _sorted, _mean = kernel("shares_groups"), kernel("shares_sorted"), kernel("shares_mean")
-_distances, _grazing = kernel("shares_distances"), kernel("shares_grazing")
+_distances, _grazing, _agreed = kernel("shares_distances"), kernel("shares_grazing"), kernel("shares_agreed")
 _uneven = kernel("shares_uneven")
 
 
@@ -116,15 +118,31 @@ class Shares:
         near = candidates(L, place, N[first])
         return Groups(group, first, place, lit, near.start, near.candidate, near.nodes, near.position)
 
-    def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64], NDArray[np.uint64]]:
+    def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64], NDArray[np.uint64],
+                                                       NDArray[np.uint8]]:
         """Lights that all candidates of each group see (g,W); those that they do not agree on; and of these those that
-        some see through something.
+        some see through something. Also which of the FIRST points the nodes see (u,L), see `_trace_first`.
         """
         need = self._need(g, g.lit)
         seen_points = self._first.store.values(g.nodes, need, lambda nodes, todo: self._trace_first(nodes, todo, check))
         seen, mixed, through = np.empty_like(g.lit), np.empty_like(g.lit), np.empty_like(g.lit)
         needs_memory(_sorted(g.start, g.candidate, (1 << FIRST) - 1, seen_points, g.lit, seen, mixed, through))
-        return seen, mixed, through
+        return seen, mixed, through, seen_points
+
+    def agreed(self, at: Receivers, g: Groups, seen_points: NDArray[np.uint8], asked: NDArray[np.uint64],
+               slid: float, to: NDArray[np.intp], rest: NDArray[np.float32],
+               S: NDArray[np.float32]) -> NDArray[np.uint64]:
+        """Add to S[to] (…,L,C) what nodes near receivers say of lights of asked (n,W), by how much that counts, rest
+        (…,L). Returns the lights of which they say something.
+
+        Nodes are near that are less than FAR steps from a receiver, and less than `slid` steps when they are slid onto
+        its plane. They say something where all agree, and are not too few. seen_points: from `sorted`.
+        """
+        known = np.empty_like(asked)
+        needs_memory(_agreed(at.P, at.N, g.group, g.start, g.candidate, g.position, (1 << FIRST) - 1, seen_points,
+                             *self._lamps.targets, FAR * self.h, slid * self.h, int(MANY * slid**2), asked,
+                             to, rest, S, known))
+        return known
 
     def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:
         """Lamps (g,W) that the plane of a group may cut."""

@@ -19,24 +19,26 @@ from numpy.typing import NDArray
 from ..rays.tracer import points as places
 from ..support.bits import has
 from ..support.native import kernel
-from . import pairs
+from . import lobe_points, pairs
 from .casters import union
 from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
-from .method import Check, Method, Receivers, Setup
-from .ray_counts import RayCounts, Rays, many
+from .method import Check, Lobes, Method, Receivers, Setup
+from .ray_counts import FINE, RayCounts, Rays, many
 from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
-from .terminator import starts, touched
+from .terminator import Lift, starts, touched
 
 LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
+# Nodes so many steps around a receiver may answer for it where those of its group disagree; with many lamps fewer
+CLOSE = (2.0, 1.5)
 DENSE = 2.0  # nodes are asked where receivers stand so many times as close as the step
 BATCH = 1 << 15  # receivers at once
-RAYS_AT_ONCE = 1 << 18
+RAYS_AT_ONCE = 1 << 14
 
-_sums = kernel("lamp_sums")
+_sums, _add = kernel("lamp_sums"), kernel("shares_add")
 
 
 class Batch(NamedTuple):
@@ -73,11 +75,13 @@ class SizedLamps(Method):
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._lamps = lamps(setup)
-        self._reaches = reaches(self._lamps.shapes)
+        self._reaches, self._samples = reaches(self._lamps.shapes), setup.settings.samples
+        self.highlights = self._highlights if self._channels == 1 else None
         kI, sized = setup.settings.kI, sum(has(self._soft, i) for i in range(self._count))
-        self._rays = RayCounts(kI, sized)
+        self._rays = RayCounts(kI, sized, setup.settings.samples)
         self.weighs = self._rays.shared
-        self._enough = HALF if many(kI, sized) else POINTS
+        quick = many(sized) and kI < FINE
+        self._enough, self._close = (HALF, CLOSE[1]) if quick else (POINTS, CLOSE[0])
         self.levels = [self._level(setup, 2.0**k) for k in range(levels)]
         self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
@@ -116,7 +120,10 @@ class SizedLamps(Method):
         for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays)):
             self._stats.add_each(name, _each(pairs_of, self._count))
         if by_rays.any():
-            self._add_rays(at, soft, by_rays, S, rest, check)
+            counts = self._rays(soft, at.weight, at.shown)
+            self._add_rays(at, None, np.bitwise_and(by_rays, ~lifted), counts, S, rest, check)
+            if lifted.any():
+                self._add_rays(at, at.lift, np.bitwise_and(by_rays, lifted), counts, S, rest, check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0
@@ -128,18 +135,51 @@ class SizedLamps(Method):
             probe += own
         return S
 
-    def _add_rays(self, at: Receivers, soft: NDArray[np.uint64], by_rays: NDArray[np.uint64], S: NDArray[np.float32],
-                  rest: NDArray[np.float32], check: Check) -> None:
-        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). soft (n,W): all lamps
-        with a size that light the receivers.
+    def _add_rays(self, at: Receivers, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
+                  S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
+        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). counts (n,L) or (n,1):
+        of rays. lift: of receivers; None: the rays to these lights are not lifted.
         """
-        counts = np.broadcast_to(self._rays(soft, at.weight, at.shown), S.shape[:2])
+        counts = np.broadcast_to(counts, S.shape[:2])
         for row, light in pairs.blocks(by_rays, self._count):
             share, count = rest[row, light], counts[row, light]
             for number in np.unique(count):
                 some = np.flatnonzero(count == number)
-                found = self._by_rays(at, row[some], light[some], self._rays.kind(int(number)), share[some] == 1, check)
+                found = self._by_rays(at, lift, row[some], light[some], self._rays.kind(int(number)), share[some] == 1,
+                                      check)
                 S[row[some], light[some]] += share[some, None] * found
+
+    def _highlights(self, at: Receivers, S: NDArray[np.float32], lobes: Lobes,
+                    check: Check) -> NDArray[np.float32] | None:
+        """See `Method.highlights`; S (n,L,C): what it said of the receivers."""
+        soft = at.active & self._soft
+        soft[lobes.alpha <= 0] = 0
+        if at.triangle is not None and self._receives is not None:
+            soft[~self._receives[at.triangle]] = 0
+        out: NDArray[np.float32] | None = None
+        turn, targets, shapes = turns_of_points(at.P, at.sample), self._lamps.targets, self._lamps.shapes
+        if at.sample is not None:
+            turn = lobe_points.turns(turn, at.sample, self._samples)
+        for group in self._groups:
+            for row, light in pairs.blocks(soft & group.lights, self._count):
+                seen = S[row, light, 0]
+                partly = np.flatnonzero((seen > 0) & (seen < 1))
+                partly = partly[lobe_points.matter(targets, self._reaches, at.P, *lobes, row[partly], light[partly])]
+                for i in range(0, len(partly), RAYS_AT_ONCE // lobe_points.DIRECTIONS):
+                    check()
+                    some = partly[i:i + RAYS_AT_ONCE // lobe_points.DIRECTIONS]
+                    to, weight = lobe_points.points(shapes, targets, at.P, *lobes, turn, row[some], light[some])
+                    order = np.flatnonzero(weight.reshape(-1)).astype(np.int32)
+                    of = np.repeat(row[some], lobe_points.DIRECTIONS)[order]
+                    origin, normal, of = starts(at.lift, at.P, at.N, to, of, order)
+                    visible = np.zeros(weight.size)
+                    visible[order] = self._sharp.segments(origin, of, to, order, normal, group.casters)[:, 0]
+                    self._stats.add(shadow_rays=len(order))
+                    found = lobe_points.share(weight, visible.reshape(weight.shape), seen[some])
+                    if out is None:
+                        out = np.ones_like(S)
+                    out[row[some], light[some], 0] = found / seen[some]
+        return out
 
     def _ask(self, batch: Batch) -> NDArray[np.uint64]:
         """Add to S what nodes say; returns the lights (n,W) that rays must answer for."""
@@ -151,19 +191,18 @@ class SizedLamps(Method):
             by_rays = grazing[g.group] & at.active
             soft = at.active & ~by_rays
         with stats.stage("nodes"):
-            seen, mixed, through = level.sorted(g, batch.check)
+            seen, mixed, through, seen_points = level.sorted(g, batch.check)
         certified = self._certified(level, at, g)
         unsure = mixed & (through | np.where(certified, np.uint64(0), ~np.uint64(0))[:, None])
         unsure |= level.uneven(g, at.normals(), mixed)
         by_rays |= unsure[g.group] & soft
         agreed = soft & ~mixed[g.group]
-        hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & agreed.any(1)).astype(np.int32))
+        unclear = mixed[g.group] & ~through[g.group] & soft
+        hidden = self._hidden(at, g, np.flatnonzero(~certified[g.group] & (agreed | unclear).any(1)).astype(np.int32))
         by_rays[hidden] |= agreed[hidden]
         agreed[hidden] = 0
         with stats.stage("average"):
-            for row, light in pairs.blocks(agreed & seen[g.group], self._count):
-                to = batch.rows[row]
-                batch.S[to, light] += batch.rest[to, light][:, None]
+            _add(agreed & seen[g.group], batch.rows, batch.rest, batch.S)
         mixed &= ~unsure
         todo = mixed[g.group] & soft
         stats.add(receivers=len(at.P), mixed_pairs=int(_each(todo | by_rays, self._count).sum()))
@@ -180,6 +219,9 @@ class SizedLamps(Method):
                 near = trust < 1
                 np.bitwise_or.at(by_rays, (row[near], light[near] >> 6),
                                  np.uint64(1) << (light[near] & 63).astype(np.uint64))
+        unclear &= by_rays
+        unclear[hidden] = 0
+        by_rays &= ~self._nearby(batch, g, seen_points, unclear)
         if batch.narrow is not None:
             batch.narrow[batch.rows] |= by_rays
         if batch.probe is not None:
@@ -188,6 +230,15 @@ class SizedLamps(Method):
             batch.probe[batch.rows] = np.stack([count, np.where(todo.any(1), count, 0), none,
                                                 ~(todo | by_rays).any(1)], axis=1)
         return by_rays
+
+    def _nearby(self, batch: Batch, g: Groups, seen_points: NDArray[np.uint8],
+                unclear: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """Add to S what the nodes close to receivers say of lights in unclear (n,W), on which those of their groups do
+        not agree; returns the lights of which they say something.
+        """
+        with self._stats.stage("average"):
+            return self.levels[0].agreed(batch.at, g, seen_points, unclear, self._close, batch.rows,
+                                         batch.rest, batch.S)
 
     def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
         """Those of these receivers whose nearest candidate is not seen: all of them may be behind something."""
@@ -234,35 +285,39 @@ class SizedLamps(Method):
         with self._stats.stage("certificate"):
             return level.certificate.holds(g.place, at.normals()[g.first], at.triangle[g.first])
 
-    def _by_rays(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
+    def _by_rays(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
                  alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
         """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         with self._stats.stage("rays near contact"):
-            clear, whole = self._clear(at, row, light, 0, rays.first, check)
+            skip = None if at.sample is None else at.sample[:, 1] * rays.most
+            clear, whole = self._clear(at, lift, row, light, 0, rays.first, check, skip)
             if rays.most > rays.first:
                 disagree = ((clear > 0) & (clear < whole[:, None])).any(1)
                 more = np.flatnonzero(disagree & alone if rays.alone else disagree)
-                found, further = self._clear(at, row[more], light[more], rays.first, rays.most - rays.first, check)
+                found, further = self._clear(at, lift, row[more], light[more], rays.first,
+                                             rays.most - rays.first, check, skip)
                 clear[more] += found
                 whole[more] += further
         return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
-    def _clear(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
-               check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _clear(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], first: int,
+               count: int, check: Check,
+               skip: NDArray[np.int64] | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what points first..first+count of light[k] give P[row[k]], added up: what gets through (k,C), and what
         would if nothing stood between (k,). Ω is that of the lamp above the horizon, so the points below do not count.
+        lift: of receivers that rays are lifted from. skip (n,): of each receiver, see `points`.
         """
         clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
         facing = at.normals() if at.lift is None else at.lift.side
-        turn, targets, shapes = turns_of_points(at.P), self._lamps.targets, self._lamps.shapes
+        turn, targets, shapes = turns_of_points(at.P, at.sample), self._lamps.targets, self._lamps.shapes
         for group in self._groups:
             mine = np.flatnonzero(_in(group.lights, light))
             for i in range(0, len(mine), RAYS_AT_ONCE // count):
                 check()
                 part = mine[i:i + RAYS_AT_ONCE // count]
-                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count)
+                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count, skip)
                 order = np.arange(len(to.position), dtype=np.int32)
-                origin, normal, of = starts(at.lift, at.P, at.N, to, np.repeat(row[part], count), order)
+                origin, normal, of = starts(lift, at.P, at.N, to, np.repeat(row[part], count), order)
                 visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
                 some, all_of_it = np.zeros((len(part), self._channels)), np.zeros(len(part))
                 _sums(count, at.P, facing, row[part], light[part], targets.directional, shapes.shape,

@@ -173,15 +173,18 @@ static void add_all(const Source *s, const f64 (*S)[SIDE], const f64 (*matt_S)[S
     if (returns & SHEEN && s->diffuse) FOR_KIND(add_fibres, s->kind, s, matt_S, channel, b, sums->cloth)
 }
 
-/* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S
-   must be 0 where ξ_i·Ω_i is 0; this is not checked again. */
-KERNEL(shading_gather, LIGHTS MATERIALS HITS "S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
-i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *colour, f64 *matt, f64 *gloss) {
+/* Adds U = Σ S_i·Ω_i, eqs. (2), (4) and (7), to colour, and its two terms to matt and gloss if these are given. S is
+   multiplied by `shines`, where it is given, for highlights. S must be 0 where ξ_i·Ω_i is 0; this is not checked again. */
+KERNEL(shading_gather,
+       LIGHTS MATERIALS HITS
+       "S f32[n,L,C]  shines f32[n,L,C]?  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
+i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const f32 *shines, f64 *colour, f64 *matt,
+                   f64 *gloss) {
     GATHERED;
     Block block, mirrors;
     const int channel[3] = {0, (int)(C / 2), (int)(C - 1)};
     for (i64 first = 0; first < n; first += SIDE) {
-        f64 share[3][SIDE], soft[3][SIDE], (*matt_share)[SIDE] = smooth ? soft : share, power[SIDE];
+        f64 share[3][SIDE], soft[3][SIDE], (*matt_share)[SIDE] = smooth || shines ? soft : share, power[SIDE];
         f32 ahead[3 * AHEAD][SIDE];
         Sums sums = {0};
         u64 some = 0;
@@ -197,6 +200,9 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, f64 *
             for (i64 c = 0; c < C; c++)
                 for (int k = 0; k < SIDE; k++) share[c][k] = ahead[i % AHEAD * C + c][k];
             if (smooth) share_of_bumps(&s, &block, shining, &hits, first, count, C, share, soft);
+            else if (shines) memcpy(soft, share, sizeof soft);
+            for (i64 c = 0; shines && c < C; c++)
+                for (int k = 0; k < count; k++) share[c][k] *= shines[((first + k) * L + i) * C + c];
             add_all(&s, share, matt_share, channel, &block, shining, returns, count, power, &sums);
         }
         for (int k = 0; k < count; k++)

@@ -210,6 +210,8 @@ class Lit(NamedTuple):
     direction: NDArray[np.float64]  # (n,3) unit
     Od: NDArray[np.float64]  # (n,3)
     shown: NDArray[np.bool_] | None = None  # (L,) lamps that mirrors show as they are, and so not as highlights
+    # (n,L,C) by which S is multiplied for highlights; None: by 1
+    highlights: NDArray[np.float32] | None = None
     kernels: Kernels | None = None  # those of these lights and materials, if they are at hand
 
     def at(self, rows: slice) -> Lit:
@@ -249,15 +251,25 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
     rough = None if lit.shown is None else rough_only(lit.materials, lit.hits.row)
     if rough is None or lit.shown is None:
         if lit.kernels is None:
-            _gather(*lit.taken, S, colour, matt, gloss)
+            _gather(*lit.taken, S, lit.highlights, colour, matt, gloss)
         else:
-            lit.kernels.gather(*lit.receivers, S, colour, matt, gloss)
+            lit.kernels.gather(*lit.receivers, S, lit.highlights, colour, matt, gloss)
         return
     lights = lit.lights
     others = lights._replace(glossy=lights.glossy & ~lit.shown)
     shown = lights._replace(glossy=lights.glossy & lit.shown, diffuse=np.zeros_like(lights.diffuse))
-    _gather(*lit._replace(lights=others).taken, S, colour, matt, gloss)
-    _gather(*lit._replace(lights=shown, materials=rough).taken, S, colour, matt, gloss)
+    _gather(*lit._replace(lights=others).taken, S, lit.highlights, colour, matt, gloss)
+    _gather(*lit._replace(lights=shown, materials=rough).taken, S, lit.highlights, colour, matt, gloss)
+
+
+def alphas(m: Materials, row: NDArray[np.int32]) -> NDArray[np.float64]:
+    """The square of the roughness (n,) of highlights of facets, that of a coat if it is smoother; 0: there are none.
+
+    row (n,): of the materials.
+    """
+    coated = (m.coat > 0) & (m.coat_roughness >= 0)
+    rough = np.where(coated, np.minimum(m.roughness, m.coat_roughness), m.roughness)
+    return np.where(m.ggx, np.maximum(rough, SMOOTHEST) ** 2, 0.0)[row]
 
 
 def each(lit: Lit, active: NDArray[np.uint64]) -> NDArray[np.float32]:
