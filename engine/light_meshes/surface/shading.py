@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -21,6 +22,7 @@ _each = kernel("shading_each")
 _reflecting = kernel("shading_reflecting")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
+_last = threading.local()  # the table of materials that each thread's kernels were given last
 SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
 TABLES = 32 * 32 + 32 + 16**3  # numbers of the tables in ggx.h
 
@@ -115,8 +117,12 @@ class Materials(NamedTuple):
         """Return what the kernels want to know of GGX, a row (32,) a material, and its tables; (None, None): none has
         it.
         """
-        return (np.column_stack(self[19:]), _facet_tables()) if (
-            self.ggx.any() or self.diffuse_roughness.any()) else (None, None)
+        if getattr(_last, "table", None) is not self:  # one table serves many kernels, one after the other
+            some = self.ggx.any() or self.diffuse_roughness.any()
+            _last.facets = (np.column_stack(self[19:]), _facet_tables()) if some else (None, None)
+            _last.table = self
+        found: tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None] = _last.facets
+        return found
 
     def behind(self) -> Materials:
         """Return what surfaces are for the light that comes through them, scattered: matt on their other side."""
