@@ -1,8 +1,8 @@
-"""How the world lights, and bounces: new scenes have light from everywhere; those of earlier files keep what they had.
+"""How the world lights, bounces, and how bright reflections may be: scenes of earlier files keep what they had.
 
-Releases before had only ambient light. Blender saves only what was set, so a scene in which nothing was chosen says by
-`release` that it is of one of these, or by using Light Meshes at all where nothing says so. When a file is saved, what
-its scenes render with is set.
+Releases before had only ambient light, and reflections without a limit. Blender saves only what was set, so a scene in
+which nothing was chosen says by `release` that it is of one of these, or by using Light Meshes at all where nothing
+says so. When a file is saved, what its scenes render with is set.
 """
 
 import bpy
@@ -10,7 +10,7 @@ from bpy.app.handlers import persistent
 
 from .softness import NOW, is_used, stamps
 
-EARLIER = {"world_light": 'AMBIENT', "bounces": 0}
+EARLIER = {"world_light": 'AMBIENT', "bounces": 0, "clamp_indirect": 0.0}
 
 
 def of(scene) -> dict:

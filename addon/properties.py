@@ -165,9 +165,18 @@ class LightMeshesScene(bpy.types.PropertyGroup):
     )
     max_depth: IntProperty(
         name="Reflections",
-        description="How often light may be mirrored on its way to the camera. "
-                    "With fewer, mirrors seen in mirrors turn black",
+        description="How often light may be mirrored on its way to the camera: after that, mirrors are black",
         min=0, max=64, soft_max=16, default=4, update=_changed,
+    )
+    fast_reflections: BoolProperty(
+        name="Fast Rough Reflections",
+        description="Rough surfaces show matt ones as these light others, with highlights spread out",
+        default=True, update=_changed,
+    )
+    clamp_indirect: FloatProperty(
+        name="Clamp Indirect",
+        description="Light that mirrors, rough surfaces and glass show is at most so bright. 0: no limit",
+        min=0.0, max=1e8, soft_max=100.0, default=10.0, update=_changed,
     )
     release: IntProperty(
         name="Release of Lamps", options={'HIDDEN'},

@@ -44,9 +44,10 @@ def _attribute(mesh: Any, kind: str, name: str, corners: np.ndarray) -> np.ndarr
         if kind == "uv":
             name = next((a.name for a in mesh.uv_layers if a.active_render), "")
         attribute = mesh.attributes.get(name)
-    out[:, :, 3] = 1
     if attribute is None or attribute.data_type not in _PROPERTY:
+        out[:, :, 3] = kind != "color"  # as Cycles
         return out
+    out[:, :, 3] = 1
     prop, width = _PROPERTY[attribute.data_type]
     stored: dict[str, type] = {'INT': np.int32, 'INT8': np.int32, 'BOOLEAN': np.bool_}
     flat: np.ndarray = np.empty(len(attribute.data) * width, stored.get(attribute.data_type, np.float32))

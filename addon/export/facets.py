@@ -108,6 +108,10 @@ class Facets:
         """What the coat reflects at normal incidence."""
         return self.coat * squared((self.coat_ior - 1) / (self.coat_ior + 1))
 
+    def above(self) -> Value:
+        """About how much light the fibres and the coat return."""
+        return self.share * (self.sheen + self.coat_reflectance())
+
     @property
     def covers(self) -> bool:
         """Whether a coat or fibres lie over what is diffuse."""

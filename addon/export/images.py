@@ -13,6 +13,7 @@ from .image_files import engine_reads, path_of, refusal
 from .report import Report
 
 _SAVES_COPIES = "save_copy" in bpy.types.Image.bl_rna.functions["save"].parameters
+_INTERPOLATION = {'Closest': 'CLOSEST', 'Cubic': 'CUBIC', 'Smart': 'CUBIC'}  # as Cycles on a processor
 _PNG_END = b"IEND\xaeB\x60\x82"
 
 
@@ -60,7 +61,7 @@ class Images:
             else:
                 self._indices[key] = len(self.descriptions)
                 self.descriptions.append({
-                    "name": image.name, "interpolation": 'CLOSEST' if node.interpolation == 'Closest' else 'LINEAR',
+                    "name": image.name, "interpolation": _INTERPOLATION.get(node.interpolation, 'LINEAR'),
                     "extension": extension,
                 } | color.space(image.colorspace_settings) | _alpha(image, linked) | file)
         return self._indices[key]

@@ -22,7 +22,7 @@ class LeftOut(NamedTuple):
 
 
 _FILM = LeftOut(instead="it is rendered without a film", details=("Thin Film IOR",))
-_ROUND = "it is rendered with round highlights"
+_ROUND = "it is rendered with round highlights of the same roughness"
 # For each translated shader: the inputs that are read, and those that are left out.
 _READ = {
     'ShaderNodeBsdfPrincipled': {
@@ -47,7 +47,7 @@ _LEFT_OUT: dict[str, dict[str, LeftOut]] = {
     'ShaderNodeBsdfPrincipled': {
         "Thin Wall": LeftOut(instead="it is rendered as a solid"),
         "Subsurface Weight": LeftOut(
-            instead="it is rendered without subsurface scattering",
+            instead="it is rendered matt, in the base colour, where light is scattered below the surface",
             details=("Subsurface Radius", "Subsurface Scale", "Subsurface IOR", "Subsurface Anisotropy")),
         "Anisotropic": LeftOut(instead=_ROUND, details=("Anisotropic Rotation", "Tangent")),
         "Thin Film Thickness": _FILM,

@@ -170,7 +170,7 @@ _TYPICAL = {"ka": 1.0, "kd": 1.0, "Od": [0.8] * 3, "ks": 0.5, "Os": [1.0] * 3, "
 
 
 # What only the first layer of a material says, as it holds for the surface as a whole.
-_OF_ALL = {"emission", "kt", "ior", "fresnel", "alpha", "frosted", "translucent"}
+_OF_ALL = {"emission", "kt", "ior", "fresnel", "alpha", "frosted"}
 
 
 def _layers(surface: Surface, chosen: dict[str, Any]) -> list[dict[str, Any]]:

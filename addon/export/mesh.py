@@ -22,12 +22,13 @@ class Mesh:
     corner_vertices: np.ndarray  # (C,)
     corners: np.ndarray  # (T,3) of the triangles
     normals: np.ndarray  # (V,3), (P,3) or (C,3)
-    domain: str  # of the normals: POINT if all is smooth, FACE if all is flat, otherwise CORNER
+    domain: str  # of the normals: POINT if all is smooth, FACE if all faces or edges are sharp, otherwise CORNER
     polygons: np.ndarray | None  # (T,) polygon of each triangle, if `normals` or `slots` need it
     materials: np.ndarray  # (S,) numbers of the slots' materials
     slots: np.ndarray | None  # (P,); None: all faces have the first
     uvs: np.ndarray | None  # (C,2), where a material has an image
     attributes: np.ndarray | None = None  # (T,3,A), where a material's program asks for some
+    flat: bool = False  # whether all faces are
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the arrays of the engine's Geometry that describe triangles; "uvs" only if there are any."""
@@ -35,7 +36,7 @@ class Mesh:
         if self.domain == 'POINT':
             normals = self.normals[triangles]
         elif self.domain == 'FACE':
-            normals = np.broadcast_to(self.normals[self.polygons][:, None], (len(triangles), 3, 3))
+            normals = np.broadcast_to(self._flat(triangles)[:, None], (len(triangles), 3, 3))
         else:
             normals = self.normals[self.corners]
         if self.slots is None:
@@ -48,6 +49,18 @@ class Mesh:
             uvs["attributes"] = self.attributes
         return {"vertices": self.vertices, "triangles": triangles, "corner_normals": normals,
                 "triangle_materials": materials} | uvs
+
+    def _flat(self, triangles: np.ndarray) -> np.ndarray:
+        """(T,3) the normals of polygons; where these are flat but not level those of triangles, as in Cycles."""
+        normals = self.normals[self.polygons]
+        if not self.flat:
+            return normals
+        corners = self.vertices[triangles].astype(np.float64)
+        own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(own, axis=1, keepdims=True)
+        np.divide(own, length, out=own, where=length > 0)
+        bent = (length[:, 0] > 0) & (np.abs(own - normals).max(1) > 1e-4)
+        return np.where(bent[:, None], own, normals).astype(np.float32)
 
 
 class Reader:
@@ -84,11 +97,16 @@ class Reader:
             materials=np.array(materials, np.int32),
             slots=self._got("slots", slots.data, "value", (np_,), np.int32) if slots else None,
             uvs=None if uv_layers is None else self._uvs(mesh, uv_layers, slots),
+            flat=domain == 'FACE' and self._all_flat(mesh),
         )
         result.attributes = self._part("attributes", lambda: channels(
             mesh, wanted, result.arrays(), result.corners)) if wanted else None
         self._parts = {}
         return result
+
+    def _all_flat(self, mesh) -> bool:
+        sharp = mesh.attributes.get("sharp_face")
+        return sharp is not None and bool(self._got("flat", sharp.data, "value", (len(mesh.polygons),), np.bool_).all())
 
     def _uvs(self, mesh, layers: list, slots: Any) -> np.ndarray:
         """UVs (C,2): each face's of the layer of its slot."""

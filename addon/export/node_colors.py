@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 
+import bpy
+
 from . import values as v
 from .color import luminance_weights
 from .node_math import fraction
 from .values import Triple, Value
 
-TABLE = 257  # samples of a ramp or a curve
+TABLE = 257  # samples of a ramp or a curve, as many as Cycles takes
 
 
 def rgb_node(nodes, node, socket) -> Triple:
@@ -169,12 +171,12 @@ def mix_rgb_node(nodes, node, socket) -> Triple | None:
 
 def tabled(x: Value, table: list[float], interpolates: bool, low: float = 0.0, high: float = 1.0,
            extrapolates: bool = False) -> Value:
-    """A function given by its values at equal steps from `low` to `high`."""
+    """A function given by its values at equal steps from `low` to `high`; without interpolation the value before."""
     place = (x - low) * ((len(table) - 1) / (high - low))
     if v.is_constant(place):
         place = place if extrapolates else min(max(place, 0.0), len(table) - 1.0)
         i = min(max(int(place), 0), len(table) - 2)
-        return table[i] + (table[i + 1] - table[i]) * (place - i) if interpolates else table[round(place)]
+        return table[i] + (table[i + 1] - table[i]) * (place - i) if interpolates else table[int(place)]
     return v.operation("table", place, tuple(table), float(interpolates), float(extrapolates))
 
 
@@ -182,13 +184,15 @@ def color_ramp_node(nodes, node, socket) -> Triple | Value:
     """The Color Ramp node, looked up in a table, or step by step where it is constant."""
     factor, ramp = nodes.value(node, 0), node.color_ramp
     of_alpha = socket.name == "Alpha"
-    if ramp.interpolation == 'CONSTANT':
-        found = _stepped(factor, ramp)
-    elif ramp.interpolation == 'LINEAR' and ramp.color_mode == 'RGB':
-        found = _straight(factor, ramp)
-    else:
+    exact = {'CONSTANT': _stepped, 'LINEAR': _straight}.get(ramp.interpolation if ramp.color_mode == 'RGB' else "")
+    if v.is_constant(factor) and bpy.app.version >= (5, 0):  # since then Blender computes what is constant itself
+        found = tuple(ramp.evaluate(min(max(factor, 0.0), 1.0)))
+    elif exact:
+        found = exact(factor, ramp)
+    else:  # by hues, too, Cycles takes the colour before where the interpolation, which counts no more, was constant
         samples = [tuple(ramp.evaluate(i / (TABLE - 1))) for i in range(TABLE)]
-        found = tuple(tabled(factor, list(channel), True) for channel in zip(*samples, strict=True))
+        found = tuple(tabled(factor, list(channel), ramp.interpolation != 'CONSTANT')
+                      for channel in zip(*samples, strict=True))
     return found[3] if of_alpha else found[:3]
 
 
@@ -222,21 +226,21 @@ def curves_node(nodes, node, socket) -> Triple | Value:
     names = {s.name for s in node.inputs}
     rgb = "Color" in names
     extrapolates = mapping.extend == 'EXTRAPOLATED'
-    low, high = (-1.0, 1.0) if "Vector" in names else (0.0, 1.0)
+    # As Cycles: a table from the first point of all curves to the last.
+    curves = [mapping.curves[i] for i in range(1 if "Value" in names else 4 if rgb else 3)]
+    low, high = min(c.points[0].location[0] for c in curves), max(c.points[-1].location[0] for c in curves)
 
-    def along(curve, x: Value) -> Value:
-        table = [mapping.evaluate(curve, low + (high - low) * i / (TABLE - 1)) for i in range(TABLE)]
+    def along(number: int, x: Value) -> Value:
+        places = [low + (high - low) * i / (TABLE - 1) for i in range(TABLE)]
+        if rgb:
+            places = [mapping.evaluate(mapping.curves[3], place) for place in places]
+        table = [mapping.evaluate(mapping.curves[number], place) for place in places]
         return tabled(x, table, True, low, high, extrapolates)
     if "Value" in names:
         value = nodes.value(node, "Value")
-        return v.mixed(value, along(mapping.curves[0], value), factor)
+        return v.mixed(value, along(0, value), factor)
     given = nodes.color(node, 1)
-    found: Triple = given
-    if rgb:
-        combined = mapping.curves[3]
-        found = tuple(along(combined, x) for x in given)  # type: ignore[assignment]
-    found = tuple(along(mapping.curves[i], x) for i, x in enumerate(found))  # type: ignore[assignment]
-    return tuple(v.mixed(x, y, factor) for x, y in zip(given, found, strict=True))  # type: ignore[return-value]
+    return tuple(v.mixed(x, along(i, x), factor) for i, x in enumerate(given))  # type: ignore[return-value]
 
 
 def hue_saturation_node(nodes, node, socket) -> Triple:

@@ -29,7 +29,7 @@ def fraction(x: Value) -> Value:
     return x - floor(x)
 
 
-def _modulo(x: Value, y: Value) -> Value:
+def modulo(x: Value, y: Value) -> Value:
     """The rest of x/y with the sign of x; 0 where y is 0."""
     if v.is_constant(x, y):
         return math.fmod(x, y) if y != 0 else 0.0
@@ -52,7 +52,7 @@ def _ping_pong(x: Value, scale: Value) -> Value:
 
 def _smooth_minimum(a: Value, b: Value, width: Value) -> Value:
     """Blender's smooth minimum: of two numbers nearer than `width` a smaller one."""
-    h = v.maximum(v.divide(width - v.unary("absolute", abs, a - b), width), 0.0)
+    h = v.divide(v.maximum(width - v.unary("absolute", abs, a - b), 0.0), width)
     smooth = v.minimum(a, b) - h * h * h * width * (1.0 / 6.0)
     return v.where(v.unary("absolute", abs, width), smooth, v.minimum(a, b))
 
@@ -96,7 +96,7 @@ MATH: dict[str, tuple[int, Callable[..., Value]]] = {
     'CEIL': (1, lambda a: -floor(-a)),
     'TRUNC': (1, _truncated),
     'FRACT': (1, fraction),
-    'MODULO': (2, _modulo),
+    'MODULO': (2, modulo),
     'FLOORED_MODULO': (2, _floored_modulo),
     'WRAP': (3, _wrap),
     'SNAP': (2, lambda a, b: floor(v.divide(a, b)) * b),
@@ -163,7 +163,7 @@ def _facing(a: Triple, b: Triple, c: Triple) -> Triple:
 VECTOR_MATH: dict[str, tuple[int, Callable[..., Triple]]] = {
     name: (MATH[name][0], _each(MATH[name][1])) for name in (
         'ADD', 'SUBTRACT', 'MULTIPLY', 'DIVIDE', 'MULTIPLY_ADD', 'ABSOLUTE', 'MINIMUM', 'MAXIMUM', 'FLOOR', 'CEIL',
-        'MODULO', 'WRAP', 'SNAP', 'SINE', 'COSINE', 'TANGENT', 'POWER', 'SIGN')
+        'MODULO', 'WRAP', 'SNAP', 'ROUND', 'SINE', 'COSINE', 'TANGENT', 'POWER', 'SIGN')
 } | {
     'FRACTION': (1, _each(fraction)),
     'CROSS_PRODUCT': (2, v.cross),
@@ -213,19 +213,18 @@ def clamp_node(nodes, node, socket) -> Value:
 def _mapped(kind: str, clamps: bool, value: Value, a: Value, b: Value, to_a: Value, to_b: Value,
             steps: Value, *, vector: bool) -> Value:
     """Map Range of one number, or of one of a vector."""
-    if kind in ('SMOOTHSTEP', 'SMOOTHERSTEP'):
-        t = v.clamp(v.divide(value - a, b - a))
-        if not vector:  # the same place at both ends of the old range is a step
-            t = v.where(v.unary("absolute", abs, b - a), t, 1.0 - v.less(value, a))
-        t = t * t * (3.0 - t * 2.0) if kind == 'SMOOTHSTEP' else t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
-        return to_a + (to_b - to_a) * t
     t = v.divide(value - a, b - a)
-    if kind == 'STEPPED':
+    if kind in ('SMOOTHSTEP', 'SMOOTHERSTEP'):
+        t = v.clamp(t)
+        t = t * t * (3.0 - t * 2.0) if kind == 'SMOOTHSTEP' else t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
+    elif kind == 'STEPPED':
         t = v.where(v.greater(steps, 0.0), v.divide(floor(t * (steps + 1.0)), steps), 0.0)
     found = to_a + (to_b - to_a) * t
-    # The same place at both ends of the old range: the node gives 0.
-    found = v.where(v.unary("absolute", abs, b - a), found, 0.0)
-    return v.minimum(v.maximum(found, v.minimum(to_a, to_b)), v.maximum(to_a, to_b)) if clamps else found
+    if not vector:  # the same number at both ends of the old range: the node gives 0
+        found = v.where(v.unary("absolute", abs, b - a), found, 0.0)
+    if not clamps or (vector and kind.startswith('SMOOTH')):
+        return found
+    return v.minimum(v.maximum(found, v.minimum(to_a, to_b)), v.maximum(to_a, to_b))
 
 
 def map_range_node(nodes, node, socket) -> Value | Triple:

@@ -10,7 +10,7 @@ import bpy
 
 from . import values as v
 from .node_inputs import generated, position, uv
-from .node_math import floor, scaled
+from .node_math import floor, modulo, scaled
 from .nodes import UNREAD
 from .values import Triple, Value
 
@@ -145,6 +145,8 @@ def magic(nodes, node, socket) -> Triple | Value:
     """The Magic Texture node."""
     scale, distortion = nodes.value(node, "Scale"), nodes.value(node, "Distortion")
     place = _place(nodes, node, generated)
+    if bpy.app.version < (5, 2):  # there Cycles' pattern repeats whatever its scale is
+        place = tuple(modulo(p, 2 * math.pi) for p in place)  # type: ignore[assignment]
     found = v.outputs("magic", 3, *scaled(place, scale), distortion, float(node.turbulence_depth))
     if socket.name == "Color":
         return found  # type: ignore[return-value]

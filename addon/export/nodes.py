@@ -86,14 +86,17 @@ class Nodes:
         """
         return self._resolved(node, socket)[0] if node is not None else None
 
-    def _resolved(self, node: Placed, socket) -> tuple[Link | None, Any]:
-        """The link that feeds an input, or None and the socket whose own value counts then."""
+    def _resolved(self, node: Placed, socket) -> tuple[Link | None, Any, list[str]]:
+        """The link that feeds an input, or None and the socket whose own value counts then; and the types of sockets
+        that values become on their way, the last one first.
+        """
         socket, outer = self.input(node, socket), node.outer
+        becomes: list[str] = []
         asking = socket  # the one whose own value counts, also where a muted node is passed whose input has no link
         while socket is not None and socket.is_linked:
             link = socket.links[0]
             if link.is_muted:
-                return None, socket
+                return None, socket, becomes
             inner = link.from_node
             following = None
             if inner.bl_idname == 'NodeReroute':
@@ -101,26 +104,28 @@ class Nodes:
             elif inner.mute:
                 following = next((i.from_socket for i in inner.internal_links if i.to_socket == link.from_socket), None)
                 if following is None:
-                    return None, link.from_socket
+                    return None, asking, becomes
+                if bpy.app.version < (5, 0):  # then Cycles makes what it hands on the output's type
+                    becomes.append(link.from_socket.type)
             elif inner.bl_idname == 'NodeGroupInput':
                 if outer is None:
-                    return None, link.from_socket
+                    return None, link.from_socket, becomes
                 following = _identified(outer.inputs, link.from_socket)
                 outer = outer.outer
             elif inner.bl_idname == 'ShaderNodeGroup':
                 end = _group_output(inner.node_tree)
                 following = _identified(end.inputs, link.from_socket) if end else None
                 if following is None:
-                    return None, link.from_socket
+                    return None, link.from_socket, becomes
                 outer = Placed(inner, outer)
             else:
-                return Link(Placed(inner, outer), link.from_socket), socket
+                return Link(Placed(inner, outer), link.from_socket), socket, becomes
             if following is None:
-                return None, socket
+                return None, socket, becomes
             socket = following
             if not inner.mute:
                 asking = socket
-        return None, asking
+        return None, asking, becomes
 
     def image(self, node: Placed, tile: int = 0) -> int:
         """The number of an image texture node's image, or of its UDIM tile; negative where it cannot be had."""
@@ -136,7 +141,10 @@ class Nodes:
 
     def value(self, node, socket) -> Value:
         """The number of an input: of a colour its luminance, of a vector the mean, as Cycles converts."""
-        value, kind = self._typed(node, socket)
+        return self._as_number(*self._typed(node, socket))
+
+    @staticmethod
+    def _as_number(value: Any, kind: str) -> Value:
         if kind == 'RGBA':
             return dot(value, luminance_weights())
         return (value[0] + value[1] + value[2]) / 3.0 if isinstance(value, tuple) else value
@@ -179,9 +187,19 @@ class Nodes:
         socket = self.input(node, socket)
         if socket is None:
             return 0.0, 'VALUE'  # an input that other choices of the node have
-        link, last = self._resolved(node, socket)
+        link, last, becomes = self._resolved(node, socket)
         if link is None:
             return plain(last), last.type
+        if becomes:
+            value, kind = self._linked(link, node, socket)
+            for become in reversed(becomes):
+                value = (self._as_triple if become in ('RGBA', 'VECTOR') else self._as_number)(value, kind)
+                kind = become
+            return value, kind
+        return self._linked(link, node, socket)
+
+    def _linked(self, link: Link, node, socket) -> tuple[Any, str]:
+        """The value of the output of a link that feeds `socket` of `node`, and its type."""
         found = self._evaluated(link)
         if found is UNREAD:
             return plain(socket), socket.type

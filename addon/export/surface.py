@@ -115,9 +115,8 @@ class Surface:
         first, *layers = kept
         for layer in layers:
             first = first.joined(replace(NOTHING, kt=layer.kt, ior=layer.ior, frosted=layer.frosted,
-                                         emission=layer.emission, translucent=layer.translucent))
-        return replace(first, alpha=alpha, layers=tuple(
-            replace(layer, kt=BLACK, emission=BLACK, translucent=BLACK) for layer in layers))
+                                         emission=layer.emission))
+        return replace(first, alpha=alpha, layers=tuple(replace(layer, kt=BLACK, emission=BLACK) for layer in layers))
 
     def under_smooth_coat(self, normal: Triple | None, coats: Triple | None) -> Surface:
         """With its coat as a layer of its own where the coat's normal is another one than that of what is below."""
@@ -154,13 +153,15 @@ class Surface:
     def fits(self, other: Surface) -> bool:
         """Whether one layer can be exactly both of these."""
         a, b = self, other
+        if not (a.is_flat or b.is_flat or same(a.normal, b.normal)):
+            return False
         if not (a.reflects and b.reflects):
             return True
         if a.fresnel or b.fresnel:
             return a.fresnel and b.fresnel
         matt = not _zero(a.kd), not _zero(b.kd)
         rough = all(matt) and not _zero(a.diffuse_roughness, b.diffuse_roughness)
-        return (same(a.normal, b.normal) and a.facets.fits(b.facets, *matt)
+        return (a.facets.fits(b.facets, *matt)
                 and not (all(matt) and not same(a.diffuse_roughness, b.diffuse_roughness))
                 and not (rough and not same(a.color, b.color)))
 
@@ -187,7 +188,8 @@ class Surface:
             translucent=added(a.translucent, b.translucent),
             frosted=weighted((a.frosted,), (b.frosted,), through_a, through_b)[0],
             fresnel=a.fresnel if mostly_a else b.fresnel,
-            normal=_bent(a, b, v.largest((seen_a, shine_a, through_a)), v.largest((seen_b, shine_b, through_b))),
+            normal=_bent(a, b, v.largest((seen_a, shine_a, through_a, *a.translucent, a.facets.above())),
+                         v.largest((seen_b, shine_b, through_b, *b.translucent, b.facets.above()))),
             facets=facets,
         )
 

@@ -84,7 +84,7 @@ def settings(scene, view_layer) -> dict:
     own = scene.light_meshes
     return {name: getattr(own, name) for name in (
         "mode", "shadows", "h", "kI", "auto_h", "weights", "shadow_rate", "light_threshold", "light_samples",
-        "max_depth", "ambient", "refraction", "glass", "leak_free")} | {
+        "max_depth", "fast_reflections", "ambient", "refraction", "glass", "leak_free")} | {
         **everywhere.of(scene),
         "caustics": caustics_of(own),
         "samples": min(view_layer.samples, MOST_SAMPLES) or own.samples,

@@ -21,6 +21,8 @@ class LIGHT_MESHES_PT_method(LightMeshesPanel, bpy.types.Panel):
         layout.prop(settings, "samples")
         if settings.mode == 'WHITTED':
             layout.prop(settings, "max_depth")
+            layout.prop(settings, "fast_reflections")
+            layout.prop(settings, "clamp_indirect")
 
 
 class LIGHT_MESHES_PT_everywhere(LightMeshesPanel, bpy.types.Panel):

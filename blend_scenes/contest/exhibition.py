@@ -105,6 +105,7 @@ def twist(name, material):
 
 def make(folder):
     start(exposure=0.1)
+    bpy.context.scene.light_meshes.light_threshold = 0.01  # as Cycles' own
     world((0.004, 0.005, 0.008), 1.0)
     room()
     lamps()

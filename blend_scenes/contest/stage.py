@@ -231,6 +231,7 @@ def speakers():
 
 def make(folder):
     start(exposure=0.0)
+    bpy.context.scene.light_meshes.light_threshold = 0.01  # as Cycles' own
     world((0, 0, 0), 0.0)
     stage()
     band()

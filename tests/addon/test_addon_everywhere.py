@@ -13,14 +13,14 @@ def of(scene):
 
 
 def test_a_new_scene_has_it_also_after_it_was_saved(scene, snapshot, tmp_path):
-    for name in ("release", "world_light", "bounces"):
+    for name in ("release", "world_light", "bounces", "clamp_indirect"):
         scene.light_meshes.property_unset(name)
     assert of(scene) == ('SKY', 1)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "new.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "new.blend"))
     assert of(bpy.context.scene) == ('SKY', 1)
     described = snapshot(bpy.context.scene).settings
-    assert (described.world_light, described.bounces) == ("SKY", 1)
+    assert (described.world_light, described.bounces, described.clamp_indirect) == ("SKY", 1, 10)
 
 
 def test_a_scene_of_an_old_file_keeps_ambient_light(addon, snapshot, tmp_path):
@@ -29,7 +29,7 @@ def test_a_scene_of_an_old_file_keeps_ambient_light(addon, snapshot, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "again.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "again.blend"))
     described = snapshot(bpy.context.scene).settings
-    assert (described.world_light, described.bounces) == ("AMBIENT", 0)
+    assert (described.world_light, described.bounces, described.clamp_indirect) == ("AMBIENT", 0, 0)
 
 
 def test_objects_say_whether_they_are_met(scene, add_plane, snapshot):

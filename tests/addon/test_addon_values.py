@@ -58,3 +58,24 @@ def test_the_page_says_of_each_node_what_the_add_on_does_with_it():
     assert len(rows) > 80
     assert not {label: answer for label, answer, _ in rows if said.get(label, answer) != answer}
     assert sum(label in said for label, _, _ in rows) > 80
+
+
+def test_every_translated_node_is_shown_beside_cycles():
+    """By the catalogue with each of its choices, or by another file of those that compare with Cycles."""
+    from pathlib import Path
+
+    from light_meshes_addon.export import node_values, surface_nodes
+    from node_catalogue import INPUTS, VALUES
+
+    tests = Path(__file__).parents[1]
+    files = [*(tests / "peers").glob("*.py"), *(tests / "support").glob("node_*.py")]
+    text = "".join(file.read_text(encoding="utf-8") for file in files)
+    in_text = {name for name in (*node_values.NODES, *surface_nodes._SHADERS)
+               if f"'{name}'" in text or f'"{name}"' in text}
+    for short in ("Refraction", "Glossy"):  # named without their beginnings, or by their other name
+        in_text |= {f"ShaderNodeBsdf{short}"}
+    catalogue = {f"ShaderNode{name}" for name in (*VALUES, *INPUTS)}
+    assert not {*node_values.NODES, *surface_nodes._SHADERS} - in_text - catalogue
+    values = set(node_values.NODES) - catalogue
+    assert values == {'ShaderNodeBump', 'ShaderNodeDisplacement', 'ShaderNodeVectorDisplacement', 'ShaderNodeTexImage',
+                      'ShaderNodeTexEnvironment', 'ShaderNodeTexSky'}  # which have tests of their own

@@ -156,9 +156,8 @@ def test_embree_blocks_no_ray_that_is_spared(shape):
         _, hits = ready.world.coarse_view()
         holds = ready.shadowing.certificate.holds(hits.P, hits.Ng, hits.triangle)
         P, N, lattice = hits.P[holds], hits.Ng[holds], ready.soft.lattice
-        start, candidate, nodes = candidates(lattice, P, N)
+        start, candidate, _, position, _ = candidates(lattice, P, N)
         row = np.repeat(np.arange(len(P), dtype=np.int32), start[:, -1] - start[:, 0])
-        position = lattice.position(nodes)
         above = ((position[candidate] - P[row]) * N[row]).sum(1) > MARGIN * ready.tracer.scale
         assert above.mean() > 0.9 or not len(above)
         assert not ready.tracer.occluded(P, row[above], points(position), candidate[above], N, closed=True).any()

@@ -18,8 +18,9 @@ from light_meshes import (
     translate,
 )
 from light_meshes.film.images import Framebuffer
-from light_meshes.picture import emitters
+from light_meshes.picture import emitters, everywhere
 from light_meshes.picture.render import draw, prepare, render_image
+from light_meshes.surface import shading
 
 WHITE = Material("white", Od=(1.0, 1.0, 1.0))
 BLACK = Material("black", Od=(0.0, 0.0, 0.0))
@@ -163,3 +164,40 @@ def test_objects_that_diffuse_rays_do_not_meet():
     roof = Shape(rectangle((-5, -5), (5, 5), 1.0), BLACK, flags={"visible_diffuse": False, "visible_camera": False})
     _, light = seen(scene([Shape(FLOOR, WHITE), roof], (0, -4, 3)), lambda x, y, z: z < 0.5)
     np.testing.assert_allclose(light, 1, rtol=1e-6)
+
+
+def test_cloth_sends_light_on_as_a_matt_surface_of_its_albedo():
+    cloth = Material("cloth", kd=0.0, ka=0.0, highlight="GGX", blurred=True, sheen=1.0,
+                     sheen_roughness=0.6, sheen_tint=(1.0, 0.5, 0.2))
+    sine2 = (np.arange(2000) + 0.5) / 2000
+    up = np.tile((0.0, 0.0, 1.0), (2000, 1))
+    eyes = np.stack([np.sqrt(sine2), np.zeros(2000), np.sqrt(1 - sine2)], axis=1)
+    past = shading.covered((0.0, 0.0, 1.5, 1.0, 1.0, 1.0), (1.0, 0.6, 1.0, 0.5, 0.2), up, eyes)
+    matt = Material("matt", Od=tuple((1 - past).mean() * np.array([1.0, 0.5, 0.2])))
+    lamp = Light("lamp", "POINT", (20.0, 20.0, 20.0), (0.0, -1.0, 1.0))
+    wall = Shape(rectangle((-1, -1), (1, 1), 0), WHITE, "wall", matrices=[np.array(
+        [[1, 0, 0, 0], [0, 0, 1, 0.5], [0, 1, 0, 1], [0, 0, 0, 1]], np.float64)])
+    found = []
+    for floor in (cloth, matt):
+        made = scene([wall, Shape(FLOOR, floor)], (0, -4, 1.0), (0, 0.5, 0.8), lights=[lamp])
+        passes = render_image(replace(made, settings=replace(made.settings, bounces=1, world_light="AMBIENT")),
+                              ["Diffuse Indirect", "Position", "Depth"]).passes
+        on_wall = (passes["Depth"][..., 0] < 1e9) & (np.abs(passes["Position"][..., 1] - 0.5) < 1e-5)
+        found.append(passes["Diffuse Indirect"][on_wall])
+    assert found[1].max() > 1e-3
+    np.testing.assert_allclose(found[0], found[1], rtol=0.03, atol=1e-3 * found[1].max())
+
+
+def test_many_lamps_have_shadows_in_groups_on_what_they_light(monkeypatch):
+    """A floor seen by the light that a wall and a ball return, under 100 lamps, as if patches asked each."""
+    lamps = [Light(f"lamp {i}", "POINT", (0.05 + 0.05 * (i % 3),) * 3, (i % 10 * 0.4 - 2, -1.5, 0.4 + i // 10 * 0.3))
+             for i in range(100)]
+    shapes = [Shape(box((-3, 1, 0), (3, 1.2, 3)), WHITE), Shape(FLOOR, WHITE),
+              Shape(sphere(0.5, 32, 16), WHITE, matrices=[translate(0.5, 0.2, 0.5)])]
+    of = scene(shapes, (0, -4, 2), (0, 0, 0.8), 40, lamps, (0, 0, 0), bounces=1, shadows="SHARP", auto_h=False, h=0.1)
+    passes = []
+    for part in (0.0, everywhere.PART):
+        monkeypatch.setattr(everywhere, "PART", part)
+        passes.append(render_image(of, ("Combined", "Diffuse Indirect")).passes["Diffuse Indirect"][..., 0])
+    error = np.abs(passes[1] - passes[0]) / passes[0].mean()
+    assert error.max() > 0 and np.median(error) < 0.005 and np.percentile(error, 99) < 0.03

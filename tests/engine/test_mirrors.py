@@ -95,3 +95,24 @@ def test_an_object_hidden_from_mirrors_is_not_reflected():
     hidden = render_image(replace(scene, objects=(scene.objects[0], ball, *scene.objects[2:]))).passes["Combined"]
     shown = render_image(scene).passes["Combined"]
     assert (hidden != shown).any(-1).sum() > 20
+
+
+def looking_at(emission, limit, mirrored=True, world=(0.0, 0.0, 0.0)):
+    """The middle pixel of a mirror that shows a bright surface, or the world, or of that surface itself."""
+    glowing = Material("glow", Od=(0, 0, 0), kd=0.0, ka=0.0, emission=emission)
+    floor = replace(MIRROR, mirror=(1.0, 1.0, 1.0)) if mirrored else glowing
+    things = [Shape(rectangle((-1, -1), (1, 1)), floor, "floor")]
+    if mirrored and any(emission):
+        things.append(Shape(rectangle((-9, -9), (9, 9), 5.0), glowing, "sky"))
+    scene = Scene.from_shapes(things, Camera.look_at((0, -1, 1), (0, 0, 0), 10, 3, 3), [],
+                              settings(mode="WHITTED", clamp_indirect=limit, filter_size=0.0), world_color=world)
+    return render_image(scene).passes["Combined"][1, 1, :3]
+
+
+def test_what_mirrors_show_has_a_limit_as_in_cycles():
+    """The sum of the colours is at most three times the limit; what the camera sees itself has none."""
+    np.testing.assert_allclose(looking_at((60.0, 30.0, 0.0), 10.0), (20, 10, 0), rtol=1e-5)
+    np.testing.assert_allclose(looking_at((0.0, 0.0, 0.0), 2.0, world=(9.0, 9.0, 9.0)), (2, 2, 2), rtol=1e-5)
+    np.testing.assert_array_equal(looking_at((10.0, 10.0, 10.0), 10.0), looking_at((10.0, 10.0, 10.0), 0.0))
+    np.testing.assert_allclose(looking_at((60.0, 30.0, 0.0), 0.0), (60, 30, 0), rtol=1e-5)
+    np.testing.assert_allclose(looking_at((60.0, 30.0, 0.0), 10.0, mirrored=False), (60, 30, 0), rtol=1e-5)

@@ -60,7 +60,8 @@ chosen = st.builds(
     light_samples=st.integers(1, 65536), seed=st.integers(0, 2**31 - 1), film_transparent=st.booleans(),
     lattice_rotation=st.booleans(), lattice_origin=triple, uniform_skip=st.booleans())
 images = st.builds(Image, name, st.just("textures/wood.png"), st.sampled_from(["sRGB", "LINEAR"]),
-                   st.sampled_from(["LINEAR", "CLOSEST"]), st.sampled_from(["REPEAT", "EXTEND", "CLIP", "MIRROR"]),
+                   st.sampled_from(["LINEAR", "CLOSEST", "CUBIC"]),
+                   st.sampled_from(["REPEAT", "EXTEND", "CLIP", "MIRROR"]),
                    st.tuples(triple, triple, triple), st.sampled_from(["", "config.ocio"]), st.just("scene_linear"),
                    st.sampled_from(IMAGE_ALPHAS), st.sampled_from(STORED_ALPHAS))
 

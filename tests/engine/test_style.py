@@ -1,5 +1,7 @@
 """Ruff and mypy are clean, and files stay of a size that one mind holds."""
 
+import ast
+import re
 import shutil
 import subprocess
 import sys
@@ -9,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 LONG = {}  # file → why it has more than 400 lines
+MOST = 60  # lines of a function
 
 
 @pytest.mark.skipif(not (shutil.which("ruff") or (Path(sys.executable).parent / "ruff").exists()), reason="no ruff")
@@ -31,3 +34,31 @@ def test_no_file_is_long_without_a_reason():
     long = {str(p.relative_to(ROOT)) for folder in ("engine", "addon", "tests", "blend_scenes")
             for p in (ROOT / folder).rglob("*.py") if len(p.read_text(encoding="utf-8").splitlines()) > 400}
     assert long == set(LONG)
+
+
+def functions(path):
+    """Name → number of lines of the functions of a Python or C file."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        return {node.name: node.end_lineno - node.lineno + 1 for node in ast.walk(ast.parse(text))
+                if isinstance(node, ast.FunctionDef)}
+    found, begun = {}, None
+    for number, line in enumerate(text.splitlines()):
+        name = re.match(r"(?!typedef|enum|struct|static const|KERNEL)[A-Za-z].*?(\w+)\(", line)
+        begun = (name[1], number) if name else begun
+        if line == "}" and begun:
+            found[begun[0]] = number - begun[1] + 1
+            begun = None
+    return found
+
+
+def test_no_function_is_long():
+    long = {f"{path.relative_to(ROOT)}:{name}": lines for folder in ("engine", "addon") for kind in ("py", "c", "h")
+            for path in (ROOT / folder).rglob(f"*.{kind}") for name, lines in functions(path).items() if lines > MOST}
+    assert not long
+
+
+def test_functions_are_found():
+    """Or the test above says nothing."""
+    assert functions(ROOT / "engine/light_meshes/rays/embree.c")["embree_near"] > 20
+    assert functions(Path(__file__))["functions"] > 10

@@ -156,3 +156,15 @@ def test_what_the_shape_of_a_mesh_says(panels, scene, render, name):
         polygon.use_smooth = True
     tree = Tree()
     compare(panels, scene, render, tree, tree.node('ShaderNodeNewGeometry').outputs[name])
+
+
+def test_flat_faces_that_are_not_level(scene, render, add_mesh):
+    """Each triangle of a flat polygon has a normal of its own."""
+    corners = [(-1, -1, 0), (0, -1, 0.4), (0, 1, -0.3), (-1, 1, 0.5), (1, -1, 0), (1, 1, 0.6)]
+    tree, ob = Tree(), add_mesh("Bent", corners, [(0, 1, 2, 3), (1, 4, 5, 2)])
+    ob.data.shade_flat()
+    ob.data.materials.append(tree.emit(tree.node('ShaderNodeNewGeometry').outputs["Normal"]))
+    scene.camera.data.type, scene.camera.data.ortho_scale = 'ORTHO', 1.9
+    exact(scene)
+    scene.render.resolution_x = scene.render.resolution_y = 48
+    agree(*both(scene, render))

@@ -67,12 +67,17 @@ def held(tree, socket):
     return socket
 
 
+SEAM = np.abs(np.add.outer(np.arange(CELL), np.arange(CELL)) - CELL + 1) <= 1  # where a square's two triangles meet
+
+
 def far(ours, theirs):
-    """By how much they differ, in the median and in the 95th percentile of what does not change from pixel to pixel."""
+    """By how much they differ, in the median and at the 99th percentile of what does not change from pixel to pixel,
+    away from the triangles' edge.
+    """
     difference = np.abs(ours - theirs).max(2) / np.maximum(np.abs(theirs).max(2), 0.05)
     around = np.lib.stride_tricks.sliding_window_view(np.pad(theirs, ((1, 1), (1, 1), (0, 0)), 'edge'), (3, 3), (0, 1))
-    smooth = np.ptp(around, axis=(3, 4)).max(2) < 0.05
-    return (np.median(difference[smooth]), np.quantile(difference[smooth], 0.95)) if smooth.mean() > 0.2 else (0, 0)
+    smooth = (np.ptp(around, axis=(3, 4)).max(2) < 0.05 + 0.05 * theirs.max(2)) & ~SEAM
+    return (np.median(difference[smooth]), np.quantile(difference[smooth], 0.99)) if smooth.mean() > 0.2 else (0, 0)
 
 
 # What such trees have shown to be wrong before: bumps of what they do not move, hues of dark colours, an empty range.
@@ -100,7 +105,7 @@ def compare(scene, render, specs):
         y, x = divmod(i, columns)
         cell = np.s_[CELL * y:CELL * (y + 1), CELL * x:CELL * (x + 1)]
         median, most = far(ours[cell], theirs[cell])
-        if not (median <= 0.005 and most <= 0.05):
+        if not (median <= 0.005 and most <= 0.03):
             wrong.append((spec, float(median), float(most)))
     assert not wrong, "\n".join(map(str, wrong))
 

@@ -8,53 +8,6 @@ from node_trees import Tree
 pytestmark = pytest.mark.slow
 
 
-MATH = [item.identifier for item in bpy.types.ShaderNodeMath.bl_rna.properties["operation"].enum_items]
-
-
-@pytest.mark.parametrize("operation", MATH)
-def test_math(plane, scene, render, operation):
-    tree = Tree()
-    u, w, _ = tree.separate(tree.uv())
-    a = tree.node('ShaderNodeMath', {0: u, 1: 3.0, 2: -1.0}, operation='MULTIPLY_ADD').outputs[0]
-    found = tree.node('ShaderNodeMath', {0: a, 1: w, 2: 0.4}, operation=operation).outputs[0]
-    shown = tree.node('ShaderNodeMapRange', {"Value": found, "From Min": -4.0, "From Max": 4.0}).outputs[0]
-    check(plane, scene, render, shown, tree)
-
-
-VECTOR_MATH = [item.identifier for item in bpy.types.ShaderNodeVectorMath.bl_rna.properties["operation"].enum_items]
-
-
-@pytest.mark.parametrize("operation", VECTOR_MATH)
-def test_vector_math(plane, scene, render, operation):
-    tree = Tree()
-    a = tree.node('ShaderNodeMapping', {"Vector": tree.uv(), "Location": (-0.7, -0.4, 0.3), "Scale": (2, 1.5, 1)})
-    found = tree.node('ShaderNodeVectorMath', operation=operation)
-    tree.tree.links.new(a.outputs[0], found.inputs[0])
-    values = iter([(0.3, 0.6, -0.4), (0.8, -0.5, 0.2)])
-    for socket in [s for s in found.inputs if not s.is_unavailable][1:]:
-        socket.default_value = next(values) if socket.type == 'VECTOR' else 0.8
-    output = next(s for s in found.outputs if not s.is_unavailable)
-    check(plane, scene, render, output, tree)
-
-
-BLENDS = [item.identifier for item in bpy.types.ShaderNodeMix.bl_rna.properties["blend_type"].enum_items]
-
-
-@pytest.mark.parametrize("factor", [1.0, 0.6])
-@pytest.mark.parametrize("mode", BLENDS)
-def test_blend_modes(plane, scene, render, mode, factor):
-    tree = Tree()
-    u, w, _ = tree.separate(tree.uv())
-    a = tree.node('ShaderNodeCombineXYZ', {0: u, 1: w, 2: 0.3}).outputs[0]
-    b = tree.node('ShaderNodeCombineXYZ', {0: w, 1: 0.7, 2: u}).outputs[0]
-    mix = tree.node('ShaderNodeMix', data_type='RGBA', blend_type=mode)
-    sockets = [s for s in mix.inputs if not s.is_unavailable]
-    sockets[0].default_value = factor
-    tree.tree.links.new(a, sockets[1])
-    tree.tree.links.new(b, sockets[2])
-    check(plane, scene, render, next(s for s in mix.outputs if not s.is_unavailable), tree)
-
-
 def ramp(tree, interpolation, mode='RGB'):
     node = tree.node('ShaderNodeValToRGB', {0: tree.separate(tree.uv())[0]})
     node.color_ramp.color_mode = mode

@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 import pytest
 from node_pictures import both
+from node_trees import Tree
 
 pytestmark = pytest.mark.slow
 
@@ -69,3 +70,37 @@ def test_rough_balls_see_what_cycles_shows(balls, render):
         difference = np.abs(a - b).max(1) / b.max(1)
         assert np.quantile(difference, 0.99) <= 0.12, ball
         assert np.median(difference) <= 0.03, ball
+
+
+@pytest.mark.parametrize(("clear", "other"), [("Glass", "Diffuse"), ("Glass", "Transparent"), ("Glass", "Principled"),
+                                              ("Refraction", "Diffuse")])
+def test_glass_mixed_with_another_shader(scene, render, add_plane, add_light, clear, other):
+    """A ball of .6 glass before a checker, without shadows: what passes glass in them is not what Cycles has."""
+    checks = Tree("Checks")
+    pattern = checks.node('ShaderNodeTexChecker', {"Vector": checks.node('ShaderNodeTexCoord').outputs["Object"],
+                                                   "Scale": 2.0, 1: (0.8, 0.3, 0.1, 1), 2: (0.1, 0.3, 0.7, 1)})
+    glow = checks.node('ShaderNodeEmission', {"Color": pattern.outputs[0]})
+    checks.tree.links.new(glow.outputs[0], checks.tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
+    add_plane(half=4.0, location=(0, 0, -1.5)).data.materials.append(checks.material)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=1)
+    tree, ball = Tree("Mixed"), bpy.context.object.data
+    for polygon in ball.polygons:
+        polygon.use_smooth = True
+    glass = tree.node(f'ShaderNodeBsdf{clear}', {"Color": (0.9, 0.95, 1, 1), "Roughness": 0.0, "IOR": 1.3})
+    mix = tree.tree.nodes.new('ShaderNodeMixShader')
+    mix.inputs[0].default_value = 0.4
+    tree.tree.links.new(glass.outputs[0], mix.inputs[1])
+    tree.tree.links.new(tree.node(f'ShaderNodeBsdf{other}').outputs[0], mix.inputs[2])
+    tree.tree.links.new(mix.outputs[0], tree.tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
+    ball.materials.append(tree.material)
+    add_light('SUN', rotation=(0.5, 0.3, 0), energy=2.0).data.use_shadow = False
+    scene.camera.data.type, scene.camera.data.ortho_scale = 'ORTHO', 2.4
+    scene.render.resolution_x = scene.render.resolution_y = 40
+    scene.light_meshes.samples, cycles = 4, scene.cycles
+    cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = 512, False, False
+    cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces = 8, 0, 4, 8
+    ours, theirs = both(scene, render)
+    y, x = np.mgrid[:40, :40] - 19.5
+    off = (np.abs(ours - theirs).max(2) / np.maximum(theirs.max(2), 0.05))[np.hypot(x, y) < 13]
+    assert theirs.max() > 0.2
+    assert np.median(off) <= 0.02 and np.quantile(off, 0.75) <= 0.05

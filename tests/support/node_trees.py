@@ -91,38 +91,6 @@ def space(tree):
                                            "Rotation": (0.5, 0.3, 0.2)}).outputs[0]
 
 
-def voronoi(tree, dimensions, feature, inputs=(), **properties):
-    """A Voronoi texture over the plane, and what it says there, all outputs in one colour."""
-    node = tree.node('ShaderNodeTexVoronoi', voronoi_dimensions=dimensions, feature=feature, **properties)
-    given = {"Scale": 3.0, "Randomness": 0.9, "Smoothness": 0.8, "Exponent": 1.3} | dict(inputs)
-    if dimensions in ('1D', '4D'):
-        given["W"] = tree.separate(tree.uv())[0]
-    if dimensions != '1D':
-        given["Vector"] = space(tree)
-    for name, value in given.items():
-        socket = next((s for s in node.inputs if s.name == name and not s.is_unavailable), None)
-        if socket is None:
-            continue
-        if isinstance(value, float):
-            socket.default_value = value
-        else:
-            tree.tree.links.new(value, socket)
-    outputs = {s.name: s for s in node.outputs if not s.is_unavailable}
-    if feature in ('DISTANCE_TO_EDGE', 'N_SPHERE_RADIUS'):
-        return node.outputs["Distance" if feature == 'DISTANCE_TO_EDGE' else "Radius"]
-    places = [*(tree.separate(outputs["Position"])[:2] if "Position" in outputs else ()),
-              *([outputs["W"]] if "W" in outputs else ())]
-    place = places[0]
-    for other in places[1:]:
-        place = tree.node('ShaderNodeMath', {0: place, 1: other}, operation='ADD').outputs[0]
-    red = tree.node('ShaderNodeSeparateColor', {0: outputs["Color"]}).outputs
-    color = tree.node('ShaderNodeMath', {0: red[0], 1: red[1], 2: red[2]}, operation='MULTIPLY_ADD').outputs[0]
-    return tree.node('ShaderNodeCombineXYZ', {0: outputs["Distance"], 1: color, 2: place}).outputs[0]
-
-
-FEATURES = ['F1', 'F2', 'SMOOTH_F1', 'DISTANCE_TO_EDGE', 'N_SPHERE_RADIUS']
-
-
 def sheet(scene, sockets, cell=32):
     """Show these sockets (tree, socket) side by side, each on a plane of `cell` pixels a side; how many columns."""
     columns = math.ceil(math.sqrt(len(sockets)))
@@ -135,6 +103,7 @@ def sheet(scene, sockets, cell=32):
         mesh.materials.append(tree.emit(socket))
         ob = bpy.data.objects.new(f"Plane {i}", mesh)
         ob.location = (i % columns + 0.5 - columns / 2, columns / 2 - i // columns - 0.5, 0)
+        ob.color, ob.pass_index = (0.3, 0.6, 0.9, 0.4), 2
         scene.collection.objects.link(ob)
     camera = scene.camera.data
     camera.type, camera.ortho_scale = 'ORTHO', columns

@@ -1,20 +1,18 @@
 """A sheet of node trees by this bpy's Cycles and by Light Meshes: for a Python with another bpy, see
-test_node_versions.py. Arguments: which sheet, and the two files to write.
+test_node_versions.py. Arguments: which sheet, and the two files to write, and for a sheet of `node_catalogue` a third
+one for the names of its cells.
 """
 
+import json
 import sys
+from pathlib import Path
 
 import bpy
 import light_meshes_addon
-from node_trees import FEATURES, Tree, World, exact, lamp_sheet, outputs_of_lamps, sheet, voronoi
+import node_catalogue
+from node_trees import Tree, World, exact, lamp_sheet, outputs_of_lamps, sheet
 
-
-def voronois():
-    """Each feature in each number of dimensions."""
-    for dimensions in ('1D', '2D', '3D', '4D'):
-        for feature in FEATURES:
-            tree = Tree()
-            yield tree, voronoi(tree, dimensions, feature)
+CELL = 20  # pixels of a case of the catalogue
 
 
 def bumps():
@@ -79,7 +77,7 @@ def worlds(scene):
     scene.camera.data.angle, scene.camera.rotation_euler = 1.2, (2.2, 0.0, 0.4)
 
 
-SHEETS = {"voronoi": voronois, "bumps": bumps, "others": others}
+SHEETS = {"bumps": bumps, "others": others}
 
 
 def main(name, *files):
@@ -94,9 +92,18 @@ def main(name, *files):
         worlds(scene)
     elif name == "lamps":
         lamp_sheet(scene, outputs_of_lamps(['POINT', 'SPOT']))
+    elif name == "suns":  # apart, as Cycles links no more than 64 lamps to things of their own
+        lamp_sheet(scene, outputs_of_lamps(['SUN']))
+    elif name == "area lamps":
+        lamp_sheet(scene, outputs_of_lamps(['AREA']))
+        scene.cycles.samples = 64
+    elif name in node_catalogue.SHEETS:
+        cases = node_catalogue.SHEETS[name]()
+        columns = node_catalogue.sheet(scene, cases, CELL)
+        Path(files[2]).write_text(json.dumps([CELL, columns, [label for label, _ in cases]]))
     else:
         sheet(scene, list(SHEETS[name]()))
-    for engine, file in zip(('LIGHT_MESHES', 'CYCLES'), files, strict=True):
+    for engine, file in zip(('LIGHT_MESHES', 'CYCLES'), files[:2], strict=True):
         scene.render.engine = engine
         scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
         scene.render.image_settings.file_format = 'OPEN_EXR'

@@ -161,6 +161,17 @@ def mirror():
     override("Ground", mirror=(1, 1, 1))
 
 
+def rough_ground():
+    """A slope that the sun lights, and which rough metal shows."""
+    beside_a_slope()
+    bpy.context.scene.light_meshes.bounces = 1
+    metal = bpy.data.materials.new("Metal")
+    metal.use_nodes = True
+    shader = metal.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Metallic"].default_value, shader.inputs["Roughness"].default_value = 1, 0.4
+    bpy.data.objects["Floor"].data.materials[0] = metal
+
+
 def oblique_highlight():
     hide("Blocker")
     bpy.data.objects["Sun"].rotation_euler.y = 0.3

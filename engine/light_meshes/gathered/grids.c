@@ -37,72 +37,6 @@ i64 grids_pairs(i64 V, i64 T, i64 n, const f32 *vertices, const i32 *triangles, 
     return 0;
 }
 
-/* The edge of cells of this level of the lattice, whose diagonals are coarse/2^level. */
-static f64 edge(f64 coarse, int level) { return ldexp(coarse * 0.70710678118654752, -level); }
-
-/* The level of the lattice that is `level` times twice as fine as the coarsest grid of a triangle, and the edge of its
-   cells; −1: the triangle's corners. */
-static int lattice(f64 longest, f64 coarse, i64 level, f64 *size) {
-    i64 base = 0;
-    if (longest <= coarse) {
-        if (level == 0) return -1;
-        for (f64 s = coarse; base < 15 && 0.5 * s >= longest; base++) s *= 0.5;
-    }
-    base += level;
-    if (base > 15) base = 15;
-    *size = edge(coarse, (int)base);
-    return (int)base;
-}
-
-/* Fills the keys of the three grid points around each receiver, their weights, and how far apart they are.
-   level: how much finer the grids are than the coarsest. front: whether the receiver is on the side that the normal of
-   its triangle looks to. */
-KERNEL(grids_around,
-       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  longest f32[T]  "
-       "corner i32[T,3]  coarse f64  level i64  triangle i32[n]  P f64[n,3]  Ng f64[n,3]  keys u64[n,3]!  "
-       "weight f64[n,3]!  spacing f64[n]!")
-i64 grids_around(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
-                 const i32 *other, const u8 *flipped, const f32 *longest, const i32 *corner, f64 coarse, i64 level,
-                 const i32 *triangle, const f64 *P, const f64 *Ng, u64 *keys, f64 *weight, f64 *spacing) {
-    (void)V, (void)T;
-    for (i64 k = 0; k < n; k++) {
-        i64 t = triangle[k];
-        f64 place[3], normal[3], size;
-        u64 *key = keys + 3 * k;
-        f64 *w = weight + 3 * k;
-        for (int j = 0; j < 3; j++) place[j] = (P[3 * k + j] - centre[j]) / scale;
-        int depth = lattice(longest[t], coarse, level, &size);
-        if (depth < 0) {
-            Edges s = edges_of(vertices, triangles + 3 * t);
-            f64 q[3], a[3], b[3];
-            for (int j = 0; j < 3; j++) q[j] = place[j] - s.a[j];
-            cross(s.e, s.f, normal), cross(q, s.f, a), cross(s.e, q, b);
-            f64 square_of = dot(normal, normal), u = dot(a, normal) / square_of, v = dot(b, normal) / square_of;
-            int front = (dot(normal, Ng + 3 * k) > 0.0) != flipped[t];
-            u = u < 0.0 ? 0.0 : u > 1.0 ? 1.0 : u, v = v < 0.0 ? 0.0 : v > 1.0 - u ? 1.0 - u : v;
-            for (int c = 0; c < 3; c++) key[c] = CORNER | (u64)front << 31 | (u64)corner[3 * t + c];
-            w[0] = 1.0 - u - v, w[1] = u, w[2] = v, spacing[k] = longest[t];
-            continue;
-        }
-        Grid g = grid_of(vertices, triangles, other, scale, t, size);
-        f64 xy[2];
-        i64 i, j;
-        on_axes(&g.axes, place, xy), cell_of(&g, xy, &i, &j), cross(g.axes.U, g.axes.V, normal);
-        int front = (dot(normal, Ng + 3 * k) > 0.0) != flipped[t];
-        f64 x = xy[0] * (f64)g.m - (f64)i, y = xy[1] * (f64)g.n - (f64)j;
-        spacing[k] = g.spacing;
-        key[1] = key_at(g.lead, front, depth, i + 1, j), key[2] = key_at(g.lead, front, depth, i, j + 1);
-        if (x + y > 1.0) {
-            key[0] = key_at(g.lead, front, depth, i + 1, j + 1);
-            w[0] = x + y - 1.0, w[1] = 1.0 - y, w[2] = 1.0 - x;
-        } else {
-            key[0] = key_at(g.lead, front, depth, i, j);
-            w[0] = 1.0 - x - y, w[1] = x, w[2] = y;
-        }
-    }
-    return 0;
-}
-
 /* The unit normal, in the world, of a triangle's axes. */
 static void unit_normal(const Axes *s, int flipped, f64 *N) {
     cross(s->U, s->V, N);
@@ -167,17 +101,24 @@ i64 grids_inside(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *v
     return 0;
 }
 
-/* Fills the keys of cells around those with these keys, whose edges are 2^by times as long. */
+/* Fills the keys of cells around those with these keys, whose edges are 2^by times as long. for_small: the triangles that
+   stand for others, by step of size (rays.c). */
 KERNEL(grids_wider,
-       "scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  top f64  by i64  keys u64[n]  wider u64[n]!")
-i64 grids_wider(i64 V, i64 T, i64 n, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *other, f64 top,
-                i64 by, const u64 *keys, u64 *wider) {
+       "scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  top f64  for_small i32[s,T]  by i64  keys u64[n]  "
+       "wider u64[n]!")
+i64 grids_wider(i64 V, i64 T, i64 s, i64 n, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *other,
+                f64 top, const i32 *for_small, i64 by, const u64 *keys, u64 *wider) {
     (void)V, (void)T;
     for (i64 k = 0; k < n; k++) {
         Key key = key_of(keys[k]);
         int level = key.level - (int)by < 1 ? 1 : key.level - (int)by;
         i64 i, j;
-        if (key.level <= 1) {
+        if (key.level == 0) {
+            i64 step = key.i + by < s ? key.i + by : s - 1;
+            wider[k] = key_at(for_small[step * T + key.triangle], key.front, 0, step, 0);
+            continue;
+        }
+        if (key.level == 1) {
             wider[k] = keys[k];
             continue;
         }

@@ -84,21 +84,29 @@ static inline i64 parts_of(f64 length, f64 size) {
 
 typedef struct {
     Axes axes;
-    i64 lead, m, n;  /* the triangle that keys name; parts */
-    f64 spacing;     /* the diagonal of its cells */
+    i64 lead, m, n;     /* the triangle that keys name; parts */
+    f64 u, v, spacing;  /* lengths of the axes, which both of a pair have; the diagonal of its cells */
 } Grid;
 
-/* The grid of a triangle where cells have edges of about `size`. Both of a pair have the same. */
-static inline Grid grid_of(const f32 *vertices, const i32 *triangles, const i32 *other, f64 scale, i64 t, f64 size) {
+/* The grid of a triangle, whose cells have edges of about `size`, when it is divided. Both of a pair have the same. */
+static inline Grid undivided(const f32 *vertices, const i32 *triangles, const i32 *other, f64 scale, i64 t) {
     Grid g;
-    g.axes = axes_of(vertices, triangles, other, scale, t), g.lead = t;
-    f64 u = g.axes.u, v = g.axes.v;
+    g.axes = axes_of(vertices, triangles, other, scale, t), g.lead = t, g.u = g.axes.u, g.v = g.axes.v;
     if (g.axes.second) {
         Axes first = axes_of(vertices, triangles, other, scale, other[t]);
-        g.lead = other[t], u = first.u, v = first.v;
+        g.lead = other[t], g.u = first.u, g.v = first.v;
     }
-    g.m = parts_of(u, size), g.n = parts_of(v, size);
-    g.spacing = sqrt(square(u / (f64)g.m) + square(v / (f64)g.n));
+    return g;
+}
+
+static inline void divide(Grid *g, f64 size) {
+    g->m = parts_of(g->u, size), g->n = parts_of(g->v, size);
+    g->spacing = sqrt(square(g->u / (f64)g->m) + square(g->v / (f64)g->n));
+}
+
+static inline Grid grid_of(const f32 *vertices, const i32 *triangles, const i32 *other, f64 scale, i64 t, f64 size) {
+    Grid g = undivided(vertices, triangles, other, scale, t);
+    divide(&g, size);
     return g;
 }
 
@@ -148,4 +156,21 @@ static inline i64 place_on(const f32 *vertices, const i32 *triangles, const i32 
     }
     for (int j = 0; j < 3; j++) place[j] = s.O[j] + x * s.U[j] + y * s.V[j];
     return t;
+}
+
+/* The edge of cells of this level of the lattice, whose diagonals are coarse/2^level. */
+static inline f64 edge(f64 coarse, int level) { return ldexp(coarse * 0.70710678118654752, -level); }
+
+/* The level of the lattice that is `level` times twice as fine as the coarsest grid of a triangle, and the edge of its
+   cells; −1: the triangle's corners. */
+static inline int lattice(f64 longest, f64 coarse, i64 level, f64 *size) {
+    i64 base = 0;
+    if (longest <= coarse) {
+        if (level == 0) return -1;
+        for (f64 s = coarse; base < 15 && 0.5 * s >= longest; base++) s *= 0.5;
+    }
+    base += level;
+    if (base > 15) base = 15;
+    *size = edge(coarse, (int)base);
+    return (int)base;
 }

@@ -16,21 +16,13 @@ from numpy.typing import NDArray
 from ..rays.geometry import Surfaces
 from ..support.native import kernel
 
-_around, _places, _inside = kernel("grids_around"), kernel("grids_places"), kernel("grids_inside")
+_places, _inside = kernel("grids_places"), kernel("grids_inside")
 _wider, _finer, _behind = kernel("grids_wider"), kernel("grids_finer"), kernel("grids_behind")
 _longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
 _CORNER = np.uint64(1 << 63)
 INSET = 0.012  # as in grids.h
 LAST = 15  # the finest level of a grid
 FLAT = 1e-5  # how much two triangles may differ from a parallelogram, as a share of the edge that they share
-
-
-class Around(NamedTuple):
-    """The three grid points around each of n receivers."""
-
-    keys: NDArray[np.uint64]  # (n,3)
-    weight: NDArray[np.float64]  # (n,3)
-    spacing: NDArray[np.float64]  # (n,) how far apart they are, scene units
 
 
 class Places(NamedTuple):
@@ -48,7 +40,7 @@ class Grids:
     def __init__(self, surfaces: Surfaces, coarse: float, top: float) -> None:
         """coarse: the largest distance between points; top: the size of the largest cells; scene units."""
         s = self.surfaces = surfaces
-        self.coarse, self._top = coarse, top
+        self.coarse, self.top = coarse, top
         self.flipped = np.ascontiguousarray(s.mirrored[s.instance])
         self.longest, ends = np.empty(len(s.triangles), np.float32), np.empty((len(s.triangles), 2), np.int32)
         _longest(s.scale, s.vertices, s.triangles, self.longest, ends)
@@ -127,18 +119,6 @@ class Grids:
         good = np.isfinite(normal).all(2, keepdims=True) & ((normal * own).sum(2, keepdims=True) > 0.3)
         return np.where(good, normal, own)
 
-    def around(self, triangle: NDArray[np.int32], P: NDArray[np.float64], Ng: NDArray[np.float64],
-               level: int) -> Around:
-        """The grid points around receivers P (n,3) on triangles (n,), seen from the side of Ng (n,3).
-
-        level: 0 is the coarsest grid of each triangle; each level is twice as fine.
-        """
-        n = len(P)
-        found = Around(np.empty((n, 3), np.uint64), np.empty((n, 3)), np.empty(n))
-        _around(*self.shape, self.other, self.flipped, self.longest, self.corner, self.coarse, level, triangle, P, Ng,
-                *found)
-        return found
-
     def places(self, keys: NDArray[np.uint64]) -> Places:
         """Where the grid points with these keys (n,) are."""
         n = len(keys)
@@ -169,24 +149,27 @@ class Grids:
         """
         n = len(keys)
         triangle, P, N = np.empty((n, 4), np.int32), np.empty((n, 4, 3)), np.empty((n, 4, 3))
-        _inside(*self.shape, self.other, self.flipped, self._top, keys, triangle, P, N)
+        _inside(*self.shape, self.other, self.flipped, self.top, keys, triangle, P, N)
         return triangle.reshape(-1), P.reshape(-1, 3), N.reshape(-1, 3)
 
-    def wider(self, keys: NDArray[np.uint64], by: int) -> NDArray[np.uint64]:
-        """The keys (n,) of cells around those with these keys, whose edges are 2^by times as long."""
+    def wider(self, keys: NDArray[np.uint64], by: int, for_small: NDArray[np.int32]) -> NDArray[np.uint64]:
+        """The keys (n,) of cells around those with these keys, whose edges are 2^by times as long.
+
+        for_small (s,T): the triangles that stand for smaller ones; see `Gatherer`.
+        """
         s, found = self.surfaces, np.empty(len(keys), np.uint64)
-        _wider(s.scale, s.vertices, s.triangles, self.other, self._top, by, keys, found)
+        _wider(s.scale, s.vertices, s.triangles, self.other, self.top, for_small, by, keys, found)
         return found
 
     def finer(self, keys: NDArray[np.uint64], on: NDArray[np.float32]) -> NDArray[np.uint64]:
         """The keys (n,) of the cells at places (n,2) on the axes, half as large as those with these keys."""
         s, found = self.surfaces, np.empty(len(keys), np.uint64)
         x, y = np.ascontiguousarray(on[:, 0]), np.ascontiguousarray(on[:, 1])
-        _finer(s.scale, s.vertices, s.triangles, self.other, self._top, keys, x, y, found)
+        _finer(s.scale, s.vertices, s.triangles, self.other, self.top, keys, x, y, found)
         return found
 
     def sizes(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """The edges (n,) of the cells with these keys (n,), and their levels: 0 is a triangle as a whole."""
         level = (keys >> np.uint64(32) & np.uint64(15)).astype(np.int64)
         triangle = (keys & np.uint64((1 << 31) - 1)).astype(np.int64)
-        return np.where(level == 0, self.longest[triangle], np.ldexp(2 * self._top, -level)), level
+        return np.where(level == 0, self.longest[triangle], np.ldexp(2 * self.top, -level)), level

@@ -5,6 +5,8 @@ For each size of cells, a table has a box around the edges in each cell where th
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,11 +18,12 @@ RISE = 0.08  # what rises less, as a share of its distance, does not count: it t
 
 
 class Nearness:
-    """The edges of the triangles that gathered light may meet."""
+    """The edges of the triangles that gathered light may meet. Threads share it."""
 
     def __init__(self, grids: Grids, there: NDArray[np.bool_]) -> None:
         """there (T,): these triangles."""
         self._grids, self._there = grids, there
+        self._making = threading.Lock()
         self._tables: dict[int, tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]] = {}
 
     def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], spacing: NDArray[np.float64],
@@ -40,12 +43,13 @@ class Nearness:
 
     def _table(self, size: int) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]:
         """The table of cells of edge 2^size."""
-        if size not in self._tables:
-            room = 1 << 14
-            while True:
-                table = np.zeros(room, np.uint64), np.empty(room, np.int32), np.empty((room, 6), np.float32)
-                if not _enter(*self._grids.shape, self._grids.surfaces.instance, self._there, 2.0**size, *table):
-                    break
-                room *= 4
-            self._tables[size] = table
-        return self._tables[size]
+        with self._making:
+            if size not in self._tables:
+                room = 1 << 14
+                while True:
+                    table = np.zeros(room, np.uint64), np.empty(room, np.int32), np.empty((room, 6), np.float32)
+                    if not _enter(*self._grids.shape, self._grids.surfaces.instance, self._there, 2.0**size, *table):
+                        break
+                    room *= 4
+                self._tables[size] = table
+            return self._tables[size]

@@ -7,7 +7,10 @@ own rays gather from other patches (radiosity). It is computed for patches that 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +19,8 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from .directions import directions
 from .grids import LAST
-from .rays import Check, Field, Gatherer, Layer, Seen
+from .growing import Growing
+from .rays import LAST_KEY, Check, Field, Gatherer, Met, Seen, joined
 from .table import Table
 
 RAYS = 64  # of a patch
@@ -25,7 +29,7 @@ BATCH = 4096  # patches at once
 FEW = 4  # lamps whose light is the mean of four points of a patch; more light it at one
 FEWER = 1.5  # how much larger the patches are for their rays, of which there are fewer than of records
 
-_gather = kernel("patches_gather")
+_gather, _met, _missing = kernel("patches_gather"), kernel("patches_met"), kernel("patches_missing")
 
 # What a surface is at some points: emission (n,3), the share of light it returns in all directions (n,3), and the
 # lamps' light (n,3) that a white surface would return there; seen along directions (n,3).
@@ -33,8 +37,15 @@ Lit = Callable[[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], boo
                tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
 
 
+class SharedRecordsError(RuntimeError):
+    """Another thread failed or was cancelled while it computed light for which this thread waits."""
+
+
 class Patches:
-    """Not for several threads at once."""
+    """Threads share it. One that asks holds a lock, which it gives away while it computes; what it computes then is
+    claimed, and others that need it wait. Nobody waits for what another one cannot go on with: a thread waits only
+    after it has computed what it claims, or for what has come from fewer surfaces.
+    """
 
     def __init__(self, field: Field, gather: Gatherer, look: Lit, lamps: int, emits: bool, finest: float) -> None:
         """look: what surfaces are. lamps: how many there are. emits: whether surfaces give light of their own. finest:
@@ -49,40 +60,94 @@ class Patches:
         self._local = directions(RAYS)
         self._emission = np.empty((0, 3))
         self._albedo, self._direct, self._sky = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
-        self._looked, self._lit, self._traced, self._covered, self._widened, self._divided = (
+        self._white = np.empty((0, 3))  # direct light, as a white surface would return it
+        self._looked, self._lit, self._traced, self._covered, self._divided, self._seen = (
             np.empty(0, np.bool_) for _ in range(6))
-        self._bounced: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
-        self._arrived: list[tuple[NDArray[np.float64], NDArray[np.bool_]]] = []
+        self._claimed = np.empty(0, np.int8)  # a thread computes what it is: 1, and the lamps' light: 2
+        # emission and albedo, or the lamps' light, are those of a wider patch where it is covered
+        self._widened, self._widened_lit = np.empty(0, np.bool_), np.empty(0, np.bool_)
+        self._bounced: list[tuple[NDArray, ...]] = []  # light and whether it is known, by bounces
+        self._arrived: list[tuple[NDArray, ...]] = []  # what is gathered, whether it is known, and claimed
+        self._lock, self._broken = threading.Condition(threading.Lock()), False
         # what their rays meet: links begin..begin+count of each patch to others, with weights where some let light pass
         self._begin, self._count = np.empty(0, np.int64), np.empty(0, np.int64)
-        self._other = _Growing(np.empty(0, np.int32))
-        self._weight = _Growing(np.empty((0, 3), np.float32)) if field.glass.transparent else None
+        self._other = Growing(np.empty(0, np.int32))
+        self._weight = Growing(np.empty((0, 3), np.float32)) if field.glass.transparent else None
 
     def __len__(self) -> int:
         return len(self._table)
 
-    def radiance(self, layer: Layer, bounces: int, check: Check) -> NDArray[np.float64]:
-        """The radiance (n,3) of what rays met: emission, and light that has come `bounces` times, or less, from a
-        surface.
-        """
-        number = self._numbers(layer, bounces > 0, check)
-        light: NDArray[np.float64] = self._after(number, bounces, check)[number]
-        return light
+    def again(self) -> None:
+        """Get ready for another picture: the one before may have been given up."""
+        self._claimed = self._looked.astype(np.int8) + self._lit
+        self._arrived = [(light, known, known.copy()) for light, known, _ in self._arrived]
+        self._broken = False
 
-    def _numbers(self, layer: Layer, lit: bool, check: Check) -> NDArray[np.int32]:
-        """The patches (n,) that rays met. Where something stands on one and divides it, it is a smaller one."""
-        grids, keys = self._field.grids, layer.keys
-        number = self._table.numbers(keys)
-        left = np.arange(len(keys))
-        while len(left):
+    def arriving(self, met: Met, bounces: int,
+                 check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The radiance (n,3) that white surfaces would return where rays met patches: of lamps; and of the sky, of what
+        gives light, and of light that has come `bounces` times, or less, from a surface.
+        """
+        number = self.met(met, True, check)
+        self._know(number, True, check)
+        if self._gathers or bounces > 0:
+            around = self._incoming(number, bounces, check)
+        else:
+            around = np.zeros((len(number), 3))
+        return self._white[number], around
+
+    @contextmanager
+    def asked(self) -> Iterator[None]:
+        """Hold the lock, which is needed to ask. If this thread fails, those that wait for it fail, too."""
+        with self._lock:
+            try:
+                yield
+            except BaseException:
+                self._broken = True
+                self._lock.notify_all()
+                raise
+
+    @contextmanager
+    def _computing(self) -> Iterator[None]:
+        """Let other threads ask meanwhile."""
+        self._lock.release()
+        try:
+            yield
+        finally:
+            self._lock.acquire()
+
+    def _wait(self, known: Callable[[], NDArray[np.bool_]], number: NDArray[np.int32]) -> None:
+        """Wait for what other threads have claimed of patches (n,)."""
+        self._lock.notify_all()
+        while not known()[number].all():
+            if self._broken:
+                raise SharedRecordsError("another thread failed while it computed light that this one needs")
+            self._lock.wait()
+
+    def met(self, met: Met, lit: bool, check: Check) -> NDArray[np.int32]:
+        """The patches (n,) that rays met; −1 and less: none. Where something stands on one and divides it, it is a
+        smaller one. lit: lamps' light on them is asked for, too.
+        """
+        g, n = self._field.grids, len(met.keys)
+        number, todo, left = np.empty(n, np.int32), np.arange(n, dtype=np.int32), n
+        while left:
+            state = np.array([0, 0, left])
+            while _met(*g.shape[1:], g.other, g.top, int(LAST_KEY), self._lit if lit else self._looked, self._divided,
+                       *self._table.arrays, *met, todo, state, number):
+                self._table.grow()
+            left = int(state[1])
             self._grow()
-            self._see(_missing(number[left], self._lit if lit else self._looked), lit, check)
-            left = left[self._divided[number[left]]]
-            keys = self._table.keys[number[left]]
-            whole = grids.sizes(keys)[1] == 0  # it may stand for others
-            left, keys = left[~whole], keys[~whole]
-            number[left] = self._table.numbers(grids.finer(keys, layer.on[left]))
+            self._see(self._missing(number[todo[:left]], self._lit if lit else self._looked), lit, check)
         return number
+
+    def _wider(self, number: NDArray[np.int32], by: int) -> NDArray[np.uint64]:
+        """The keys (n,) of cells around these patches, whose edges are 2^by times as long."""
+        return self._field.grids.wider(self._table.keys[number], by, self._gather.for_small)
+
+    def _missing(self, number: NDArray[np.int32], known: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Each of these numbers once that is not known."""
+        out = np.empty(len(number), np.int32)
+        return out[:_missing(number, known, self._seen, out)]
 
     def _grow(self) -> None:
         """Make room for the patches in the table."""
@@ -94,20 +159,22 @@ class Patches:
         def longer(a: NDArray) -> NDArray:
             return np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)])
 
-        for name in ("_emission", "_albedo", "_direct", "_sky", "_looked", "_lit", "_traced", "_covered", "_widened",
-                     "_divided", "_begin", "_count"):
+        for name in ("_emission", "_albedo", "_direct", "_white", "_sky", "_looked", "_lit", "_claimed", "_traced",
+                     "_covered", "_widened", "_widened_lit", "_divided", "_seen", "_begin", "_count"):
             setattr(self, name, longer(getattr(self, name)))
-        self._bounced = [(longer(light), longer(known)) for light, known in self._bounced]
-        self._arrived = [(longer(light), longer(known)) for light, known in self._arrived]
+        self._bounced = [tuple(map(longer, of)) for of in self._bounced]
+        self._arrived = [tuple(map(longer, of)) for of in self._arrived]
 
-    def _after(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
-        """The radiance of all patches, of which that of patches (n,) is known."""
+    def radiance(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
+        """The radiance of all patches, of which that of patches (n,) is known: emission, and light that has come
+        `bounces` times, or less, from a surface.
+        """
         if bounces == 0:
             self._know(number, False, check)
             return self._emission
         while len(self._bounced) < bounces:
             self._bounced.append((np.zeros((len(self._looked), 3)), np.zeros(len(self._looked), np.bool_)))
-        new = _missing(number, self._bounced[bounces - 1][1])
+        new = self._missing(number, self._bounced[bounces - 1][1])
         self._know(new, True, check)
         for i in range(0, len(new), BATCH):
             some = new[i:i + BATCH]
@@ -124,63 +191,84 @@ class Patches:
         """
         wider, left = number.copy(), np.arange(len(number))
         for by in range(WIDER, 0, -1):
-            wider[left] = self._table.numbers(self._field.grids.wider(self._table.keys[number[left]], by))
+            wider[left] = self._table.numbers(self._wider(number[left], by))
             self._grow()
-            self._see(_missing(wider[left], self._looked), False, check)
-            left = left[self._divided[wider[left]]]  # it is for both sides of something
+            self._see(self._missing(wider[left], self._looked), False, check)
+            # it is for both sides of something, or inside of it
+            left = left[self._divided[wider[left]] | self._covered[wider[left]]]
             wider[left] = number[left]
         while len(self._arrived) <= bounces:
-            self._arrived.append((np.zeros((len(self._looked), 3)), np.zeros(len(self._looked), np.bool_)))
-        new = _missing(wider, self._arrived[bounces][1])
-        for i in range(0, len(new), BATCH):
-            some = new[i:i + BATCH]
+            n = len(self._looked)
+            self._arrived.append((np.zeros((n, 3)), np.zeros(n, np.bool_), np.zeros(n, np.bool_)))
+        mine = self._missing(wider, self._arrived[bounces][2])
+        self._arrived[bounces][2][mine] = True
+        for i in range(0, len(mine), BATCH):
+            some = mine[i:i + BATCH]
             self._trace(some[~self._traced[some]], bounces == 0 and self.dark, check)
-            light = self._sky[some] + self._from_others(some, bounces, check)
-            values, known = self._arrived[bounces]
+            light = self._sky[some]
+            if bounces > 0 or not self.dark:
+                light += self._from_others(some, bounces, check)
+            values, known, _ = self._arrived[bounces]  # they may have grown
             values[some], known[some] = light, True
-        return self._arrived[bounces][0][wider]
+        self._wait(lambda: self._arrived[bounces][1], wider)
+        out: NDArray[np.float64] = self._arrived[bounces][0][wider]
+        return out
 
     def _know(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
         """See that it is known what patches (n,) are, and their direct light if `lit`."""
-        self._see(_missing(number, self._lit if lit else self._looked), lit, check)
-        covered = _missing(number, self._widened)
-        of_lit = self._lit[covered]
-        self._uncover(covered[of_lit], True, check)
-        self._uncover(covered[~of_lit], False, check)
-        self._widened[covered] = True
+        self._see(self._missing(number, self._lit if lit else self._looked), lit, check)
+        covered = self._missing(number, self._widened_lit if lit else self._widened)
+        self._uncover(covered, lit, check)
+        (self._widened_lit if lit else self._widened)[covered] = True
 
     def _see(self, new: NDArray[np.int32], lit: bool, check: Check) -> None:
         """Find out what patches are, and their direct light if `lit`."""
-        for i in range(0, len(new), BATCH):
+        mine = new[self._claimed[new] < 1 + lit]
+        self._claimed[mine] = 1 + lit
+        for i in range(0, len(mine), BATCH):
             check()
-            some = new[i:i + BATCH]
-            triangle, P, N = self._field.grids.inside(self._table.keys[some])
-            there, covered = self._there(P, N)
-            emission, albedo, direct = self._look(triangle, P, N, lit and not self._many)
-            if lit and self._many:
-                one = 4 * np.arange(len(some)) + (there[:, :, 0] > 0).argmax(1)
-                direct = np.repeat(self._look(triangle[one], P[one], N[one], True)[2], 4, axis=0)
-            for kept, values in ((self._emission, emission), (self._albedo, albedo), (self._direct, albedo * direct)):
-                kept[some] = (values.reshape(-1, 4, 3) * there).sum(1)
-            self._looked[some] = True
-            self._lit[some] = lit
-            self._covered[some], self._widened[some] = covered, ~covered
-            self._divided[some] = self._is_divided(self._table.keys[some], P, N)
+            some = mine[i:i + BATCH]
+            keys = self._table.keys[some]
+            with self._computing():
+                emission, albedo, direct, white, covered, divided = self._look_at(keys, lit)
+            fresh = ~self._looked[some]  # what another thread has found is the same, and it may have widened it
+            at = some[fresh]
+            self._emission[at], self._albedo[at] = emission[fresh], albedo[fresh]
+            self._covered[at], self._widened[at], self._divided[at] = covered[fresh], ~covered[fresh], divided[fresh]
+            self._looked[at] = True
+            if lit:
+                self._direct[some], self._white[some] = direct, white
+                self._widened_lit[some], self._lit[some] = ~covered, True
+        if len(new):
+            self._wait(lambda: self._lit if lit else self._looked, new)
+
+    def _look_at(self, keys: NDArray[np.uint64], lit: bool) -> tuple[NDArray, ...]:
+        """Emission, albedo and light of lamps (n,3), that is returned, and that a white one would return, of patches
+        with these keys (n,), whether they are covered, and whether they are divided.
+        """
+        triangle, P, N = self._field.grids.inside(keys)
+        there, covered = self._there(P, N)
+        emission, albedo, direct = self._look(triangle, P, N, lit and not self._many)
+        if lit and self._many:
+            one = 4 * np.arange(len(keys)) + (there[:, :, 0] > 0).argmax(1)
+            direct = np.repeat(self._look(triangle[one], P[one], N[one], True)[2], 4, axis=0)
+        means = ((values.reshape(-1, 4, 3) * there).sum(1) for values in (
+            emission, albedo, albedo * direct, direct))
+        return *means, covered, self._is_divided(keys, P, N)
 
     def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
         """Let patches that are covered but for a corner be as the wider ones around them, unless these are covered."""
         for by in (1, 2, 4):
             keys = self._table.keys[number]
-            around = self._field.grids.wider(keys, by)
-            differs = around != keys
+            around = self._wider(number, by)
+            differs = (around != keys) & (self._field.grids.sizes(keys)[1] > 0)
             number, wider = number[differs], self._table.numbers(around[differs])
             if not len(number):
                 return
             self._grow()
-            new = np.unique(wider)
-            self._see(new[~(self._lit if lit else self._looked)[new]], lit, check)
+            self._see(self._missing(wider, self._lit if lit else self._looked), lit, check)
             free = ~self._covered[wider]
-            for kept in (self._emission, self._albedo, self._direct):
+            for kept in (self._emission, self._albedo, *((self._direct, self._white) if lit else ())):
                 kept[number[free]] = kept[wider[free]]
             number = number[~free]
 
@@ -225,78 +313,74 @@ class Patches:
         # each patch turns its rays by an angle of its own, so that what all miss differs
         angle = (keys * np.uint64(0x9E3779B185EBCA87) >> np.uint64(40)).astype(np.float64) / 2**24 * 2 * np.pi
         turn = np.stack([np.cos(angle), np.sin(angle)], 1)
-        sky = np.zeros((len(new), 3))
-        rows, others, weights = [], [], []
+        with self._computing():
+            sky, rows, several, weights = self._gathered(P, N, turn, sky_only)
+        self._sky[new] = sky / RAYS
+        if sky_only:  # they are asked again where others have light
+            return
+        number = self.met(joined(several), False, check)
+        there = np.flatnonzero(number >= 0)
+        row = np.concatenate(rows)[there]
+        there = there[np.argsort(row, kind="stable")]
+        count = np.bincount(row, minlength=len(new))
+        self._begin[new], self._count[new] = len(self._other) + np.cumsum(count) - count, count
+        self._other = self._other.with_more(number[there])
+        if self._weight is not None:
+            self._weight = self._weight.with_more(np.concatenate(weights)[there].astype(np.float32))
+        self._traced[new] = True
+
+    def _gathered(self, P: NDArray, N: NDArray, turn: NDArray, sky_only: bool) -> tuple[NDArray, list, list, list]:
+        """The sum of the sky's light (n,3) that patches gather at their points (4n,3), and what else their rays meet:
+        lists of the patches' rows, of patches there, and of how much these count.
+        """
+        n = len(turn)
+        sky, rows, several, weights = np.zeros((n, 3)), [], [], []
         for q in range(4):
             local = np.ascontiguousarray(self._local[q::4])
-            seen = self._gather(np.ascontiguousarray(P[q::4]), np.ascontiguousarray(N[q::4]), local, turn, FEWER)
-            sky += seen.light.reshape(len(new), len(local), 3).sum(1)
-            for layer in () if sky_only else seen.layers:
-                rows.append(layer.row // len(local))
-                others.append(self._numbers(layer, False, check))
-                weights.append(np.ones((len(layer.keys), 3)) if layer.weight is None else layer.weight)
-        self._grow()
-        if sky_only:  # they are asked again where others have light
-            self._sky[new], self._count[new] = sky / RAYS, 0
-            return
-        row = np.concatenate(rows)
-        order = np.argsort(row, kind="stable")
-        self._sky[new] = sky / RAYS
-        start = np.searchsorted(row[order], np.arange(len(new) + 1))
-        had = len(self._other)
-        self._begin[new], self._count[new] = had + start[:-1], np.diff(start)
-        self._other = self._other.with_more(np.concatenate(others)[order])
-        if self._weight is not None:
-            self._weight = self._weight.with_more(np.concatenate(weights)[order].astype(np.float32))
-        self._traced[new] = True
+            d = len(local)
+            seen = self._gather(np.ascontiguousarray(P[q::4]), np.ascontiguousarray(N[q::4]), local, turn, FEWER,
+                                sky_only)
+            sky += np.count_nonzero(seen.distance.reshape(-1, d) == 0, axis=1)[:, None] * seen.sky
+            for c in range(3):
+                sky[:, c] += np.bincount(seen.row // d, seen.light[:, c], n)
+            for row, met, weight in ((np.arange(len(seen.distance)), seen.met, None),
+                                     *((seen.row[at], met, weight) for at, met, weight in seen.layers)):
+                rows.append(row // d)
+                several.append(met)
+                weights.append(np.ones((len(row), 3)) if weight is None else weight)
+        return sky, rows, several, weights
 
     def _from_others(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
         """The radiance (n,3) that white patches return of the light of other patches, after so many bounces."""
         begin, count = self._begin[number], self._count[number]
         at = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(count.sum())
-        light = self._after(self._other.values[at], bounces, check)
+        light = self.radiance(self._other.values[at], bounces, check)
         out = np.empty((len(number), 3))
         weight = None if self._weight is None else self._weight.values
         _gather(begin, count, self._other.values, weight, 1 / RAYS, light, out)
         return out
 
 
-class _Growing:
-    """An array that gets longer."""
+class Light(NamedTuple):
+    """The radiance that rays find, as the kernel `records_sum` takes it."""
 
-    def __init__(self, empty: NDArray, n: int = 0) -> None:
-        self._room, self._n = empty, n
-
-    def __len__(self) -> int:
-        return self._n
-
-    @property
-    def values(self) -> NDArray:
-        """What it holds."""
-        return self._room[:self._n]
-
-    def with_more(self, more: NDArray) -> _Growing:
-        """The array with `more` at its end."""
-        n = self._n + len(more)
-        if n > len(self._room):
-            room = np.empty((2 * n, *self._room.shape[1:]), self._room.dtype)
-            room[:self._n] = self.values
-            self._room = room
-        self._room[self._n:n] = more
-        return _Growing(self._room, n)
+    number: NDArray[np.int32]  # (x,) of a patch; −1: the sky; from −2 down: 0 on of `extra`
+    patch: NDArray[np.float64]  # (m,3)
+    extra: NDArray[np.float64]  # (e,3)
+    sky: NDArray[np.float64]  # (3,)
 
 
-def _missing(number: NDArray[np.int32], known: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Each of these numbers once that is not known."""
-    new: NDArray[np.int32] = np.unique(number[~known[number]])
-    return new
-
-
-def add(seen: Seen, patches: Patches, bounces: int, check: Check) -> NDArray[np.float64]:
-    """The radiance (x,3) that rays find: sky and patches."""
-    light = seen.light
-    for layer in () if bounces == 0 and patches.dark else seen.layers:
-        found = patches.radiance(layer, bounces, check)
-        light[layer.row] += found if layer.weight is None else layer.weight * found
-    return light
-
+def light_of(seen: Seen, patches: Patches, bounces: int, check: Check) -> Light:
+    """The light of sky and patches that rays find."""
+    if bounces == 0 and patches.dark:  # all that they meet is black
+        number, patch = np.where(seen.distance > 0, np.int32(0), np.int32(-1)), np.zeros((1, 3))
+    else:
+        layers = seen.layers
+        with patches.asked():
+            number = patches.met(joined([seen.met, *(layer.met for layer in layers)]), bounces > 0, check)
+            patch = patches.radiance(number, bounces, check)
+        number, *behind = np.split(number, np.cumsum([len(seen.distance), *(len(layer.row) for layer in layers)])[:-1])
+        for layer, of in zip(layers, behind, strict=True):
+            seen.light[layer.row] += layer.weight * patch[of]
+    number[seen.row] = -2 - np.arange(len(seen.row))
+    return Light(number, patch, seen.light, seen.sky)

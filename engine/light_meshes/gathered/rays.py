@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 
 from ..glass.interfaces import Interfaces
 from ..glass.media import closed
-from ..rays.tracer import Tracer
+from ..rays.tracer import Tracer, directions
 from ..scene.description import Scene
 from ..support.native import kernel
 from ..support.statistics import Statistics
 from ..surface.sky import Sky
 from .grids import Grids
 
-_rays, _met = kernel("records_rays"), kernel("records_met")
+_met, _met_by, _stand_ins = kernel("rays_met"), kernel("rays_met_by"), kernel("rays_stand_ins")
+_at = kernel("patches_at")
 SHARE = 0.35  # patches are up to this share of the way to them
 STEPS = 8  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
+LAST_KEY = np.uint64(2**64 - 3)  # larger ones are no patches (rays.c)
+_NOTHING, _CLEAR = np.uint64(2**64 - 1), np.uint64(2**64 - 2)
 
 
 @dataclass(eq=False)
@@ -36,21 +39,37 @@ class Field:
     stats: Statistics
 
 
-class Layer(NamedTuple):
-    """Patches that rays meet: the first of each, or those behind what lets them pass."""
+class Met(NamedTuple):
+    """The patches that rays meet, and where."""
 
-    row: NDArray[np.int64]  # (m,) of the ray
-    keys: NDArray[np.uint64]  # (m,)
-    on: NDArray[np.float32]  # (m,2) where on the axes of its grid each was met
-    weight: NDArray[np.float64] | None  # (m,3) of what they send; None: all counts
+    keys: NDArray[np.uint64]  # (m,) those above LAST_KEY are none
+    triangle: NDArray[np.int32]  # (m,)
+    u: NDArray[np.float32]  # (m,) barycentrics
+    v: NDArray[np.float32]
+
+
+def joined(several: Sequence[Met]) -> Met:
+    """All of them in one."""
+    return several[0] if len(several) == 1 else Met(*(np.concatenate(a) for a in zip(*several, strict=True)))
+
+
+class Layer(NamedTuple):
+    """What rays meet that let light pass, or behind these."""
+
+    row: NDArray[np.int64]  # (m,) of Seen.row
+    met: Met
+    weight: NDArray[np.float64]  # (m,3) how much of it counts
 
 
 class Seen(NamedTuple):
-    """What some rays meet."""
+    """What x rays meet: a patch each, or the sky; some have light of their own, or more than one patch."""
 
     distance: NDArray[np.float32]  # (x,) to the first surface that is there; 0: none
-    light: NDArray[np.float64]  # (x,3) of the sky
-    layers: list[Layer]
+    met: Met
+    sky: NDArray[np.float64]  # (3,) the light of those that meet nothing and have none of their own
+    row: NDArray[np.int64]  # (e,) of the rays that have light of their own
+    light: NDArray[np.float64]  # (e,3) the sky's, of these rays
+    layers: list[Layer]  # of these rays
 
 
 class Gatherer:
@@ -65,93 +84,108 @@ class Gatherer:
         self._clear = passes if field.glass.transparent else None
         every = np.ones(len(material), np.bool_)
         self.solid = np.append(closed(s, every) & ~passes, False)  # (T+1,) of closed meshes; the last: no hit
-        self.for_small = np.stack([self._stand_ins(material, finest * 2.0**i) for i in range(STEPS)])
+        self.for_small = self._stand_ins(material)
 
-    def _stand_ins(self, material: NDArray, size: float) -> NDArray[np.int32]:
-        """For triangles (T,) that are not larger than `size`, one of those that are near, look the same way and have
-        the same material; −1 for larger ones.
+    def _stand_ins(self, material: NDArray) -> NDArray[np.int32]:
+        """For triangles that are not larger than patches of each size (s,T), one of those that are near, look the same
+        way and have the same material; −1 for larger ones.
         """
         g = self._field.grids
-        s = g.surfaces
-        out = np.full(len(s.triangles), -1, np.int32)
-        small = np.flatnonzero(g.longest <= size)
-        if len(small):
-            N = g.normals(small)
-            axis = np.abs(N).argmax(1)
-            side = 2 * axis + (N[np.arange(len(N)), axis] > 0)
-            middle = s.vertices[s.triangles[small]].mean(1) * s.scale + s.centre
-            what = np.column_stack([np.floor(middle / size).astype(np.int64), side, material[small],
-                                    s.instance[small]])
-            _, first, number = np.unique(what, axis=0, return_index=True, return_inverse=True)
-            out[small] = small[first][number.reshape(-1)]
-        return out
+        found = np.empty((STEPS, len(material)), np.int32)
+        for i, size in enumerate(self._finest * 2.0 ** np.arange(STEPS)):
+            small = int(np.count_nonzero(g.longest <= size))
+            slots = np.full(1 << (2 * small + 1).bit_length(), -1, np.int32)
+            _stand_ins(*g.shape, g.flipped, g.longest, material, g.surfaces.instance, size, slots, found[i])
+        return found
 
     def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], local: NDArray[np.float64],
-                 turn: NDArray[np.float64] | None = None, larger: float = 1.0) -> Seen:
+                 turn: NDArray[np.float64] | None = None, larger: float = 1.0, sky_only: bool = False) -> Seen:
         """What rays from points P (r,3) along `local` (d,3), turned to normals M (r,3), meet; x = r·d.
 
         turn (r,2): by the angle with this cosine and sine before. larger: how much larger patches are.
+        sky_only: only the sky's light is asked for, and no patch.
         """
-        f = self._field
-        x = len(P) * len(local)
-        origin, direction, normal = np.empty((x, 3)), np.empty((x, 3)), np.empty((x, 3))
-        _rays(P, M, turn, local, origin, direction, normal)
-        layers: list[Layer] = []
-        light = np.zeros((x, 3))
-        first = self._trace(origin, direction, normal, larger)
+        f, g = self._field, self._field.grids
+        x, d = len(P) * len(local), len(local)
+        hit = f.tracer.around("diffuse", P, M, turn, local)
+        distance, keys = np.empty(x, np.float32), np.empty(x, np.uint64)
+        _met(*g.shape, g.other, g.flipped, self.for_small, self._clear, self._finest, SHARE * larger, *hit, P, M, turn,
+             local, distance, keys)
         f.stats.add(gathered_rays=x)
-        triangle, _, _, distance, keys, on = first
-        hit = triangle >= 0
-        # The solid angle that each ray speaks for, as they share the half-space by the cosine.
-        width = np.tile(np.pi / (len(local) * np.maximum(local[:, 2], 1e-3)), len(P))
-        self._add_sky(light, np.flatnonzero(~hit), direction, None, width)
-        clear = hit & self._clear[triangle] if self._clear is not None else None
-        stops = np.flatnonzero(hit if clear is None else hit & ~clear)
-        layers.append(Layer(stops, keys[stops], on[stops], None))
-        if clear is not None and clear.any():
-            rows = np.flatnonzero(clear)
-            self._pass(rows, direction[rows], tuple(a[rows] for a in first), light, layers, larger, width)
-        return Seen(distance, light, layers)
+        constant = np.zeros(3) if f.sky is None else f.sky.constant
+        free = np.flatnonzero(keys == _NOTHING) if constant is None else np.zeros(0, np.int64)
+        clear = np.flatnonzero(keys == _CLEAR) if self._clear is not None else np.zeros(0, np.int64)
+        row = np.concatenate([free, clear])
+        light, layers = np.zeros((len(row), 3)), list[Layer]()
+        if len(row):
+            direction = directions(M, turn, local, row)
+            # The solid angle that each ray speaks for, as they share the half-space by the cosine.
+            width = (np.pi / (d * np.maximum(local[:, 2], 1e-3)))[row % d]
+            at = np.arange(len(free))
+            self._add_sky(light, at, direction[at], None, width)
+            if len(clear):
+                at = np.arange(len(free), len(row))
+                self._pass(at, P[clear // d], direction[at], tuple(a[clear] for a in hit), light,
+                           None if sky_only else layers, larger, width)
+        return Seen(distance, Met(keys, *hit), np.zeros(3) if constant is None else constant, row, light, layers)
 
-    def _trace(self, origin: NDArray, direction: NDArray, normal: NDArray, larger: float) -> tuple[NDArray, ...]:
-        """Triangles, barycentrics, distances, keys of patches and places on their axes of what rays meet."""
-        g, n = self._field.grids, len(origin)
-        triangle, u, v = self._field.tracer.closest("diffuse", origin, direction, normal)
-        distance, keys, on = np.empty(n, np.float32), np.empty(n, np.uint64), np.empty((n, 2), np.float32)
-        _met(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, triangle, u, v, origin,
-             direction, distance, keys, on)
-        return triangle, u, v, distance, keys, on
+    def at(self, triangle: NDArray[np.int32], P: NDArray[np.float64], direction: NDArray[np.float64],
+           size: NDArray[np.float64]) -> Met:
+        """Return the patches of about size (n,), scene units, at places P (n,3) of triangles (n,) that rays along
+        `direction` (n,3) meet.
+        """
+        g, n = self._field.grids, len(P)
+        found = Met(np.empty(n, np.uint64), triangle, np.empty(n, np.float32), np.empty(n, np.float32))
+        _at(*g.shape, g.other, g.flipped, self.for_small, self._finest, triangle, P, direction, size, found.keys,
+            found.u, found.v)
+        return found
+
+    def _keys(self, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], larger: float) -> Met:
+        """The patches that rays (m,3) meet."""
+        g, keys = self._field.grids, np.empty(len(origin), np.uint64)
+        _met_by(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, *hit, origin, direction,
+                keys)
+        return Met(keys, *hit)
 
     def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None,
                  width: NDArray[np.float64]) -> None:
+        """Add the sky's light along `direction` (m,3) to these rows of `light`. width: of all rows."""
         sky = self._field.sky
         if sky is not None and len(rows):
-            found = sky.light(direction[rows] if weight is None else direction, width[rows])
+            found = sky.light(direction, width[rows])
             light[rows] += found if weight is None else weight * found
 
-    def _pass(self, row: NDArray, direction: NDArray, met: tuple[NDArray, ...], light: NDArray, layers: list[Layer],
-              larger: float, width: NDArray[np.float64]) -> None:
-        """Follow rays (m,) of numbers `row`, which met what lets them pass, straight on, as shadow rays go."""
-        g, glass = self._field.grids, self._field.glass
+    def _pass(self, row: NDArray, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], light: NDArray,
+              layers: list[Layer] | None, larger: float, width: NDArray[np.float64]) -> None:
+        """Follow rays (m,) of numbers `row`, which met what lets them pass, straight on, as shadow rays go.
+
+        layers: gets what they meet; None: only the sky's light is asked for.
+        """
+        f, g, glass = self._field, self._field.grids, self._field.glass
         weight = np.ones((len(row), 3))
         assert self._clear is not None
         for _ in range(THROUGH):
-            triangle, u, v, _, keys, on = met
+            triangle, u, v = hit
             clear = self._clear[triangle]
             passed = np.zeros((len(row), 3))
             passed[clear] = glass.factor(triangle[clear], u[clear], v[clear])
-            layers.append(Layer(row, keys, on, weight * (1 - passed)))
+            if layers is not None:
+                own = weight * (1 - passed)
+                some = np.flatnonzero(own.any(1))
+                layers.append(Layer(row[some], self._keys(origin[some], direction[some], tuple(a[some] for a in hit),
+                                                          larger), own[some]))
             go = np.flatnonzero((weight * passed).max(1, initial=0) > 1e-3)
             if not len(go):
                 break
             row, weight, direction = row[go], weight[go] * passed[go], direction[go]
-            P, N = g.behind(triangle[go], u[go], v[go], direction)
-            met = self._trace(P, direction, N, larger)
-            hit = met[0] >= 0
-            if not hit.all():
-                self._add_sky(light, row[~hit], direction[~hit], weight[~hit], width)
-                row, weight, direction = row[hit], weight[hit], direction[hit]
-                met = tuple(a[hit] for a in met)
+            origin, N = g.behind(triangle[go], u[go], v[go], direction)
+            hit = f.tracer.closest("diffuse", origin, direction, N)
+            f.stats.add(gathered_rays=len(go))
+            there = hit[0] >= 0
+            if not there.all():
+                self._add_sky(light, row[~there], direction[~there], weight[~there], width)
+                row, weight, origin, direction = row[there], weight[there], origin[there], direction[there]
+                hit = tuple(a[there] for a in hit)
 
 
 Check = Callable[[], None]

@@ -4,13 +4,14 @@ Records are at points of the grids of triangles, so they are fixed in the world.
 asks, from fixed rays, and its value depends on nothing else: not on the camera, on order or on threads. A receiver asks
 the three points of its triangle's coarsest grid around it, then of finer ones, until it trusts them: they must be
 closer together than a share of the mean distance of what they see (Ward, Rubinstein and Clear 1988), and of the
-distance of edges near them. Between levels it blends.
+distance of edges near them. Between levels it blends. The distance of edges is found first, without rays; where it says
+that the records will not be trusted, they are not computed.
 """
 
 from __future__ import annotations
 
 import threading
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,12 @@ from ..support.statistics import Statistics
 from .directions import directions, tilted
 from .grids import LAST, Places
 from .nearness import Nearness
-from .patches import Patches, add
+from .patches import Patches, SharedRecordsError, light_of
 from .rays import Check, Field, Gatherer
 from .table import Table
 
-_sum, _trust, _blend = kernel("records_sum"), kernel("records_trust"), kernel("records_blend")
+_sum, _asked = kernel("records_sum"), kernel("records_asked")
+NEW, WANTED, SIGHT = 1, 2, 3  # why a receiver waits, as in records.c
 # Rays of a record, by how far apart records are, in finest distances: each record of a coarse grid counts for a large
 # part of a surface, and there are few.
 RAYS = ((6.0, 1024), (3.0, 512), (0.0, 256))
@@ -37,7 +39,7 @@ APART = 1.0  # and up to this multiple of the distance of edges
 BEYOND = 3  # levels finer than the finest, where no record can be seen from a receiver
 LIFT = 1e-3  # how far above their surface records are looked at, as a share of the distance between them
 KEPT = 2_000_000  # more records or patches are not kept for the next picture
-_ARRAYS = ("_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open")
+_ARRAYS = ("_placed", "_claimed", "_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open")
 ENOUGH = 1e-3  # so little is not asked for at the next level
 
 
@@ -46,10 +48,6 @@ class Gathered(NamedTuple):
 
     light: NDArray[np.float64]  # (n,3) the radiance of a white matt surface there
     sky: NDArray[np.float64]  # (n,) share of the half-space from which nothing is in the way
-
-
-class SharedRecordsError(RuntimeError):
-    """Another thread failed or was cancelled while it computed records for which this thread waits."""
 
 
 class Records:
@@ -62,9 +60,10 @@ class Records:
         self._fine, self._bounces = fine, bounces
         self._kinds = [(at_least * fine, local, tilted(local)) for at_least, n in RAYS for local in [directions(n)]]
         self._table = Table()
-        self._lock, self._light = threading.Condition(), threading.Lock()
+        self._lock = threading.Condition()
         self._broken = False
-        self._done = np.zeros(0, np.bool_)
+        # where it is and how near edges are is known; a thread computes it; it is known
+        self._placed, self._claimed, self._done = (np.zeros(0, np.bool_) for _ in range(3))
         self._P, self._M = np.zeros((0, 3)), np.zeros((0, 3))
         self._mean = np.zeros((0, 5, 3), np.float32)
         self._inverse, self._nearest, self._open = (np.zeros(0, np.float32) for _ in range(3))
@@ -75,90 +74,111 @@ class Records:
     def kept(self, stats: Statistics) -> bool:
         """Get ready for another picture, whose work is counted in `stats`; whether this is worth its memory."""
         self._field.stats = stats
-        done = self._done[:len(self._table)]
-        if not done.all():  # the picture before was given up
-            keys, count = self._table.keys[done], np.count_nonzero(done)
+        placed = self._placed[:len(self._table)]
+        if not placed.all():  # the picture before was given up
+            keys, count = self._table.keys[placed], np.count_nonzero(placed)
             self._table = Table()
             self._table.numbers(keys)
             for name in _ARRAYS:
-                setattr(self, name, getattr(self, name)[:len(done)][done])
+                setattr(self, name, getattr(self, name)[:len(placed)][placed])
             assert len(self._table) == count
+        self._claimed = self._done.copy()
         self._broken = False
+        self._patches.again()
         return len(self._table) < KEPT and len(self._patches) < KEPT
 
     def __call__(self, hits: Hits, check: Check) -> Gathered:
         """The light from everywhere at hits, for their shading normals Ns."""
-        n = len(hits.P)
-        light, sky, share = np.zeros((n, 3)), np.zeros(n), np.ones(n)
-        alive, level = np.arange(n), 0
-        while len(alive):
+        n, g, stats = len(hits.P), self._field.grids, self._field.stats
+        ask = _Asked(np.zeros(n, np.int32), np.ones(n), np.zeros((n, 3)), np.zeros(n), np.empty((n, 3), np.uint64),
+                     np.empty((n, 3), np.int32), np.empty((n, 3)), np.ones((n, 3), np.bool_), np.zeros(n, np.int32),
+                     np.zeros(n, np.uint8))
+        todo, state = np.arange(n, dtype=np.int32), np.array([n, 0])
+        while state[0]:
             check()
-            some = hits if len(alive) == n else hits.at(alive)
-            with self._field.stats.stage("gathered light: asked"):
-                around = self._field.grids.around(some.triangle, some.P, some.Ng, level)
-            number, known = self._numbers(around.keys, check)
-            trust, close = np.empty(len(alive)), np.empty(len(alive), np.bool_)
-            with self._field.stats.stage("gathered light: asked"):
-                fine = np.inf if level >= LAST else self._fine  # there is no finer grid
-                _trust(number, around.weight, around.spacing, known.inverse, known.nearest, WITHIN, STRICT, fine, trust,
-                       close)
-                visible = self._visible(some, number, known, around.weight, np.flatnonzero(close & (trust > 0)))
-                end = around.spacing <= self._fine / 2**BEYOND
-                end |= level >= LAST
-                left, found, free = share[alive], np.zeros((len(alive), 3)), np.zeros(len(alive))
-                _blend(number, around.weight, visible, trust, end, some.Ns, known.M, known.mean, known.open, left,
-                       found, free)
-                light[alive] += found
-                sky[alive] += free
-                share[alive] = left
-                alive = alive[left > ENOUGH]
-            level += 1
-        whole = 1 - share  # what is left out counts as the rest does
-        return Gathered(light / whole[:, None], sky / whole)
+            with stats.stage("gathered light: asked"):
+                _asked(*g.shape, g.other, g.flipped, g.longest, g.corner, g.coarse, *self._known(), WITHIN, STRICT,
+                       self._fine, self._fine / 2**BEYOND, LAST, ENOUGH, hits.triangle, hits.P, hits.Ng, hits.Ns, *ask,
+                       todo, state)
+                state[0] = state[1]
+                waiting = todo[:state[0]]
+                new, wanted, sight = (waiting[ask.why[waiting] == why] for why in (NEW, WANTED, SIGHT))
+                self._enter(ask.keys[new].ravel())
+                self._look(hits, ask, sight)
+            self._ready(ask.number[wanted].ravel(), check)
+        whole = 1 - ask.share  # what is left out counts as the rest does
+        return Gathered(ask.light / whole[:, None], ask.sky / whole)
 
-    def _visible(self, hits: Hits, number: NDArray, known: Any, weight: NDArray,
-                 rows: NDArray) -> NDArray[np.bool_] | None:
-        """Which records (n,3) the receivers of these rows see; None: all."""
-        if not len(rows):
-            return None
-        visible = np.ones((len(hits.P), 3), np.bool_)
-        row, corner = np.nonzero(weight[rows] > 1e-9)
+    def nearly(self, hits: Hits, direction: NDArray[np.float64], size: NDArray[np.float64],
+               check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the light (n,3) of lamps that arrives where rays along `direction` (n,3) hit, and that from
+        everywhere, each as the radiance of a white matt surface: means over patches of about size (n,), scene units.
+        """
+        with self._field.stats.stage("gathered light: patches"), self._patches.asked():
+            met = self._gather.at(hits.triangle, hits.P, direction, size)
+            return self._patches.arriving(met, self._bounces, check)
+
+    def _look(self, hits: Hits, ask: _Asked, rows: NDArray[np.int32]) -> None:
+        """Find out which records (n,3) the receivers of these rows see."""
+        row, corner = np.nonzero(ask.weight[rows] > 1e-9)
         row = rows[row]
         # both ends stand a little above the surface
-        ends = number[row, corner]
-        blocked = self._field.tracer.occluded(hits.P, row.astype(np.int32), points(known.P), ends, hits.Ng, False,
+        blocked = self._field.tracer.occluded(hits.P, row, points(self._P), ask.number[row, corner], hits.Ng, False,
                                               kind="diffuse")
-        visible[row, corner] = ~blocked
+        ask.visible[rows] = True
+        ask.visible[row, corner] = ~blocked
+        ask.seen[rows] = ask.level[rows] + 1
         self._field.stats.add(gathered_short_rays=len(row))
-        return visible
 
-    def _numbers(self, keys: NDArray[np.uint64], check: Check) -> tuple[NDArray[np.int32], Any]:
-        """The numbers (n,3) of records with these keys (n,3), and the arrays in which they are, ready."""
+    def _enter(self, keys: NDArray[np.uint64]) -> None:
+        """Enter records with these keys (n,), and find out how near edges are to them."""
+        if not len(keys):
+            return
         with self._lock:
             before = len(self._table)
-            number = self._table.numbers(keys.ravel())
-            new = np.arange(before, len(self._table))
-            self._grow()
-            mine = self._table.keys[new]
-        if len(new):
+            self._table.numbers(keys)
+            new = slice(before, len(self._table))
+            if new.stop > before:
+                self._grow()
+                self._place(new)
+
+    def _place(self, new: slice) -> None:
+        """Find out how near edges are to new records."""
+        places = self._field.grids.places(self._table.keys[new])
+        near = self._nearness(places.P, places.N, places.spacing, places.own)
+        self._inverse[new], self._nearest[new] = WITHIN / (APART * np.maximum(near, 1e-30)), near
+        self._placed[new] = True
+
+    def _known(self) -> tuple[NDArray, ...]:
+        """The table and the arrays in which records are. Where one is not computed, what it sees is farther away than
+        anything.
+        """
+        with self._lock:
+            return (*self._table.arrays[:2], self._inverse, self._nearest, self._done, self._M, self._mean, self._open)
+
+    def _ready(self, number: NDArray[np.int32], check: Check) -> None:
+        """See that records (n,) are computed, by this thread or another one."""
+        if not len(number):
+            return
+        with self._lock:
+            mine = np.unique(number[~self._claimed[number]])
+            self._claimed[mine] = True
+            keys = self._table.keys[mine]
+        if len(mine):
             try:
-                self._compute_all(new, mine, check)
+                self._compute_all(mine, keys, check)
             except BaseException:
                 with self._lock:
                     self._broken = True
                     self._lock.notify_all()
                 raise
         with self._lock:
-            if not len(new):
-                pass
-            else:
+            if len(mine):
                 self._lock.notify_all()
             while not self._done[number].all():
                 if self._broken:
                     raise SharedRecordsError("another thread failed while it computed light that this one needs")
                 self._lock.wait()
-            known = _Known(self._P, self._M, self._mean, self._inverse, self._nearest, self._open)
-        return number.reshape(keys.shape), known
 
     def _grow(self) -> None:
         n, had = len(self._table), len(self._done)
@@ -169,7 +189,7 @@ class Records:
             a = getattr(self, name)
             setattr(self, name, np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)]))
 
-    def _compute_all(self, new: NDArray[np.int64], keys: NDArray[np.uint64], check: Check) -> None:
+    def _compute_all(self, new: NDArray[np.int32], keys: NDArray[np.uint64], check: Check) -> None:
         """Compute records (n,) with these keys."""
         places = self._field.grids.places(keys)
         left = np.ones(len(new), np.bool_)
@@ -182,34 +202,37 @@ class Records:
                 some = rows[i:i + step]
                 self._compute(new[some], Places._make(a[some] for a in places), local, more, check)
 
-    def _compute(self, new: NDArray[np.int64], places: Places, local: NDArray, more: NDArray, check: Check) -> None:
+    def _compute(self, new: NDArray[np.int32], places: Places, local: NDArray, more: NDArray, check: Check) -> None:
         """Compute records by rays along `local` (d,3), which count as `more` (d,4) for leaning normals."""
         stats = self._field.stats
         with stats.stage("gathered light: rays"):
             seen = self._gather(places.P, places.N, local)
-        with stats.stage("gathered light: nearness"), self._light:
-            near = self._nearness(places.P, places.N, places.spacing, places.own)
-        with stats.stage("gathered light: patches"), self._light:
-            light = add(seen, self._patches, self._bounces, check)
+        with stats.stage("gathered light: patches"):
+            light = light_of(seen, self._patches, self._bounces, check)
         r = len(new)
         mean, inverse = np.empty((r, 5, 3), np.float32), np.empty(r, np.float32)
         nearest, free = np.empty(r, np.float32), np.empty(r, np.float32)
-        _sum(seen.distance.reshape(r, -1), light.reshape(r, -1, 3), more, mean, inverse, nearest, free)
-        inverse = np.maximum(inverse, WITHIN / (APART * np.maximum(near, 1e-30)))
+        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], more, mean, inverse, nearest, free)
         with self._lock:
             self._P[new] = places.P + LIFT * places.spacing[:, None] * places.N
-            self._M[new], self._mean[new] = places.N, mean
-            self._inverse[new], self._nearest[new], self._open[new] = inverse, np.minimum(nearest, near), free
+            self._M[new], self._mean[new], self._open[new] = places.N, mean, free
+            self._inverse[new] = np.maximum(inverse, self._inverse[new])
+            self._nearest[new] = np.minimum(nearest, self._nearest[new])
+        with self._lock:  # again: other threads read without it, and see what was written before they see this
             self._done[new] = True
-            stats.add(records=r)
+        stats.add(records=r)
 
 
-class _Known(NamedTuple):
-    """The arrays of records."""
+class _Asked(NamedTuple):
+    """How far n receivers are; see the kernel records_asked."""
 
-    P: NDArray[np.float64]
-    M: NDArray[np.float64]
-    mean: NDArray[np.float32]
-    inverse: NDArray[np.float32]
-    nearest: NDArray[np.float32]
-    open: NDArray[np.float32]
+    level: NDArray[np.int32]  # (n,)
+    share: NDArray[np.float64]  # (n,)
+    light: NDArray[np.float64]  # (n,3)
+    sky: NDArray[np.float64]  # (n,)
+    keys: NDArray[np.uint64]  # (n,3)
+    number: NDArray[np.int32]  # (n,3)
+    weight: NDArray[np.float64]  # (n,3)
+    visible: NDArray[np.bool_]  # (n,3)
+    seen: NDArray[np.int32]  # (n,)
+    why: NDArray[np.uint8]  # (n,)

@@ -29,10 +29,19 @@ class Table:
     def numbers(self, keys: NDArray[np.uint64]) -> NDArray[np.int32]:
         """The numbers (n,) of keys (n,). Keys that were not there before get new ones."""
         number = np.empty(len(keys), np.int32)
-        while _numbers(keys, self._slots, self._entered, self._size, number):
-            known = self.keys.copy()
-            self._entered = np.empty(4 * len(known), np.uint64)
-            self._slots = np.full(16 * len(known), -1, np.int32)
-            self._size[0] = 0
-            _numbers(known, self._slots, self._entered, self._size, np.empty(len(known), np.int32))
+        while _numbers(keys, *self.arrays, number):
+            self.grow()
         return number
+
+    @property
+    def arrays(self) -> tuple[NDArray, ...]:
+        """What kernels need that enter keys (table.h): they change it."""
+        return self._slots, self._entered, self._size
+
+    def grow(self) -> None:
+        """Make room for more."""
+        known = self.keys.copy()
+        self._entered = np.empty(4 * len(known), np.uint64)
+        self._slots = np.full(16 * len(known), -1, np.int32)
+        self._size[0] = 0
+        _numbers(known, *self.arrays, np.empty(len(known), np.int32))

@@ -14,13 +14,15 @@ from ..gathered.nearness import Nearness
 from ..gathered.patches import Patches
 from ..gathered.rays import STEPS, Field, Gatherer
 from ..gathered.records import Records
+from ..rays.camera import camera_rays
 from ..rays.geometry import Hits
-from ..scene.description import Settings, same
+from ..scene.description import Camera, Settings, same
+from ..shadows.grouped import Grouped
 from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
 from ..shadows.unshadowed import Unshadowed
 from ..support.statistics import Statistics
-from ..surface import colours, layers, shading
+from ..surface import albedo
 from ..surface.points import REFLECTED
 from .lighting import Lighting
 from .plan import Plan
@@ -29,7 +31,10 @@ from .world import World
 FINE = 2.0  # the finest distance of records, in steps h that suit the picture
 LEVELS = 6  # that are coarser, each by 2
 LAMP_RAYS = 4  # from each point of a patch to each lamp, where there are
-FEW_LAMPS = 64  # or fewer; one where there are more
+FEW_LAMPS = 64  # or fewer; one where there are more, and then
+PART = 0.05  # lamps that together give a patch at most this share of its light have one ray (`shadows.grouped`)
+AHEAD = 1 << 16  # points of the picture, about, for which light is gathered before it is drawn
+ASKED = 1 << 16  # of them at once
 PATCH = 2.0  # the size of the smallest patches, in finest distances
 
 
@@ -97,9 +102,11 @@ def _shadows(world: World, plan: Plan, settings: Settings, stats: Statistics) ->
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
     through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
-    few = replace(settings, light_samples=LAMP_RAYS if len(lights) <= FEW_LAMPS else 1)
+    many = len(lights) > FEW_LAMPS
+    few = replace(settings, light_samples=1 if many else LAMP_RAYS, light_threshold=PART)
     setup = Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {}, through, None)
-    return KINDS["AREA_SAMPLING"].make(setup)
+    method = KINDS["AREA_SAMPLING"].make(setup)
+    return Grouped(setup, method, told=False) if many else method
 
 
 class Look:
@@ -109,7 +116,6 @@ class Look:
         """visibility: shadows for the light of lamps on patches."""
         self._world, self._lighting, self._visibility = world, lighting, visibility
         self._check: Callable[[], None] = lambda: None
-        self._layers = any(m.layers for m in world.scene.materials)
 
     def __call__(self, triangle: NDArray[np.int32], P: NDArray[np.float64], N: NDArray[np.float64],
                  lit: bool) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -122,18 +128,32 @@ class Look:
         world.surface(None, triangle, zero, zero, P + N * world.surfaces.scale, -N, hits)
         hits = world.look(hits, -N, np.full(n, REFLECTED, np.int8))
         m, row = hits.table, hits.row
-        Od = colours.matt(hits, world.textures)
-        shading.dim(m, hits, -N, Od)
-        # what mirrors and metals return is taken as if they returned it in all directions
-        albedo = m.kd[row, None] * Od + np.maximum(m.mirror[row], m.metal[row, None] * m.F0[row])
-        for layer in layers.lit(layers.further(hits), -N, world.textures) if self._layers else ():
-            own, at = layer.hits.table, layer.hits.row
-            albedo[layer.rows] += own.kd[at, None] * layer.Od + np.maximum(
-                own.mirror[at], own.metal[at, None] * own.F0[at])
+        returned = albedo.mean(hits, world.textures)
         emission = m.emission[row].copy()
         if world.as_lamps is not None:
             emission[world.as_lamps[triangle]] = 0
         direct = np.zeros((n, 3))
         if lit:
             direct = self._lighting.arriving(hits, -N, self._check, self._visibility)
-        return emission, albedo, direct
+        return emission, returned, direct
+
+
+def ahead(world: World, records: Records, camera: Camera, offsets: NDArray[np.float64], part: int, parts: int,
+          check: Callable[[], None]) -> None:
+    """Compute the records that a coarse view of the picture asks for, so that they are computed many at a time; tiles
+    then ask for few that are new.
+
+    offsets (S,2): of the samples in a pixel. part: of `parts` bands of the picture, which threads do side by side.
+    """
+    x0, y0, x1, y1 = crop = camera.crop or (0, 0, camera.width, camera.height)
+    share = (x1 - x0) * (y1 - y0) / AHEAD
+    every, samples = max(1, round(share**0.5)), offsets[:max(1, int(1 / share))]
+    left, low, right, top = (i // every for i in crop)
+    rows = np.linspace(low, max(top, low + 1), parts + 1).astype(int)
+    small = replace(camera, width=max(camera.width // every, right), height=max(camera.height // every, top), crop=None)
+    box = left, int(rows[part]), max(right, left + 1), int(rows[part + 1])
+    origin, direction, reach = camera_rays(small, box, samples)
+    _, hits = world.closest("camera", origin, direction, None, reach)
+    matt = np.flatnonzero(world.materials.kd[hits.material] > 0)
+    for i in range(0, len(matt), ASKED):
+        records(hits.at(matt[i:i + ASKED]), check)

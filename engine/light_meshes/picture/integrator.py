@@ -14,6 +14,7 @@ from ..support.rows import taken, where
 from ..surface import points, shading
 from ..surface.layers import further, lit
 from .frosted import BENDS, frosted
+from .patched import patched
 from .prepared import Prepared
 from .reflections import background, going, reflected, softened
 from .wave import Rays, brightest, joined
@@ -59,14 +60,18 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
         rays = rays._replace(left=np.ones(n))
     ready.stats.add(camera_rays=n)
     waves: dict[str, Rays] = {"camera": rays}
+    del rays, origin, direction, far
     for _ in range(LONGEST):  # until no ray is left, at most
         if not waves:
             break
         next_waves: dict[str, list[Rays]] = {}
-        for kind, rays in waves.items():
-            for piece in rays.pieces(PIECE) if spreads and first is None else (rays,):
+        for kind in tuple(waves):
+            pieces = [waves.pop(kind)]  # nothing else keeps rays that are traced, which are much of a tile's memory
+            if spreads and first is None:
+                pieces = pieces.pop().pieces(PIECE)
+            while pieces:
                 check()
-                for child_kind, child in _wave(ready, kind, piece, reach, first, tile, check):
+                for child_kind, child in _wave(ready, kind, pieces.pop(0), reach, first, tile, check):
                     next_waves.setdefault(child_kind, []).append(child)
                     ready.stats.add(secondary_rays=len(child.pixel))
             reach = first = None
@@ -84,6 +89,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
     _add_lamps(ready, kind, rays, hit, hits, tile)
+    came = rays.origin if len(hits.P) == len(hit) else rays.origin[hit]
     if len(hits.P) < len(hit):
         _missed(ready, kind, rays.at(where(hit, False)), tile)
         rays = rays.met(where(hit), hits.P)
@@ -91,6 +97,8 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         rays = rays.met(None, hits.P)
     with ready.stats.stage("programs"):
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
+    if plan.patches and rays.blur is not None and kind == "reflection":
+        rays, hits = patched(ready, rays, hits, came, tile, check)
     if plan.shares and first:
         hits = hits._replace(sample=_samples(ready, rays.pixel, first))
     children: list[tuple[str, Rays]] = []
@@ -119,7 +127,7 @@ def _missed(ready: Prepared, kind: str, miss: Rays, tile: Tile) -> None:
         miss = miss.at(~lost)
     with ready.stats.stage("sky"):
         world = background(ready, miss, _kinds(kind, miss))
-    tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world})
+    tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world}, _brightest_shown(ready, kind))
 
 
 def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box | None, tile: Tile,
@@ -177,7 +185,13 @@ def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], h
     rows = np.flatnonzero(light.any(1) & weight.any(1))
     if len(rows):
         seen = rays.at(rows)
-        tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]})
+        tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]},
+                       _brightest_shown(ready, kind))
+
+
+def _brightest_shown(ready: Prepared, kind: str) -> float:
+    """Return how bright light may be that rays of this kind see: what mirrors and glass show has a limit."""
+    return 0.0 if kind == "camera" else ready.scene.settings.clamp_indirect
 
 
 def _kinds(kind: str, rays: Rays) -> NDArray[np.int8]:
@@ -203,10 +217,12 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work, layers)
     else:
         light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work, layers)
-    tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms)
+    tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms, _brightest_shown(ready, kind))
     tile.add_work(rays.pixel, work)
     if ready.plan.translucent:
-        _shine_through(ready, rays, weight, hits, tile, check)
+        _shine_through(ready, kind, rays, weight, hits, tile, check)
+        for layer in layers:
+            _shine_through(ready, kind, rays.at(layer.rows), weight[layer.rows], layer.hits, tile, check)
     return light.shadows
 
 
@@ -228,7 +244,7 @@ def _samples(ready: Prepared, pixel: NDArray[np.int64], box: Box) -> NDArray[np.
     return np.stack([(box[1] + y) * ready.scene.camera.width + box[0] + x, sample], axis=1)
 
 
-def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
+def _shine_through(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, tile: Tile,
                    check: Callable[[], None]) -> None:
     """Add the light that comes through surfaces scattered: that of a matt surface on their other side."""
     rows = np.flatnonzero((hits.table.translucent[hits.row] > 0).any(1))
@@ -242,7 +258,7 @@ def _shine_through(ready: Prepared, rays: Rays, weight: NDArray, hits: Hits, til
     work = tile.work(len(rows))
     light = ready.lighting.direct(back, rays.direction[rows], check, tile.parts, False, work)
     tile.add_light(rays.pixel[rows], None if rays.part is None else rays.part[rows], weight[rows], light.colour,
-                   light.terms)
+                   light.terms, _brightest_shown(ready, kind))
     tile.add_work(rays.pixel[rows], work)
 
 

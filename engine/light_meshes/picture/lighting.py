@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.passes import shadow_number
-from ..gathered.records import Records
+from ..gathered.records import Gathered, Records
 from ..rays.geometry import Hits
 from ..shadows import pairs
 from ..shadows.method import Check, Lobes, Method, Receivers
 from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
+from ..support.rows import even
 from ..support.statistics import Statistics
 from ..surface import colours, shading
 from ..surface.layers import Layer
@@ -22,7 +23,7 @@ from ..surface.seen import seen_in_mirrors
 from .plan import Plan
 from .world import World
 
-SHADED = 1 << 22  # the largest number of receivers × lights that are held at once
+SHADED = 1 << 23  # the largest number of receivers × lights that are held at once
 
 
 class Sums(NamedTuple):
@@ -96,7 +97,7 @@ class Lighting:
         terms = {"Emission": m.emission[hits.row], "Ambient": ambient, "Diffuse": np.zeros_like(colour),
                  "Glossy": np.zeros_like(colour)} if parts else {}
         if self.everywhere is not None:
-            found = self.everywhere(hits, check)
+            found = self._arriving_from_everywhere(hits, Od, layers, parts, check)
             indirect = m.kd[hits.row, None] * Od * found.light
             for layer in layers:
                 own = layer.hits
@@ -105,6 +106,20 @@ class Lighting:
             if parts:
                 terms |= {"Diffuse Indirect": indirect, "Ambient Occlusion": np.repeat(found.sky[:, None], 3, axis=1)}
         return Od, Sums(colour, terms, {name: np.zeros_like(colour) for name in self._shadow_lights if first})
+
+    def _arriving_from_everywhere(self, hits: Hits, Od: NDArray, layers: Sequence[Layer], parts: bool,
+                                  check: Check) -> Gathered:
+        """Return the light from everywhere at hits: 0 where they return none, unless a pass (parts) shows it there."""
+        assert self.everywhere is not None
+        wanted = (hits.table.kd[hits.row] > 0) & Od.any(1) | parts
+        for layer in layers:
+            wanted[layer.rows] = True
+        rows = np.flatnonzero(wanted)
+        if len(rows) == len(wanted):
+            return self.everywhere(hits, check)
+        found = Gathered(np.zeros_like(Od), np.zeros(len(Od)))
+        found.light[rows], found.sky[rows] = self.everywhere(hits.at(rows), check)
+        return found
 
     def add_light(self, hits: Hits, direction: NDArray, Od: NDArray, sums: Sums, check: Check,
                   work: NDArray | None = None, lights: NDArray[np.uint64] | None = None,
@@ -178,7 +193,7 @@ class Lighting:
         another method than the plan's. narrow: see `Receivers`. layers: further ones, whose lights count, too.
         """
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
-        step = max(64, SHADED // max(1, count))
+        step = even(n, max(64, SHADED // max(1, count)))
         for i in range(0, n if count else 0, step):
             check()
             part = slice(i, min(i + step, n))

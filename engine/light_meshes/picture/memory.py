@@ -36,10 +36,10 @@ IMAGES = 30 << 20  # OpenImageIO, if there are images
 MESH = 60  # for a triangle in the snapshot, once for all its instances; data that is not used stays in the file
 TRIANGLE, VERTEX = 60, 12  # for an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
-BATCH = 1 << 16  # camera rays of a tile, about: each thread has one under way
-LARGER = 4  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
-SPREAD = 4  # how many times fewer there are if surfaces spread them out
-RAY, LIT, CANDIDATE = 700, 8, 6  # for a ray; for a receiver and a light; for a receiver and a node
+BATCH = 1 << 17  # camera rays of a tile, about: each thread has one under way
+LARGER = 2  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
+SPREAD = 8  # how many times fewer there are if surfaces spread them out
+RAY, LIT, CANDIDATE = 400, 5, 6  # for a ray; for a receiver and a light; for a receiver and a node
 NODE = 16  # for a node, in addition to its values
 MIXED = 0.3  # share of the nodes that may be near a penumbra
 # as shares of the available memory: above DOUBT a scene is refused, above CLOSE there is a warning
@@ -70,8 +70,9 @@ def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
         work += shaded * (4 * any(light.softness == "SIZE" for light in scene.lights)  # what each lamp gives
                           + 12 * (scene.settings.light_threshold > 0))
         near = above_a_plane(scene.settings.kI)  # nodes of a receiver; the receivers of a batch share most of them
-        part = 4 if glass else 1  # where surfaces let light through a candidate takes more, and there are fewer at once
-        work += min(rays * near, CANDIDATES / part) * CANDIDATE * part + 3 * shaded * (24 if glass else 0.5)
+        # where surfaces let light through a candidate takes more, and there are fewer at once
+        work += min(rays * near, CANDIDATES / (8 if glass else 1)) * CANDIDATE * (4 if glass else 1)
+        work += 3 * shaded * (24 if glass else 0.5)
     return [
         Part(BASE, "the engine itself", "close other programs"),
         _triangles(scene, glass),
@@ -90,7 +91,7 @@ def _textures(scene: Scene) -> list[Part]:
         return []
     image, largest = max(found, key=lambda one: one[1].bytes)
     what = f"{len(found)} image {'textures' if len(found) > 1 else 'texture'}"
-    return [Part(float(IMAGES + sum(layout.bytes for _, layout in found)),
+    return [Part(float(IMAGES + textures.held([layout.bytes for _, layout in found])),
                  f"{what}, the largest '{image.name}' of {largest.width:,} × {largest.height:,}", "scale images down")]
 
 

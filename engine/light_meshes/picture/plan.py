@@ -24,6 +24,7 @@ from ..shadows.registry import KINDS, NONE
 from ..shadows.sized import LEVELS
 from ..support.bits import has
 
+MANY_LAMPS = 128  # from so many on the plan proposes the light threshold
 LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that nodes may answer
 
 
@@ -51,6 +52,7 @@ class Plan:
     textures: bool = False
     holdouts: bool = False  # the camera sees some objects as holes
     catchers: bool = False  # the camera sees some surfaces only by the shadows on them
+    patches: bool = False  # rays of rough surfaces see the patches of gathered light
     gathers: bool = False  # light comes from everywhere: from the sky with occlusion, or from surface to surface
     reasons: dict[str, str] = field(default_factory=dict)
 
@@ -192,6 +194,9 @@ def _light_threshold(p: Plan, scene: Scene) -> None:
         p.decide("light threshold", f"{s.light_threshold:g}",
                  "lamps that together give at most this share of the light somewhere have one shadow there: a group's "
                  "error is below it, and that of all below what the statistics say")
+    elif p.shadows != NONE and KINDS[s.shadows].lattice and len(scene.lights) > MANY_LAMPS:
+        p.decide("light threshold", "0",
+                 f"each of {len(scene.lights)} lamps has shadows of its own; .01 is several times faster")
 
 
 def _sized(scene: Scene, casters: Casters) -> list[str]:
@@ -300,6 +305,9 @@ def _everywhere(p: Plan, scene: Scene, materials: list[Material], lights: list[L
     p.gathers = bool(sources) and matt
     p.decide("light from everywhere", f"{s.bounces} bounces" if p.gathers else "no",
              "no surface is matt" if not matt else ", ".join(sources) or "nothing sends any")
+    p.patches = s.fast_reflections and p.gathers and (p.frosted or (p.blurred and p.reflections)) and not ambient
+    if p.patches:
+        p.decide("rough reflections", "patches", "they show matt surfaces by the light that these send others")
 
 
 def darkness(scene: Scene, p: Plan) -> list[str]:

@@ -82,9 +82,7 @@ class Prepared:
         self.memory = memory.expected(parts)  # in bytes
         self.nodes_kept = reuse.nodes(self.shadowing, before)
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
-        if self.plan.shares and self.plan.blurred:
-            direction, hits = self.world.coarse_view()
-            self.lighting.measure(self.world.look(hits, direction, np.full(len(direction), CAMERA, np.int8)), direction)
+        self._measure_light()
         self.everywhere: Everywhere | None = None
         if self.plan.gathers:
             suits = measured.h if settings.auto_h else settings.h
@@ -110,6 +108,12 @@ class Prepared:
         if self.world.as_lamps is not None:
             self.plan.decide("emitting surfaces", f"{lamps} lamps",
                              f"for {np.count_nonzero(self.world.as_lamps):,} triangles that give light")
+
+    def _measure_light(self) -> None:
+        """Find the light of a usual pixel, if rough surfaces show lamps whose light is shared out by it."""
+        if self.plan.shares and self.plan.blurred:
+            direction, hits = self.world.coarse_view()
+            self.lighting.measure(self.world.look(hits, direction, np.full(len(direction), CAMERA, np.int8)), direction)
 
     def _gather(self, h: float, stats: Statistics, before: Everywhere | None) -> None:
         """Set up light from everywhere where h suits the picture. before: that of the picture before."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.images import Framebuffer, crop_of
-from ..gathered.records import SharedRecordsError
+from ..gathered.patches import SharedRecordsError
 from ..scene.description import Camera, Scene
 from ..shadows.grouped import PARTS
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.statistics import peak_memory
-from . import reuse
+from . import everywhere, reuse
 from .integrator import radiance
 from .memory import BATCH, LARGER, SPREAD
 from .prepared import Before, Prepared
@@ -61,11 +61,11 @@ def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, i
 
 
 def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> int:
-    """Return a tile size for about `rays` rays per tile; it is smaller in a small picture, so that every thread has
-    work.
+    """Return a tile size, a multiple of 8, for about `rays` rays per tile; it is smaller in a small picture, so that
+    every thread has work.
     """
     batch = min(rays / samples, pixels / (4 * threads))
-    return int(np.clip(2 ** np.round(np.log2(np.sqrt(batch))), 8, 256))
+    return int(np.clip(8 * np.round(np.sqrt(batch) / 8), 8, 256))
 
 
 def prepare(scene: Scene, passes: Sequence[str], cancelled: Callable[[], bool] = lambda: False,
@@ -136,24 +136,35 @@ def draw(
             tile((x0, y0, x1, y1))
             saying(done)
 
+    def ahead(part: int) -> None:
+        if ready.everywhere is not None:
+            everywhere.ahead(ready.world, ready.everywhere.records, ready.scene.camera, ready.offsets, part, threads,
+                             check)
+
     with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(work, box) for box in tiles]
-        try:
-            for future in futures:
-                future.result()
-        except BaseException as failure:
-            stopped.set()  # the other threads end at their next batch
-            pool.shutdown(wait=True, cancel_futures=True)
-            reasons = [f.exception() for f in futures if f.done() and not f.cancelled()]
-            for e in reasons:  # report a thread that failed, not those that were stopped or waited for it
-                if e is not None and not isinstance(e, Cancelled | SharedNodesError | SharedRecordsError):
-                    raise e from None
-            # and it was no Ctrl-C
-            if isinstance(failure, Exception) and any(isinstance(e, Cancelled) for e in reasons):
-                raise Cancelled from None
-            raise
+        futures = [pool.submit(ahead, part) for part in range(threads)] if ready.plan.gathers else []
+        futures += [pool.submit(work, box) for box in tiles]
+        _finish(pool, futures, stopped)
     return Result(frame, _report(ready, frame, tiles, threads, ready.seconds + time.perf_counter() - started),
                   [*ready.warnings, *ready.shadowing.path_warnings()])
+
+
+def _finish(pool: ThreadPoolExecutor, futures: Sequence[Future[None]], stopped: threading.Event) -> None:
+    """Wait until all is done, or end what is under way where a thread fails or is cancelled. `stopped` tells them."""
+    try:
+        for future in futures:
+            future.result()
+    except BaseException as failure:
+        stopped.set()  # the other threads end at their next batch
+        pool.shutdown(wait=True, cancel_futures=True)
+        reasons = [f.exception() for f in futures if f.done() and not f.cancelled()]
+        for e in reasons:  # report a thread that failed, not those that were stopped or waited for it
+            if e is not None and not isinstance(e, Cancelled | SharedNodesError | SharedRecordsError):
+                raise e from None
+        # and it was no Ctrl-C
+        if isinstance(failure, Exception) and any(isinstance(e, Cancelled) for e in reasons):
+            raise Cancelled from None
+        raise
 
 
 class Saying:

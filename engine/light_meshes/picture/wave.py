@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -46,18 +45,16 @@ class Rays(NamedTuple):
             return rays
         return Rays._make(a if a is None or a is P else taken(a, rows) for a in rays)
 
-    def pieces(self, most: int) -> Iterator[Rays]:
+    def pieces(self, most: int) -> list[Rays]:
         """Return these rays, about `most` of them at a time, but all of a sample at once: what they find is added up in
         one order, wherever the others are.
         """
         if len(self.pixel) <= most:
-            yield self
-            return
+            return [self]
         order = np.argsort(self.pixel, kind="stable")
         first = np.flatnonzero(np.diff(self.pixel[order], prepend=-1))  # row of each sample
         cuts = np.unique(first[np.searchsorted(first, np.arange(0, len(order), most), "right") - 1])
-        for i, j in zip(cuts, [*cuts[1:], len(order)], strict=True):
-            yield self.at(order[i:j])
+        return [self.at(order[i:j]) for i, j in zip(cuts, [*cuts[1:], len(order)], strict=True)]
 
     def seen_as(self, part: int) -> Rays:
         """Return rays that go on as `part`, if they have not been one yet."""

@@ -1,5 +1,6 @@
 /* Embree's own interface, by the addresses of its functions, which Python found in the library (embree.py): rays that are
    ready made, and rays that are made here on the way. Layouts as in Embree 4's rtcore_ray.h. */
+#include "around.h"
 #include "tracer.h"
 
 #define ALIGNED _Alignas(64)
@@ -93,57 +94,114 @@ i64 embree_occluded_of(i64 m, i64 n, i64 q, u64 function, i64 wide, u64 scene, c
     return 0;
 }
 
-/* Rays that are to be made and traced: `count` of them, from origin[from[k]] to position[to[k]]. */
-typedef struct {
-    i64 count;
-    i32 from[BLOCK], to[BLOCK];
-    u8 blocked[BLOCK];
-} Segments;
-
-/* Where rays come from and where they go: what tracer_segments and embree_occluded take. */
-typedef struct {
-    u64 function, scene;
-    i64 wide, m, q, closed;
-    const f64 *centre, *origin, *normal, *position;
-    f64 scale, reach;
-    const u8 *directional;
-} Field;
-
-static void trace_segments(const Field *f, Segments *s) {
-    f32 o[3 * BLOCK], d[3 * BLOCK], t[BLOCK];
-    tracer_segments(f->m, s->count, f->q, f->centre, f->scale, f->reach, f->origin, f->normal, s->from, f->position,
-                    f->directional, s->to, f->closed, o, d, t);
-    embree_occluded(s->count, f->function, f->wide, f->scene, o, d, t, s->blocked);
+/* The first triangle on each of the rays along `local`, turned to normals M, from points P, which are on surfaces; x = r·d.
+   turn: see turned_to. */
+KERNEL(embree_around,
+       "function u64  scene u64  centre f64[3]  scale f64  reach f64  P f64[r,3]  M f64[r,3]  turn f64[r,2]?  local f64[d,3]  "
+       "triangle i32[x]!  u f32[x]!  v f32[x]!")
+i64 embree_around(i64 r, i64 d, i64 x, u64 function, u64 scene, const f64 *centre, f64 scale, f64 reach, const f64 *P,
+                  const f64 *M, const f64 *turn, const f64 *local, i32 *triangle, f32 *u, f32 *v) {
+    f64 origin[3 * BLOCK], direction[3 * BLOCK], normal[3 * BLOCK];
+    f32 from[3 * BLOCK], way[3 * BLOCK], t[BLOCK];
+    (void)x;
+    for (i64 k = 0; k < r; k++) {
+        Turned axes = turned_to(M + 3 * k, turn ? turn + 2 * k : 0);
+        for (i64 i = 0; i < d; i += BLOCK) {
+            i64 count = d - i < BLOCK ? d - i : BLOCK, at = k * d + i;
+            for (i64 c = 0; c < count; c++) {
+                along(&axes, local + 3 * (i + c), direction + 3 * c);
+                memcpy(origin + 3 * c, P + 3 * k, 3 * sizeof *P), memcpy(normal + 3 * c, M + 3 * k, 3 * sizeof *M);
+            }
+            tracer_rays(count, centre, scale, reach, origin, direction, normal, 0, from, way, t);
+            embree_closest(count, function, scene, from, way, t, triangle + at, u + at, v + at);
+        }
+    }
+    return 0;
 }
 
-static void find_lit(const Field *f, Segments *s, i64 W, u64 *found) {
-    trace_segments(f, s);
-    for (i64 k = 0; k < s->count; k++)
-        if (!s->blocked[k]) set_bit(found + s->from[k] * W, s->to[k]);
-    s->count = 0;
+/* What traces packets of shadow rays, and the frame in which they are traced. */
+typedef struct {
+    Occluded function;
+    void *scene;
+    i64 wide;
+    const f64 *centre;
+    f64 scale, reach;
+} Field;
+
+/* Rays that are traced together, as soon as there are `wide` of them. */
+typedef struct {
+    ALIGNED f32 rays[ROWS * WIDEST];
+    ALIGNED i32 valid[WIDEST];
+    i64 count, from[WIDEST];  /* from: what its maker knows a ray by */
+    i64 to[WIDEST];
+} Packet;
+
+static void empty_packet(Packet *p, i64 wide) {
+    memset(p, 0, sizeof *p);
+    memset(p->rays + MASK * wide, 255, (size_t)wide * sizeof *p->rays);
+}
+
+/* Adds a ray to a packet that is not full; returns whether it is full then. */
+static inline int add_ray(const Field *f, Packet *p, const f32 *start, const f64 *end, int directional, i64 closed, i64 from,
+                          i64 to) {
+    i64 k = p->count++, wide = f->wide;
+    f32 way[3], t = way_to(start, end, directional, f->reach, closed, way);
+    for (i64 j = 0; j < 3; j++) p->rays[(X + j) * wide + k] = start[j], p->rays[(DX + j) * wide + k] = way[j];
+    p->rays[END * wide + k] = t, p->from[k] = from, p->to[k] = to;
+    return p->count == wide;
+}
+
+/* Traces a packet, which is empty then; returns the bits of its rays that meet nothing. */
+static inline u32 free_rays(const Field *f, Packet *p) {
+    u32 found = 0;
+    for (i64 k = 0; k < f->wide; k++) p->valid[k] = k < p->count ? -1 : 0;
+    f->function(p->valid, f->scene, p->rays, 0);
+    for (i64 k = 0; k < p->count; k++) found |= (u32)!(p->rays[END * f->wide + k] < 0.0f) << k;
+    p->count = 0;
+    return found;
+}
+
+static void find_lit(const Field *f, Packet *rays, i64 W, u64 *found) {
+    for (u32 lit = free_rays(f, rays); lit; lit &= lit - 1) set_bit(found + rays->from[lowest(lit)] * W, rays->to[lowest(lit)]);
 }
 
 /* Sets the bits of found for the lights of first..last that points in free space see, of those in `asked` and `among`;
-   light by light, so that neighbouring rays have similar directions. Returns how many rays there were. */
+   BLOCK points at a time and light by light, so that neighbouring rays have similar directions. Returns how many rays there
+   were. */
 KERNEL(embree_lit,
        "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  origin f64[n,3]  position f64[q,3]  "
        "directional bool[q]  asked u64[n,W]  among u64[W]  first i64  last i64  found u64[n,W]!")
 i64 embree_lit(i64 n, i64 q, i64 W, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach,
                const f64 *origin, const f64 *position, const u8 *directional, const u64 *asked, const u64 *among,
                i64 first, i64 last, u64 *found) {
-    Field field = {function, scene, wide, n, q, 0, centre, origin, 0, position, scale, reach, directional};
-    Segments rays = {0};
+    Field field = {(Occluded)(uintptr_t)function, (void *)(uintptr_t)scene, wide, centre, scale, reach};
+    Packet rays;
+    f32 start[3 * BLOCK];
     i64 total = 0;
-    for (i64 i = first; i < last && i < q; i++) {
-        if (!has(among, i)) continue;
-        for (i64 p = 0; p < n; p++) {
-            if (!has(asked + p * W, i)) continue;
-            rays.from[rays.count] = (i32)p, rays.to[rays.count++] = (i32)i, total++;
-            if (rays.count == BLOCK) find_lit(&field, &rays, W, found);
+    if (wide > WIDEST) return 0;
+    empty_packet(&rays, wide);
+    for (i64 begin = 0; begin < n; begin += BLOCK) {
+        i64 count = n - begin < BLOCK ? n - begin : BLOCK;
+        for (i64 p = 0; p < count; p++) start_of(centre, scale, reach, origin + 3 * (begin + p), 0, start + 3 * p);
+        for (i64 i = first; i < last && i < q; i++) {
+            f64 end[3];
+            if (!has(among, i)) continue;
+            end_of(centre, scale, position + 3 * i, directional[i], end);
+            for (i64 p = 0; p < count; p++) {
+                if (!has(asked + (begin + p) * W, i)) continue;
+                total++;
+                if (add_ray(&field, &rays, start + 3 * p, end, directional[i], 0, begin + p, i)) find_lit(&field, &rays, W, found);
+            }
         }
     }
-    find_lit(&field, &rays, W, found);
+    if (rays.count) find_lit(&field, &rays, W, found);
     return total;
+}
+
+static void find_seen(const Field *f, Packet *rays, u8 *seen) {
+    i64 count = rays->count;
+    u32 found = free_rays(f, rays);
+    for (i64 k = 0; k < count; k++) seen[rays->to[k]] = found >> k & 1;
 }
 
 /* Fills seen[k] of the rows k of `target` from start[p,0] to end[p] that are not set yet: whether nothing is between
@@ -155,25 +213,25 @@ KERNEL(embree_near,
 i64 embree_near(i64 n, i64 q, i64 s, i64 c, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach,
                 const f64 *origin, const f64 *normal, const f64 *position, const i64 *start, const i64 *end,
                 const i32 *target, i64 most, u8 *seen, i64 *state) {
-    static const u8 POINT[BLOCK] = {0};
-    i64 row[BLOCK], total = 0, p = state[0];
-    Segments rays = {0};
-    Field field = {function, scene, wide, n, BLOCK, 1, centre, origin, normal, 0, scale, reach, POINT};
-    f64 place[3 * BLOCK];
+    Field field = {(Occluded)(uintptr_t)function, (void *)(uintptr_t)scene, wide, centre, scale, reach};
+    Packet rays;
+    i64 total = 0, p = state[0];
     (void)q, (void)c;
-    field.position = place;
-    for (; p < n && total < most; p++)
+    if (wide > WIDEST) return 0;
+    empty_packet(&rays, wide);
+    for (; p < n && total < most; p++) {
+        f32 from[3];
+        f64 to[3];
+        int ready = 0;
         for (i64 k = start[p * s]; k < end[p]; k++) {
             if (seen[k]) continue;
-            memcpy(place + 3 * rays.count, position + 3 * (i64)target[k], 3 * sizeof *place);
-            rays.from[rays.count] = (i32)p, rays.to[rays.count] = (i32)rays.count, row[rays.count++] = k, total++;
-            if (rays.count < BLOCK) continue;
-            trace_segments(&field, &rays);
-            for (i64 r = 0; r < rays.count; r++) seen[row[r]] = !rays.blocked[r];
-            rays.count = 0;
+            if (!ready) start_of(centre, scale, reach, origin + 3 * p, normal + 3 * p, from), ready = 1;
+            end_of(centre, scale, position + 3 * (i64)target[k], 0, to);
+            total++;
+            if (add_ray(&field, &rays, from, to, 0, 1, p, k)) find_seen(&field, &rays, seen);
         }
-    trace_segments(&field, &rays);
-    for (i64 r = 0; r < rays.count; r++) seen[row[r]] = !rays.blocked[r];
+    }
+    if (rays.count) find_seen(&field, &rays, seen);
     state[0] = p, state[1] += total;
     return 0;
 }

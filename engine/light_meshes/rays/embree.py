@@ -34,6 +34,7 @@ CHUNK = 16384  # rays that `run` is given at once
 make_rays, make_segments = kernel("tracer_rays"), kernel("tracer_segments")
 _closest, _occluded = kernel("embree_closest"), kernel("embree_occluded")
 _closest_of, _occluded_of = kernel("embree_closest_of"), kernel("embree_occluded_of")
+_around, _directions = kernel("embree_around"), kernel("tracer_directions")
 _lit, _near = kernel("embree_lit"), kernel("embree_near")
 
 VERSION = 4  # of Embree, whose structs embree.c knows
@@ -57,6 +58,9 @@ class Accelerator(Protocol):
 
     def occluded_of(self, *segments: Any) -> NDArray[np.bool_]:
         """Return the same as `occluded` of the rays that the kernel tracer_segments makes of its first arguments."""
+
+    def around(self, *rays: Any) -> Met:
+        """Return what the kernel embree_around finds with the arguments behind `scene`."""
 
     def lit(self, *points: Any) -> int:
         """Do what the kernel embree_lit does with the arguments behind `scene`."""
@@ -114,6 +118,14 @@ class ByRun:
             for whole, found in zip(met, self.closest(*made), strict=True):
                 whole[part] = found
         return met
+
+    def around(self, *rays: Any) -> Met:
+        """See Accelerator."""
+        *frame, P, M, turn, local = rays
+        n, d = len(P), len(local)
+        direction = np.empty((n * d, 3))
+        _directions(M, turn, local, np.arange(n * d), direction)
+        return self.closest_of(*frame, np.repeat(P, d, axis=0), direction, np.repeat(M, d, axis=0), None)
 
     def occluded_of(self, *segments: Any) -> NDArray[np.bool_]:
         """See Accelerator."""
@@ -203,6 +215,13 @@ class Direct:
         """See Accelerator."""
         met = _nothing(len(rays[3]))
         _closest_of(*self._for_closest, *rays, *met)
+        return met
+
+    def around(self, *rays: Any) -> Met:
+        """See Accelerator."""
+        *_, P, _, _, local = rays
+        met = _nothing(len(P) * len(local))
+        _around(*self._for_closest, *rays, *met)
         return met
 
     def occluded_of(self, *segments: Any) -> NDArray[np.bool_]:

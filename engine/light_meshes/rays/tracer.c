@@ -1,9 +1,6 @@
 /* Builds rays for Embree in float64 and rounds them last; decides which of its hits are crossings (tracer.py). */
 #include "tracer.h"
-#include "triangles.h"
-
-/* a ray to a light ends a little before it, so that a light on a surface is not shadowed by it */
-static const f64 LIGHT_END = 1 - 1e-5;
+#include "around.h"
 
 /* Moves points x in the frame away from their surface. */
 KERNEL(tracer_leave, "x f64[n,3]!  normal f64[n,3]")
@@ -42,6 +39,21 @@ i64 tracer_rays(i64 n, const f64 *centre, f64 scale, f64 reach, const f64 *origi
     return 0;
 }
 
+/* Fills the directions of rays `row` of those along `local`, d each, that are turned to normals M. turn: see turned_to. */
+KERNEL(tracer_directions, "M f64[r,3]  turn f64[r,2]?  local f64[d,3]  row i64[n]  direction f64[n,3]!")
+i64 tracer_directions(i64 r, i64 d, i64 n, const f64 *M, const f64 *turn, const f64 *local, const i64 *row,
+                      f64 *direction) {
+    Turned axes = {0};
+    i64 last = -1;
+    (void)r;
+    for (i64 k = 0; k < n; k++) {
+        i64 of = row[k] / d;
+        if (of != last) axes = turned_to(M + 3 * of, turn ? turn + 2 * of : 0), last = of;
+        along(&axes, local + 3 * (row[k] % d), direction + 3 * k);
+    }
+    return 0;
+}
+
 /* Builds rays from origin[origin_of] to position[target_of], or towards a directional target. closed: a surface that
    touches the target counts too. */
 KERNEL(tracer_segments,
@@ -52,32 +64,11 @@ i64 tracer_segments(i64 m, i64 n, i64 q, const f64 *centre, f64 scale, f64 reach
                     f32 *o, f32 *d, f32 *t) {
     (void)m, (void)q;
     for (i64 k = 0; k < n; k++) {
-        const f64 *from = origin + 3 * (i64)origin_of[k], *to = position + 3 * (i64)target_of[k];
-        f32 *start = o + 3 * k, *way = d + 3 * k;
-        f64 x[3], off = ULPS, at = 1.0;
-        for (int j = 0; j < 3; j++) x[j] = (from[j] - centre[j]) / scale;
-        if (reach > 1.0) off = clearance(x[0], x[1], x[2]);
-        for (int j = 0; j < 3; j++) {
-            if (normal) x[j] += normal[3 * (i64)origin_of[k] + j] * off;
-            start[j] = (f32)x[j];
-        }
-        if (directional[target_of[k]]) {
-            /* Everything lies in [−reach, reach]³, so a ray of this length passes all of it, wherever it starts. */
-            f64 length = 4.0 * reach + fabs((f64)start[0]) + fabs((f64)start[1]) + fabs((f64)start[2]);
-            t[k] = 1.0f;
-            /* with long directions products would exceed the range of float32 */
-            if (reach > 1.0) t[k] = (f32)length, length = 1.0;
-            for (int j = 0; j < 3; j++) way[j] = (f32)(length * to[j]);
-            continue;
-        }
-        f64 square_of = 0.0;
-        for (int j = 0; j < 3; j++) {
-            f64 end = (to[j] - centre[j]) / scale;
-            if (reach > 1.0) at = most(at, fabs(end));
-            way[j] = (f32)(end - (f64)start[j]);
-            square_of += (f64)way[j] * way[j];
-        }
-        t[k] = (f32)(!closed ? LIGHT_END : square_of > 0.0 ? 1.0 + ULPS * at / sqrt(square_of) : 1.0);
+        i64 from = 3 * (i64)origin_of[k], to = target_of[k];
+        f64 end[3];
+        start_of(centre, scale, reach, origin + from, normal ? normal + from : 0, o + 3 * k);
+        end_of(centre, scale, position + 3 * to, directional[to], end);
+        t[k] = way_to(o + 3 * k, end, directional[to], reach, closed, d + 3 * k);
     }
     return 0;
 }

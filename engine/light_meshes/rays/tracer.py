@@ -27,6 +27,7 @@ ULPS = 16 * 2.0**-23
 BUILD_BYTES = 300  # a triangle, while Embree builds its tree. It crashes or hangs where it does not get them
 
 _segments, _cross, leave = kernel("tracer_segments"), kernel("tracer_cross"), kernel("tracer_leave")
+_directions = kernel("tracer_directions")
 
 
 class Targets(NamedTuple):
@@ -118,6 +119,27 @@ class Tracer:
         if self.stacks is not None:
             start, last = passed or (origin, np.full(n, -1, np.int32))
             self.stacks.first_of_all(self._surfaces, self._seen[kind, casters], start, direction, last, triangle, u, v)
+        return triangle, u, v
+
+    def around(self, kind: str, P: NDArray[np.float64], M: NDArray[np.float64], turn: NDArray[np.float64] | None,
+               local: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+        """Return what `closest` returns, for rays along `local` (d,3), turned to unit normals M (r,3), from points
+        P (r,3) of surfaces; r·d of them.
+
+        turn (r,2): `local` is turned by the angle with this cosine and sine before, around its z.
+        """
+        embree, original = self._embree[kind, 0]
+        triangle, u, v = embree.around(*self._frame, P, M, turn, local)
+        if original is not None:
+            hit = triangle >= 0
+            triangle[hit] = original[triangle[hit]]
+        if self.stacks is not None:
+            first = self.stacks.first
+            row = np.flatnonzero((triangle >= 0) & (first[triangle + 1] > first[triangle]))
+            met = triangle[row], u[row], v[row]
+            self.stacks.first_of_all(self._surfaces, self._seen[kind, 0], P[row // len(local)],
+                                     directions(M, turn, local, row), np.full(len(row), -1, np.int32), *met)
+            triangle[row], u[row], v[row] = met
         return triangle, u, v
 
     def occluded(
@@ -232,6 +254,14 @@ class Tracer:
             room = count
         if count:
             np.multiply.at(through, alive[row[:count]], factor(partner[:count], u[:count], v[:count]))
+
+
+def directions(M: NDArray[np.float64], turn: NDArray[np.float64] | None, local: NDArray[np.float64],
+               row: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the unit directions (n,3) of rays `row` (n,) of those that `Tracer.around` traces."""
+    direction = np.empty((len(row), 3))
+    _directions(M, turn, local, row, direction)
+    return direction
 
 
 def _build(surfaces: Surfaces, seen: NDArray[np.bool_]) -> tuple[Accelerator, NDArray[np.int32] | None]:

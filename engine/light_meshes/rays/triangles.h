@@ -22,3 +22,12 @@ static inline f64 dot(const f64 *a, const f64 *b) { return a[0] * b[0] + a[1] * 
 static inline void cross(const f64 *a, const f64 *b, f64 *out) {
     out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
 }
+
+/* Two unit vectors square to the unit normal, which depend on nothing else. */
+static inline void tangents(const f64 *M, f64 *t, f64 *b) {
+    const f64 up[3] = {0, 0, 1}, side[3] = {1, 0, 0};
+    cross(fabs(M[2]) < 0.9 ? up : side, M, t);
+    f64 length = sqrt(dot(t, t));
+    for (int j = 0; j < 3; j++) t[j] /= length;
+    cross(M, t, b);
+}

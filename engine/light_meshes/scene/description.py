@@ -52,11 +52,12 @@ class Settings:
     h: float = 0.05  # step of the lattice, scene units
     kI: float = 3.0  # r = h·kI is the radius of the interpolation ball
     auto_h: bool = False  # choose h from what the camera sees, finer if a light's r needs it; `h` is then ignored
-    # for auto_h: the h that was measured before from what the camera sees; 0 means measure it now
-    measured_h: float = 0.0
+    measured_h: float = 0.0  # for auto_h: the h that the camera measured before; 0 means measure it now
     weights: str = "UNIFORM"  # weights of the nodes in the ball: UNIFORM (paper), or SMOOTH, falling to 0 at r
     samples: int = 4  # camera rays per pixel
     max_depth: int = 4  # how many mirror reflections follow the first hit
+    fast_reflections: bool = False  # rough surfaces show matt ones by the light of patches that is gathered
+    clamp_indirect: float = 0.0  # light that mirrors and glass show is at most so bright, as Cycles has it; 0: no limit
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour
     world_light: str = "AMBIENT"  # how the world lights: AMBIENT, the paper's Ia·ka, or SKY, from all around
@@ -66,8 +67,7 @@ class Settings:
     glass: str = "BOUNDED"  # nodes behind glass: BOUNDED drops them, PAPER weights them as in eq. (7)
     caustics: str = "PAPER"  # energy of refracted paths: Σ Π t, or FOCUS: Σ Π t·J
     leak_free: bool = False  # end of paper §5: use ξ of the first segment for each path
-    # compute light meshes' light only at points this many pixels apart and interpolate; 1: at each sample
-    shadow_rate: int = 1
+    shadow_rate: int = 1  # soft light is computed at points this many pixels apart, and interpolated; 1: at each sample
     # with LIGHT_MESHES: lamps that together give at most this share of a place's light share a shadow there; 0: none
     light_threshold: float = 0.0
     light_samples: int = 64  # shadow rays per light, only for AREA_SAMPLING
@@ -200,7 +200,7 @@ class Image:
     name: str
     path: str
     colorspace: str = "sRGB"  # sRGB | LINEAR | a space of the OpenColorIO configuration `ocio`
-    interpolation: str = "LINEAR"  # LINEAR | CLOSEST
+    interpolation: str = "LINEAR"  # LINEAR | CLOSEST | CUBIC
     extension: str = "REPEAT"  # REPEAT | EXTEND | CLIP | MIRROR
     matrix: tuple[RGB, RGB, RGB] = IDENTITY  # from the linear light of sRGB or LINEAR to the scene's
     ocio: str = ""  # the file of the configuration

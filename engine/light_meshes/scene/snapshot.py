@@ -69,7 +69,7 @@ _CHOICES = {
     (Material, "highlight"): HIGHLIGHTS,
     (Image, "alpha"): IMAGE_ALPHAS,
     (Image, "stored"): STORED_ALPHAS,
-    (Image, "interpolation"): ("LINEAR", "CLOSEST"),
+    (Image, "interpolation"): ("LINEAR", "CLOSEST", "CUBIC"),
     (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
 }
 _LARGEST = 1e30  # the largest number that single precision can handle with a safe margin
@@ -90,8 +90,8 @@ _RANGES = {
     (Settings, "seed"): (0, 2**31 - 1),
     (Settings, "mist_start"): (0.0, 1e30),
     (Settings, "mist_depth"): (0.0, 1e30),
-    (Camera, "width"): (1, 65536),
-    (Camera, "height"): (1, 65536),
+    (Settings, "clamp_indirect"): (0.0, 1e30),
+    (Camera, "width"): (1, 65536), (Camera, "height"): (1, 65536),
     (Camera, "clip_start"): (-math.inf, math.inf),
     (Camera, "clip_end"): (-math.inf, math.inf),
     (Camera, "lens_radius"): (0.0, 1e30),

@@ -30,9 +30,10 @@ class Grouped(Method):
 
     weighs = True
 
-    def __init__(self, setup: Setup, of: Method) -> None:
-        """of: the method for single lamps."""
+    def __init__(self, setup: Setup, of: Method, told: bool = True) -> None:
+        """of: the method for single lamps. told: whether the statistics tell the bound."""
         self._of, self._threshold, self._stats = of, setup.settings.light_threshold, setup.stats
+        self._told = told
         self.order, self.together = tree(setup)
 
     @property
@@ -50,9 +51,10 @@ class Grouped(Method):
         with self._stats.stage("groups of lamps"):
             needs_memory(_groups(at.P, at.active, e, self._threshold, self.order, self.together, group, asked, several,
                                  weight, bound))
-        all_of_it = e.sum(1, dtype=np.float64)
-        share = bound / np.maximum(all_of_it, 1e-300)
-        self._stats.add(grouped_receivers=len(e), grouped_light=int((share * PARTS).sum()))
+        if self._told:
+            all_of_it = e.sum(1, dtype=np.float64)
+            share = bound / np.maximum(all_of_it, 1e-300)
+            self._stats.add(grouped_receivers=len(e), grouped_light=int((share * PARTS).sum()))
         S = self._of(at._replace(active=asked, weight=weight, several=several), check, probe)
         _spread(group, S)
         return S

@@ -12,6 +12,17 @@ i64 pairs_set(i64 n, i64 W, i64 s, const u64 *mask, i64 lights, f64 value, f32 *
     return 0;
 }
 
+/* Sets S to 0 for the receivers that have no set bit, or without a mask for all. */
+KERNEL(pairs_darken, "S f32[n,s]!  mask u64[n,W]?")
+i64 pairs_darken(i64 n, i64 s, i64 W, f32 *S, const u64 *mask) {
+    for (i64 p = 0; p < n; p++) {
+        u64 any = 0;
+        for (i64 w = 0; mask && w < W; w++) any |= mask[p * W + w];
+        if (!any) memset(S + p * s, 0, (size_t)s * sizeof *S);
+    }
+    return 0;
+}
+
 /* Lists (row, light) of each set bit, light by light, so that neighbouring rays have similar directions; returns how
    many. */
 KERNEL(pairs_listed, "mask u64[n,W]  first i64  last i64  row i32[r]!  light i32[r]!")

@@ -12,7 +12,7 @@ from ..support.native import kernel
 PAIRS = 1 << 19  # about the largest number of rays that are held at once
 
 _set, _pairs, _drop_dark = kernel("pairs_set"), kernel("pairs_listed"), kernel("pairs_drop_dark")
-_rows = kernel("pairs_rows")
+_rows, _darken = kernel("pairs_rows"), kernel("pairs_darken")
 
 
 def blocks(mask: NDArray[np.uint64], lights: int) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32]]]:
@@ -33,9 +33,19 @@ def rows(mask: NDArray[np.uint64]) -> NDArray[np.int64]:
     return row[:_rows(mask, row)]
 
 
+def dark(n: int, lights: int, channels: int = 1, but: NDArray[np.uint64] | None = None) -> NDArray[np.float32]:
+    """Return S (n,L,C) of 0. Rows that have a bit in `but` (n,W) are not filled, and must be set by the caller.
+
+    It is numpy's zeros, but other threads run while it is filled.
+    """
+    S = np.empty((n, lights, channels), np.float32)
+    _darken(S.reshape(n, lights * channels), but)
+    return S
+
+
 def seen(mask: NDArray[np.uint64], lights: int, channels: int = 1) -> NDArray[np.float32]:
     """Return S (n,L,C): 1 where the bit of mask (n,W) is set, otherwise 0."""
-    S = np.zeros((len(mask), lights, channels), np.float32)
+    S = dark(len(mask), lights, channels)
     _set(mask, lights, 1.0, S.reshape(len(S), -1))
     return S
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..rays.tracer import points
 from ..support.native import needs_memory
-from ..support.rows import taken
+from ..support.rows import even, put, taken
 from . import pairs
 from .casters import union
 from .lamp_points import Shapes
@@ -24,7 +24,7 @@ from .pairs import PAIRS
 from .sharp import dim, sharp
 from .terminator import merge, split
 
-CANDIDATES = 1 << 22  # about the largest number of candidates that are held at once, of 6 bytes each
+CANDIDATES = 1 << 23  # about the largest number of candidates that are held at once, of 6 bytes each
 
 
 
@@ -44,7 +44,7 @@ class LightMeshes(Method):
     nodes: tuple[Nodes, ...]
     points = 0  # nodes know what they see of lamps' centres
     lamps: Shapes | None = None
-    most = CANDIDATES, 1 << 16  # candidates and receivers at once
+    most = CANDIDATES, 1 << 17  # candidates and receivers at once
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         casters = setup.casters
@@ -69,7 +69,6 @@ class LightMeshes(Method):
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
         """Return S, see `Method`."""
-        S = np.zeros((len(at.P), self.count, self.channels), np.float32)
         soft = at.active & self._soft
         if at.triangle is not None and self._receives is not None:
             soft[~self._receives[at.triangle]] = 0
@@ -77,23 +76,29 @@ class LightMeshes(Method):
         if at.lift is not None:
             lifted = np.zeros_like(soft)
             needs_memory(split(*at.lift, at.P, at.N, *self._targets, soft, lifted))
+        S = self._dark(soft)
         self._ask(at._replace(active=soft), S, check, probe)
-        if lifted is not None and lifted.any():
+        if lifted is not None:
             self._ask_above(at, lifted, soft, S, check, probe)
         self._stats.add(receivers=len(at.P))
         dim(S, self._edges, at._replace(active=soft), check)
         left = at.active & ~soft  # lights for which Ψ has no answer get sharp shadows
-        if left.any():
+        if len(pairs.rows(left)):
             S += self._sharp(at._replace(active=left), check)  # S is still 0 there
         return S
+
+    def _dark(self, asked: NDArray[np.uint64]) -> NDArray[np.float32]:
+        """Return S of 0 for receivers, but not filled where they ask for lights, (n,W): `_mean` sets it there."""
+        return pairs.dark(len(asked), self.count, self.channels, asked)
 
     def _ask(self, at: Receivers, S: NDArray[np.float32], check: Check, probe: NDArray | None) -> None:
         """Fill S for the lights in at.active (n,W). The bits of lights for which Ψ has no answer are cleared."""
         lit = pairs.rows(at.active)
-        for i in range(0, len(lit), self._batch):
+        step = even(len(lit), self._batch)
+        for i in range(0, len(lit), step):
             check()
-            row = lit[i:i + self._batch]
-            at.active[row] = self._average(at.at(row), Answer(row, S, probe), check)
+            row = lit[i:i + step]
+            put(at.active, row, self._average(at.at(row), Answer(row, S, probe), check))
 
     def _ask_above(self, at: Receivers, lifted: NDArray[np.uint64], soft: NDArray[np.uint64], S: NDArray[np.float32],
                    check: Check, probe: NDArray | None) -> None:
@@ -105,8 +110,10 @@ class LightMeshes(Method):
         lift = at.lift
         assert lift is not None
         rows = pairs.rows(lifted)
+        if not len(rows):
+            return
         lifted = lifted.take(rows, axis=0)
-        answered, above = lifted.copy(), np.zeros((len(rows), *S.shape[1:]), np.float32)
+        answered, above = lifted.copy(), self._dark(lifted)
         work = None if probe is None else np.zeros((len(rows), probe.shape[1]))
         places = taken(at.P, rows) + taken(lift.above, rows)
         only = None if probe is None else ~soft[rows].any(1)
@@ -120,15 +127,13 @@ class LightMeshes(Method):
         """Do steps 1 to 5 for the receivers' soft lights and fill S. Returns the lights (n,W) whose set is not
         empty.
         """
-        stats, soft = self._stats, at.active
+        stats = self._stats
         near = self._look_up(at, check)
-        self._spare_rays(at, near)
+        end = self._spare_rays(at, near)
         near = near._replace(weight=self._weights(near.seen))
-        self._short_rays(at, near, check)
+        self._short_rays(at, near, end, check)
         with stats.stage("average"):
-            averaging.sizes(near)
-            self._mean(at, near, answer)
-            answered, empty, count = averaging.answered(near, soft, self.classes)
+            answered, empty, count = self._mean(at, near, answer)
         stats.add(candidates=len(near.candidate), empty_sets=count)
         if answer.probe is not None:  # for the largest ball
             m = near.m[:, -1]
@@ -139,49 +144,44 @@ class LightMeshes(Method):
     def _look_up(self, at: Receivers, check: Check) -> Neighbourhood:
         """Return the candidates of receivers (steps 1 and 2), and their values for the lights."""
         with self._stats.stage("candidates"):
-            start, candidate, nodes = candidates(self.lattice, at.P, at.normals())
-            need = np.zeros((len(nodes), at.active.shape[1]), np.uint64)
-            averaging.ask(start, candidate, at.active, self.classes.serve, need)
-            position = self.lattice.position(nodes)
+            found = candidates(self.lattice, at.P, at.normals(), at.active, self.classes.serve)
         with self._stats.stage("nodes"):
-            values = self.store.values(nodes, need, lambda n, todo: self._trace(n, todo, check))
-        seen = np.zeros(len(candidate), np.bool_)
-        return Neighbourhood(start, candidate, position, values, seen, seen, np.zeros(len(at.P), np.bool_),
-                             np.zeros((len(at.P), len(self.classes.serve)), np.int32))
+            values = self.store.values(found.nodes, found.need, lambda n, todo: self._trace(n, todo, check))
+        n, seen = len(at.P), np.empty(len(found.candidate), np.bool_)
+        return Neighbourhood(found.start, found.candidate, found.position, values, seen, seen, np.zeros(n, np.bool_),
+                             np.empty((n, len(self.classes.serve)), np.int32))
 
-    def _spare_rays(self, at: Receivers, near: Neighbourhood) -> None:
-        """Mark receivers whose candidates all agree, and candidates that are certainly seen."""
-        if self._uniform_skip:
-            with self._stats.stage("uniform skip"):
-                self._agree(at, near)
+    def _spare_rays(self, at: Receivers, near: Neighbourhood) -> NDArray[np.int64]:
+        """Mark receivers whose candidates all agree, and candidates that are certainly seen.
+
+        Returns the ends (n,) of the candidates to which rays are needed first: one of each receiver that is marked.
+        """
+        end, counts, holds = np.empty(len(at.P), np.int64), np.empty(2, np.int64), None
         on = at.facet or (None if at.triangle is None else Facet(at.P, at.normals(), at.triangle))
         if self._holds is not None and on is not None:
             with self._stats.stage("certificate"):
                 holds = self._holds(at.P, on.N, on.triangle)
                 if at.facet is not None:
                     averaging.free_start(at.P, at.normals(), on.P, on.N, self._margin, holds)
-                spared = averaging.certify(near.start, near.candidate, holds, near.uniform, on.P, on.N, near.position,
-                                           self._margin, near.seen)
-                self._stats.add(certified=int(np.count_nonzero(holds)), spared_rays=spared)
+        with self._stats.stage("uniform skip"):
+            averaging.spare(near.start, near.candidate, self._agreeing(at, near), at.active, self.classes.serve, holds,
+                            *(on or (None, None))[:2], near.position, self._margin, near.uniform, near.seen, end,
+                            counts)
+        if holds is not None:
+            self._stats.add(certified=counts[0], spared_rays=counts[1])
+        return end
 
-    def _short_rays(self, at: Receivers, near: Neighbourhood, check: Check) -> None:
-        """Fill weight (which is `seen`) by rays, where it matters.
+    def _short_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], check: Check) -> None:
+        """Fill weight (which is `seen`) by rays, where it matters; first up to `end` (n,) of a receiver's candidates.
 
         The mark `uniform` is kept only where the first candidate is seen. Otherwise it is not certain that m > 0, and
         all candidates are tested.
         """
-        end = np.empty(len(at.P), np.int64)
-        if self._uniform_skip:
-            with self._stats.stage("uniform skip"):
-                averaging.witnesses(near.start, near.uniform, end)
-                rays = self._near(at, near, end, check)
         with self._stats.stage("short rays"):
+            rays = self._near(at, near, end, check) if self._uniform_skip else 0
             uniform = averaging.ends(near.start, at.active, self.classes.serve, near.seen, near.uniform, end)
-            more = self._near(at, near, end, check)
-        if self._uniform_skip:
-            self._stats.add(short_rays=rays + more, uniform_skips=uniform)
-        else:
-            self._stats.add(short_rays=more)
+            rays += self._near(at, near, end, check)
+        self._stats.add(short_rays=rays, uniform_skips=uniform)
 
     def _near(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], check: Check) -> int:
         """Fill `seen` of the candidates up to end (n,) of each receiver; return how many rays that took."""
@@ -200,14 +200,14 @@ class LightMeshes(Method):
         """Return v(x_l,P) of the receivers row (k,) and their candidates index (k,); 0 for nodes that step 3 drops."""
         return ~self._tracer.occluded(at.P, row, points(near.position), near.candidate[index], at.N, closed=True)
 
-    def _agree(self, at: Receivers, near: Neighbourhood) -> None:
-        """Mark receivers whose candidates all have the same values."""
-        averaging.agreement(near.start, near.candidate, near.values, at.active, self.classes.serve, near.uniform)
+    def _agreeing(self, at: Receivers, near: Neighbourhood) -> NDArray | None:
+        """Return the values (u,W) on which candidates must agree for the uniform skip; None: near.uniform knows."""
+        return near.values if self._uniform_skip else None
 
-    def _mean(self, at: Receivers, near: Neighbourhood, answer: Answer) -> None:
-        """Do step 5: fill S of these rows."""
-        mean = averaging.smooth_mean if self._smooth else averaging.mean
-        mean(near, at.P, at.active, self.classes, answer.rows, answer.S)
+    def _mean(self, at: Receivers, near: Neighbourhood,
+              answer: Answer) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
+        """Do step 5: fill m, and S of these rows. Returns what `averaging.answered` returns."""
+        return averaging.means(near, at.P, at.active, self.classes, self._smooth, answer.rows, answer.S)
 
     def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray:
         """Return V(i, x) of nodes (n,3) for the lights in todo (n,W), as bits."""
@@ -232,10 +232,10 @@ class LightMeshes(Method):
         """Return DLM(P) (steps 1 to 4) of the largest radius: receiver p keeps nodes[start[p]:start[p+1]], with start
         (n+1,).
         """
-        start, candidate, nodes = candidates(self.lattice, P, N)
+        start, candidate, nodes, position, _ = candidates(self.lattice, P, N)
         row = np.repeat(np.arange(len(P), dtype=np.int32), start[:, -1] - start[:, 0])
         seen, none = np.zeros(len(candidate), np.bool_), np.zeros((len(nodes), 0))
-        near = Neighbourhood(start, candidate, self.lattice.position(nodes), none, seen, seen, seen[:0],
+        near = Neighbourhood(start, candidate, position, none, seen, seen, seen[:0],
                              np.zeros((0, 0), np.int32))
         at = Receivers(P, N, np.zeros((len(P), 0), np.uint64))
         seen = averaging.any_channel(self._partial(at, near, row, np.arange(len(candidate))))

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from ..rays.tracer import points
 from ..support.native import kernel
-from .meshes.averaging import Neighbourhood, any_channel, listed
+from .meshes.averaging import Neighbourhood, answered, any_channel, listed, sizes
 from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
 from .method import Check, LatticeSetup, Receivers, Setup
-from .pairs import PAIRS
+from .pairs import PAIRS, dark
 from .psi import CANDIDATES, Answer, LightMeshes
 from .through import Straight
 
@@ -24,7 +24,7 @@ class SemitransparentMeshes(LightMeshes):
     paper.
     """
 
-    most = CANDIDATES // 4, 1 << 14  # a candidate takes four times the memory, because rays to it are listed
+    most = CANDIDATES // 8, 1 << 14  # a candidate takes four times the memory, because rays to it are listed
 
     def __init__(self, setup: Setup, nodes: LatticeSetup) -> None:
         through = setup.through
@@ -43,22 +43,29 @@ class SemitransparentMeshes(LightMeshes):
         kind = np.float64 if self._apart else np.float32
         return NodeStore(max(1, self.count), self._stride, kind), PathTable() if self._apart else None
 
+    def _dark(self, asked: NDArray[np.uint64]) -> NDArray[np.float32]:
+        return dark(len(asked), self.count, self.channels)  # to which `_mean` adds
+
     def _weights(self, seen: NDArray[np.bool_]) -> NDArray:
         return np.repeat(seen[:, None], self.channels, axis=1).astype(np.float32)
 
-    def _agree(self, at: Receivers, near: Neighbourhood) -> None:
+    def _agreeing(self, at: Receivers, near: Neighbourhood) -> None:
         # the plan switches the uniform skip off then, because the weight of a path depends on the receiver
-        assert not self._apart
-        _uniform(near.start, near.candidate, near.values, at.active, self.classes.ring, self.channels, near.uniform)
+        assert not (self._uniform_skip and self._apart)
+        if self._uniform_skip:
+            _uniform(near.start, near.candidate, near.values, at.active, self.classes.ring, self.channels, near.uniform)
 
-    def _mean(self, at: Receivers, near: Neighbourhood, answer: Answer) -> None:
+    def _mean(self, at: Receivers, near: Neighbourhood,
+              answer: Answer) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
         alpha, ends = self.paths.rows if self.paths else PathTable.NONE
         average = _mean_apart if self._apart else _mean
+        sizes(near)
         average(near.start, near.candidate, near.weight, near.kept(), near.uniform, near.values, at.active,
                 self.classes.ring, self._smooth, self.classes.radius, at.P, at.N, *self._targets, near.position, alpha,
                 ends, self._focus, near.m, answer.rows, answer.S)
+        return answered(near, at.active, self.classes)
 
-    def _short_rays(self, at: Receivers, near: Neighbourhood, check: Check) -> None:
+    def _short_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], check: Check) -> None:
         stats = self._stats
         if self._uniform_skip:
             with stats.stage("uniform skip"):

@@ -115,8 +115,8 @@ class Shares:
         count = _groups(L.h, L.rotation, L.origin, s.centre, s.scale, s.vertices, s.triangles, at.P, N, at.triangle,
                         at.active, table, cells, group, first, place, lit)
         first, place, lit = first[:count].copy(), place[:count].copy(), lit[:count].copy()
-        start, candidate, nodes = candidates(L, place, N[first])
-        return Groups(group, first, place, lit, start, candidate, nodes, L.position(nodes))
+        near = candidates(L, place, N[first])
+        return Groups(group, first, place, lit, near.start, near.candidate, near.nodes, near.position)
 
     def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64], NDArray[np.uint64],
                                                        NDArray[np.uint8]]:

@@ -113,6 +113,7 @@ static f64 amount(const Lifts *l, i64 p, i64 i) {
     f64 square_of = dot(way, way), toward = dot(way, l->N + 3 * p), over = dot(way, l->side + 3 * p);
     f64 beyond = cutoff * cutoff * square_of * 1.000001;  /* both cosines are above the cutoff, as mostly: no root is needed */
     if ((toward > 0.0) & (over > 0.0) & (toward * toward > beyond) & (over * over > beyond)) return 0.0;
+    if (toward < 0.0) return 1.0;  /* in both of the cases below */
     f64 length = sqrt(square_of), facet = toward / length, smooth = over / length;
     f64 most = smooth < cutoff ? 2.0 - (facet + smooth) / cutoff : 1.0 - facet / cutoff;
     return clamped(most, 0.0, 1.0);
@@ -137,19 +138,21 @@ static int columns_of(const Targets *t, i64 L, Columns *c) {
 }
 
 /* Returns the lights of word w for which `amount` at receiver p may be above 0: all but those for which its first test
-   says that both cosines are above the cutoff. */
-static u64 grazed(const Lifts *l, const Columns *c, i64 p, i64 w) {
+   says that both cosines are above the cutoff. away: those from which its facet turns away, for which it is 1. */
+static u64 grazed(const Lifts *l, const Columns *c, i64 p, i64 w, u64 *away) {
     const f64 *P = l->P + 3 * p, *N = l->N + 3 * p, *side = l->side + 3 * p;
     const f64 *x = c->xyz + 64 * w, *y = x + 64 * c->W, *z = y + 64 * c->W, *place = c->places + 64 * w;
     f64 beyond = l->cutoff[p] * l->cutoff[p];
-    u64 clear = 0;
+    u64 clear = 0, behind = 0;
     for (int i = 0; i < 64; i += 4) {
         Four here = four_of(place + i);
         Four d0 = four_of(x + i) - here * P[0], d1 = four_of(y + i) - here * P[1], d2 = four_of(z + i) - here * P[2];
         Four most = beyond * (d0 * d0 + d1 * d1 + d2 * d2) * 1.000001;
         Four toward = d0 * N[0] + d1 * N[1] + d2 * N[2], over = d0 * side[0] + d1 * side[1] + d2 * side[2];
         clear |= (u64)bits_of((toward > 0.0) & (over > 0.0) & (toward * toward > most) & (over * over > most)) << i;
+        behind |= (u64)bits_of(toward < 0.0) << i;
     }
+    *away = behind;
     return ~clear;
 }
 
@@ -179,8 +182,9 @@ i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, c
     for (i64 p = 0; p < n; p++) {
         int some = 0;
         for (i64 w = 0; cutoff[p] > 0.0 && w < W && !some; w++) {
-            u64 left = active[p * W + w];
-            if (left && !sized) left &= grazed(&lifts, &columns, p, w);
+            u64 left = active[p * W + w], away = 0;
+            if (left && !sized) left &= grazed(&lifts, &columns, p, w, &away);
+            some = (left & away) != 0;
             for (; left && !some; left &= left - 1)
                 some = may_lift(&lifts, p, 64 * w + lowest(left), size[64 * w + lowest(left)]);
         }
@@ -233,9 +237,10 @@ i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, con
     if (!columns_of(&lifts.targets, L, &columns)) return 1;
     for (i64 p = 0; p < n; p++)
         for (i64 w = 0; cutoff[p] > 0.0 && w < W; w++) {
-            u64 left = soft[p * W + w];
-            if (left) left &= grazed(&lifts, &columns, p, w);
-            for (; left; left &= left - 1) {
+            u64 left = soft[p * W + w], away = 0;
+            if (left) left &= grazed(&lifts, &columns, p, w, &away);
+            lifted[p * W + w] |= left & away, soft[p * W + w] &= ~(left & away);
+            for (left &= ~away; left; left &= left - 1) {
                 i64 i = 64 * w + lowest(left);
                 f64 share = amount(&lifts, p, i);
                 if (share > 0.0) set_bit(lifted + p * W, i);

@@ -15,3 +15,10 @@ i64 rows_where(i64 n, const u8 *mask, i64 set, i64 *rows) {
     for (i64 k = 0; k < n; k++) rows[count] = k, count += (mask[k] != 0) == (set != 0);
     return count;
 }
+
+KERNEL(rows_put, "words u64[n,W]!  rows i64[m]  values u64[m,W]")
+i64 rows_put(i64 n, i64 W, i64 m, u64 *words, const i64 *rows, const u64 *values) {
+    (void)n;
+    for (i64 k = 0; k < m; k++) memcpy(words + W * rows[k], values + W * k, (size_t)W * sizeof *words);
+    return 0;
+}

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from .native import kernel
 
-_taken, _where = kernel("rows_taken"), kernel("rows_where")
+_taken, _where, _put = kernel("rows_taken"), kernel("rows_where"), kernel("rows_put")
 
 
 def taken(array: NDArray, rows: NDArray[np.int64]) -> NDArray:
@@ -22,7 +22,17 @@ def taken(array: NDArray, rows: NDArray[np.int64]) -> NDArray:
     return array.take(rows, axis=0)
 
 
+def put(words: NDArray[np.uint64], rows: NDArray[np.int64], values: NDArray[np.uint64]) -> None:
+    """Set these rows of words (n,W) to values (m,W)."""
+    _put(words, rows, values)
+
+
 def where(mask: NDArray[np.bool_], there: bool = True) -> NDArray[np.int64]:
     """Return the rows in which mask (n,) is set; or, if not `there`, those in which it is not."""
     rows = np.empty(len(mask), np.int64)
     return rows[:_where(mask, there, rows)]
+
+
+def even(n: int, most: int) -> int:
+    """Return the size of the fewest batches of at most `most` of n rows, all of which are almost equally large."""
+    return -(-n // max(1, -(-n // most))) or 1

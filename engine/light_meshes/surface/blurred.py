@@ -59,6 +59,15 @@ def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float6
     return found
 
 
+def albedo(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what lobes of microfacets and sheen reflect of light from everywhere around (n,3), for an eye from which
+    rays along `direction` (n,3) come; 0 where the material is not `blurred`.
+    """
+    n = len(hits.P)
+    fan, never, some = np.full(n, -1, np.int32), np.zeros(n, np.bool_), np.ones((n, 3))
+    return spread(hits, direction, some, fan, fan, never, some[0], 1, 0.0).left
+
+
 class Facets(NamedTuple):
     """The microfacets of rough glass that rays meet (m,)."""
 

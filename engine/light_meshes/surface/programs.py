@@ -290,12 +290,12 @@ _OPERATIONS: dict[str, Callable[..., Register]] = {
 
 
 def _table(x: Register, table: NDArray[np.float64], interpolates: bool, extrapolates: bool) -> Register:
-    """Return the table at place x, which counts its entries from 0."""
+    """Return the table at place x, which counts its entries from 0; without interpolation the entry before x."""
     x = np.nan_to_num(np.asarray(x, np.float64))
     if not extrapolates:
         x = np.clip(x, 0, len(table) - 1)
     if not interpolates:
-        return table[np.rint(np.clip(x, 0, len(table) - 1)).astype(np.int64)]
+        return table[np.clip(x, 0, len(table) - 1).astype(np.int64)]
     i = np.clip(np.floor(x), 0, len(table) - 2).astype(np.int64)
     return table[i] + (table[i + 1] - table[i]) * (x - i)
 

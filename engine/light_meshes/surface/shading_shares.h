@@ -2,6 +2,7 @@
 #pragma once
 #include "shading_block.h"
 
+enum { FETCHED = 16 };  /* numbers of S that come from memory together */
 enum { AHEAD = 64 };  /* lights whose S is read together: a receiver has them side by side, in a few lines of memory */
 
 typedef f32 FourFloats __attribute__((vector_size(16)));
@@ -25,6 +26,9 @@ static void four_columns(const f32 *const *row, i64 at, f32 (*out)[SIDE], int k)
 static u64 shares_of(const f32 *S, int count, i64 L, i64 first, i64 C, f32 (*out)[SIDE]) {
     i64 width = C * (L - first < AHEAD ? L - first : AHEAD);
     u64 some = 0;
+    if (count == SIDE)  /* what the next block reads comes from memory meanwhile; S may end before it, which harms nothing */
+        for (int k = 0; k < SIDE; k++)
+            for (i64 j = 0; j < width; j += FETCHED) __builtin_prefetch((const char *)S + 4 * (((SIDE + k) * L + first) * C + j));
     for (int k = 0; k < SIDE; k += 4) {
         const f32 *row[4];
         i64 j = 0;

@@ -199,6 +199,29 @@ static int one_ray(const Sized *s, const Face *f, const Seen *e, Ray *ray) {
     return 1;
 }
 
+/* Returns whether the lamp's power changes with the direction as that of a spot's cone does. */
+static int has_cone(const Sized *lamp) { return lamp->kind == BALL_SPOT || lamp->kind == FACING_SPOT; }
+
+/* Fills rays of the line `a` of a lamp's face, from `from` to `to`, where the highlight has its peak and its own width;
+   step: the share of the line. least: `rule_for`'s size, at least. Returns how many. */
+static int rays_of_line(const Sized *lamp, const Face *f, f64 a, f64 from, f64 to, f64 peak, f64 own, f64 step, f64 least,
+                        Ray *rays) {
+    const f64 *at, *share;
+    f64 y0 = squeezed((from - peak) / own), y1 = squeezed((to - peak) / own), sa = fast_sin(a), ca = fast_cos(a);
+    int places = rule_for(fmax(fmax(y1 - y0, 0.8 * (to - from)), least), &at, &share), count = 0;
+    for (int k = 0; k < places; k++) {
+        f64 y = y0 + (y1 - y0) * at[k], left = sqrt(1.0 - y * y), on = peak + own * y / left;
+        f64 sb = fast_sin(on), cb = fast_cos(on), weight = step * (y1 - y0) * share[k] * own / (left * left * left) * cb;
+        Ray *ray = rays + count;
+        for (int j = 0; j < 3; j++) ray->way[j] = cb * (sa * f->y[j] + ca * f->z[j]) + sb * f->x[j];
+        if (lamp->spread) weight *= spread_share(lamp, ray->way);
+        else if (has_cone(lamp)) weight *= spot_share(lamp, ray->way);
+        ray->weight = weight * lamp->per_area;
+        count += weight > 0.0;
+    }
+    return count;
+}
+
 /* Fills rays of the lamp for a highlight; returns how many. */
 static int rays_to(const Sized *lamp, const Seen *e, const f64 *P, Ray *rays) {
     f64 R[3], up = 2.0 * dot3(e->N, e->V), low, high, from, to, width, a0, b0;
@@ -236,7 +259,7 @@ static int rays_to(const Sized *lamp, const Seen *e, const f64 *P, Ray *rays) {
     for (int j = 0; j < 3; j++) across[j] = least.a[j] - (b == b0 ? slant : 0.0) * least.b[j];
     bump(least.m, across, &middle, &width);
 
-    const f64 *at, *share, *at_line, *share_line;
+    const f64 *at, *share;
     f64 half = 0.5 * (high - low), centre = 0.5 * (high + low), start = low, end = high, size = high - low;
     if (tapered) {  /* a = centre + half·sin φ */
         f64 place = clamped((middle - centre) / half, -1.0, 1.0), taper = sqrt(1.0 - place * place + fmin(width / half, 1.0));
@@ -244,8 +267,7 @@ static int rays_to(const Sized *lamp, const Seen *e, const f64 *P, Ray *rays) {
     }
     f64 x0 = squeezed((start - middle) / width), x1 = squeezed((end - middle) / width);
     /* What a spread and the blend of a spot's cone give is as if bent within them. */
-    int spot = lamp->kind == BALL_SPOT || lamp->kind == FACING_SPOT;
-    f64 least_size = lamp->spread || (spot && lamp->own) ? 3.0 : spot ? 2.0 : 0.0;
+    f64 least_size = lamp->spread || (has_cone(lamp) && lamp->own) ? 3.0 : has_cone(lamp) ? 2.0 : 0.0;
     int lines = rule_for(fmax(fmax(x1 - x0, 0.8 * size), fmax(least_size, tapered ? 1.0 : 0.0)), &at, &share);
     for (int i = 0; i < lines; i++) {
         f64 x = x0 + (x1 - x0) * at[i], root = sqrt(1.0 - x * x), a = middle + width * x / root;
@@ -254,21 +276,10 @@ static int rays_to(const Sized *lamp, const Seen *e, const f64 *P, Ray *rays) {
         line_of(&f, lamp, e, a, &from, &to);
         if (to <= from) continue;
         Slope line;
-        f64 peak = clamped(b - slant * (a - a0), from, to), sa = fast_sin(a), ca = fast_cos(a);
+        f64 peak = clamped(b - slant * (a - a0), from, to);
         slope_at(&f, e, a, peak, &line);
         bump(line.m, line.b, &peak, &own);
-        f64 y0 = squeezed((from - peak) / own), y1 = squeezed((to - peak) / own);
-        int places = rule_for(fmax(fmax(y1 - y0, 0.8 * (to - from)), least_size), &at_line, &share_line);
-        for (int k = 0; k < places; k++) {
-            f64 y = y0 + (y1 - y0) * at_line[k], left = sqrt(1.0 - y * y), on = peak + own * y / left;
-            f64 sb = fast_sin(on), cb = fast_cos(on), weight = step * (y1 - y0) * share_line[k] * own / (left * left * left) * cb;
-            Ray *ray = rays + count;
-            for (int j = 0; j < 3; j++) ray->way[j] = cb * (sa * f.y[j] + ca * f.z[j]) + sb * f.x[j];
-            if (lamp->spread) weight *= spread_share(lamp, ray->way);
-            else if (spot) weight *= spot_share(lamp, ray->way);
-            ray->weight = weight * lamp->per_area;
-            count += weight > 0.0;
-        }
+        count += rays_of_line(lamp, &f, a, from, to, peak, own, step, least_size, rays + count);
     }
     return count;
 }

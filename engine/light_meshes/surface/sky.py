@@ -70,6 +70,11 @@ class Sky:
         """
         return self._table.look(direction, width) if self._table else self._color
 
+    @property
+    def constant(self) -> NDArray[np.float64] | None:
+        """Return what `light` is (3,) where it is the same in all directions."""
+        return None if self._table else self._color
+
     def alike(self, other: Sky) -> bool:
         """Return whether the same light comes from the same directions."""
         return self._key == other._key and bool((self._color == other._color).all())

@@ -17,11 +17,17 @@ from ..scene.description import COLORSPACES, IDENTITY, Image, Scene
 from ..scene.errors import SceneError
 from ..support.native import kernel
 from ..support.oiio import oiio
+from .tiles import Cache, Tiles
 
-_EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")
+_EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")  # as in textures.c
+_INTERPOLATIONS = ("LINEAR", "CLOSEST", "CUBIC")
 _LOOK = {np.dtype(kind): kernel(f"textures_look_{name}")
          for kind, name in ((np.uint8, "u8"), (np.uint16, "u16"), (np.float32, "f32"))}
+_coverage, _needed = kernel("textures_coverage"), kernel("textures_needed")
 _SYSTEM = ("/proc", "/sys", "/dev")  # files there are not real files
+LIMIT = 2 << 30  # bytes of all images' texels in memory; beyond that OpenImageIO's cache has them, and holds so many
+SMALL = 1 << 20  # bytes of an image that is read as a whole in any case
+_STRIP = 1 << 18  # texels that are changed at once, if that is cheap
 _CONVERTED = 1 << 22  # texels at once, because each call of OpenColorIO has a large fixed cost
 
 
@@ -51,23 +57,21 @@ class Layout(NamedTuple):
 class Texture:
     """One image: its texels as in the file (8 or 16 bits, or float32), and the conversion to linear light."""
 
-    def __init__(self, image: Image, alpha: bool = True) -> None:
-        """`alpha`: whether its alpha is needed."""
+    def __init__(self, image: Image, alpha: bool = True, cache: Cache | None = None) -> None:
+        """`alpha`: whether its alpha is needed. cache: from which its texels come when they are needed; None: they are
+        read now.
+        """
         self.key = _key(image, alpha)
         with _opened(image) as source:
             layout = _layout(image, source.spec(), alpha)
-            kind = {np.uint8: oiio.UINT8, np.uint16: oiio.UINT16}.get(layout.kind, oiio.FLOAT)
-            texels = source.read_image(0, 0, 0, layout.channels, kind)
-            if texels is None:
-                raise OSError(source.geterror() or "cannot be read")
-        self._texels = np.ascontiguousarray(np.atleast_3d(texels))
-        self.width = self._texels.shape[1]
+            texels = None if cache else _read(source, layout)
+        self.width, self._height, self._kind = layout.width, layout.height, np.dtype(layout.kind)
         self._alpha = layout.alpha if alpha and image.alpha != "IGNORED" else -1
         self._first, self._step = layout.first, min(layout.colours - 1, 1)
-        self._closest = image.interpolation == "CLOSEST"
+        self._interpolation = _INTERPOLATIONS.index(image.interpolation)
         self._extension = _EXTENSIONS.index(image.extension)
         self._matrix = np.array(image.matrix, np.float64).reshape(3, 3) if image.matrix != IDENTITY else None
-        most = 0 if self._texels.dtype == np.float32 else np.iinfo(self._texels.dtype).max
+        most = 0 if layout.kind == np.float32 else np.iinfo(layout.kind).max
         self._straight = self._linear = np.linspace(0, 1, most + 1, dtype=np.float32)[:most and most + 1]
         self.warning = ""
         convert = None
@@ -77,60 +81,105 @@ class Texture:
             except OSError as e:
                 self.warning = (f"image '{image.name}': its colour space {image.colorspace} cannot be converted to "
                                 f"{image.working_space} by {image.ocio}: {e}; read as sRGB")
-        self._associate(image, layout, most or 1, convert)
+        seen = layout.alpha >= 0 and (texels is None or bool((texels[:, :, layout.alpha] != (most or 1)).any()))
+        changes = self._associate(image, layout, most or 1, seen, convert)
         if image.colorspace != "LINEAR" and convert is None:
             self._linear = _srgb_to_linear(self._linear)
             if not most:
-                self._each(layout, lambda colour, alpha: _srgb_to_linear(colour))
+                changes.append((lambda colour, alpha: _srgb_to_linear(colour), _STRIP))
 
-    def _associate(self, image: Image, layout: Layout, white: int,
-                   convert: Callable[[NDArray[np.float32]], NDArray[np.float32]] | None) -> None:
-        """Convert the colours, and multiply or divide them by alpha, as the image needs it. `white` is the value of
-        alpha that means 1.
+        def changed(texels: NDArray) -> NDArray:
+            for change, strip in changes:
+                _each(texels, layout, change, strip)
+            return texels
+        self._texels = self._tiles = None
+        if texels is None:
+            assert cache is not None
+            self._tiles = Tiles(cache, image.path, (layout.width, layout.height), layout.channels, layout.kind, changed)
+        else:
+            self._texels = changed(texels)
+
+    def _associate(self, image: Image, layout: Layout, white: int, seen: bool,
+                   convert: Callable[[NDArray[np.float32]], NDArray[np.float32]] | None) -> list[tuple[_Change, int]]:
+        """Decide how colours are converted, and multiplied or divided by alpha, as the image needs it. `white` is the
+        value of alpha that means 1; seen: whether there may be others. Returns what is to be done to the texels, see
+        `_each`, each with how many texels at once.
 
         As in Cycles, colours are converted without alpha; only sRGB is multiplied by alpha before it is made linear.
         """
         self._weight, self._divides = -1, False  # the channel that weights texels when they are blended
-        has = image.alpha in ("STRAIGHT", "MULTIPLIED") and layout.alpha >= 0 and bool(
-            (self._texels[:, :, layout.alpha] != white).any())
+        has, changes = image.alpha in ("STRAIGHT", "MULTIPLIED") and seen, list[tuple[_Change, int]]()
         straight = layout.straight or not has
         if not straight and layout.divided:
-            self._each(layout, lambda colour, alpha: np.divide(colour, alpha, out=colour.copy(), where=alpha != 0))
+            changes.append((lambda colour, alpha: np.divide(colour, alpha, out=colour.copy(), where=alpha != 0),
+                            _STRIP))
             straight = True
         if convert:
-            self._each(layout, lambda colour, alpha: convert(colour), _CONVERTED)
+            changes.append((lambda colour, alpha: convert(colour), _CONVERTED))
         if not has or not straight:
-            return
+            return changes
         if image.alpha == "STRAIGHT" or image.colorspace != "sRGB" or image.matrix != IDENTITY:
             self._weight, self._divides = layout.alpha, image.alpha == "STRAIGHT"
         elif white == 1:
-            self._each(layout, lambda colour, alpha: colour * alpha)
+            changes.append((lambda colour, alpha: colour * alpha, _STRIP))
         else:  # with the numbers of the file
-            self._each(layout, lambda colour, alpha: (
-                (colour.astype(np.uint32) * alpha + white // 2) // white).astype(colour.dtype))
+            changes.append((lambda colour, alpha: (
+                (colour.astype(np.uint32) * alpha + white // 2) // white).astype(colour.dtype), _STRIP))
+        return changes
 
-    def _each(self, layout: Layout, change: Callable[[NDArray, NDArray], NDArray], strip: int = 1 << 18) -> None:
-        """Replace all colours by change(colours (n,w,3 or 1), alpha (n,w,1)), about `strip` texels at a time."""
-        rows = max(1, strip // max(1, layout.width))
-        of_colours = slice(layout.first, layout.first + layout.colours)
-        for y in range(0, layout.height, rows):
-            part = self._texels[y:y + rows]
-            part[:, :, of_colours] = change(part[:, :, of_colours], part[:, :, max(layout.alpha, 0), None])
+    @property
+    def cache(self) -> Cache | None:
+        """Return the cache from which its texels come, if that is so."""
+        return self._tiles.cache if self._tiles else None
+
+    def _look(self, first: int, step: int, linear: NDArray[np.float32], weight: int, divides: bool,
+              matrix: NDArray[np.float64] | None, uv: NDArray[np.float32], rows: NDArray[np.int64],
+              out: NDArray[np.float64]) -> None:
+        """Set out[rows] to channels at uv[rows]: `first` and the next ones if step is 1."""
+        uv, texels = np.ascontiguousarray(uv), self._texels
+        if self._tiles is not None:
+            index = np.empty((len(rows), 16 if self._interpolation == _INTERPOLATIONS.index("CUBIC") else 4), np.int64)
+            _needed(self._height, self.width, self._interpolation, self._extension, uv, rows, index)
+            texels = self._tiles.texels(index.ravel())
+        _LOOK[self._kind](
+            texels, self._height, self.width, self._tiles is not None, first, step, linear, weight, divides,
+            self._straight, matrix, self._interpolation, self._extension, uv, rows, out)
 
     def lookup(self, uv: NDArray[np.float32], rows: NDArray[np.int64], colour: NDArray[np.float64]) -> None:
         """Set colour[rows] to the texture at uv[rows]; v points up."""
-        _LOOK[self._texels.dtype](
-            self._texels, self._first, self._step, self._linear, self._weight, self._divides, self._straight,
-            self._matrix, self._closest, self._extension, np.ascontiguousarray(uv), rows, colour)
+        self._look(self._first, self._step, self._linear, self._weight, self._divides, self._matrix, uv, rows, colour)
 
     def alpha(self, uv: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return its alpha (n,) at uv (n,2); 1 if it has none."""
+        """Return its alpha (n,) at uv (n,2). One that has none is opaque, and as Cycles has it, a coloured one that is
+        clipped is nothing outside.
+        """
         alpha = np.ones((len(uv), 1))
-        if self._alpha >= 0:
-            _LOOK[self._texels.dtype](
-                self._texels, self._alpha, 0, self._straight, -1, False, self._straight, None, self._closest,
-                self._extension, np.ascontiguousarray(uv), np.arange(len(uv)), alpha)
+        if self._alpha < 0 and self._step and self._extension == _EXTENSIONS.index("CLIP"):
+            _coverage(self._height, self.width, self._interpolation, np.ascontiguousarray(uv), alpha)
+        elif self._alpha >= 0:
+            self._look(self._alpha, 0, self._straight, -1, False, None, uv, np.arange(len(uv)), alpha)
         return alpha[:, 0]
+
+
+_Change = Callable[[NDArray, NDArray], NDArray]  # of colours (n,w,3 or 1) and alpha (n,w,1)
+
+
+def _each(texels: NDArray, layout: Layout, change: _Change, strip: int) -> None:
+    """Replace all colours by change(colours, alpha), about `strip` texels at a time."""
+    rows = max(1, strip // max(1, texels.shape[1]))
+    of_colours = slice(layout.first, layout.first + layout.colours)
+    for y in range(0, len(texels), rows):
+        part = texels[y:y + rows]
+        part[:, :, of_colours] = change(part[:, :, of_colours], part[:, :, max(layout.alpha, 0), None])
+
+
+def _read(source: Any, layout: Layout) -> NDArray:
+    """Return the texels (h,w,channels) of an open file. Raises OSError."""
+    kind = {np.uint8: oiio.UINT8, np.uint16: oiio.UINT16}.get(layout.kind, oiio.FLOAT)
+    texels = source.read_image(0, 0, 0, layout.channels, kind)
+    if texels is None:
+        raise OSError(source.geterror() or "cannot be read")
+    return np.ascontiguousarray(np.atleast_3d(texels))
 
 
 def alphas(scene: Scene) -> set[int]:
@@ -145,14 +194,19 @@ def load(images: Sequence[Image], asked: Collection[int], threads: int,
     """Return the textures, with None for those that cannot be read, and a sentence for each of these. Textures of `old`
     are used again if possible.
 
-    `asked`: see `alphas`.
+    `asked`: see `alphas`. Of more than LIMIT bytes, those that are not small are read tile by tile.
     """
     ready = {texture.key: texture for texture in old if texture}
+    new = any(_key(image, i in asked) not in ready for i, image in enumerate(images))
+    sizes = {image: layout.bytes for image, layout in layouts(images, asked)} if new else {}
+    caches = [texture.cache for texture in ready.values() if texture.cache]
+    cache = (caches[0] if caches else Cache(LIMIT)) if sum(sizes.values()) > LIMIT else None
 
     def one(i: int) -> tuple[Texture | None, str]:
         image = images[i]
         try:
-            texture = ready.get(_key(image, i in asked)) or Texture(image, i in asked)
+            tiled = cache if sizes.get(image, 0) > SMALL else None
+            texture = ready.get(_key(image, i in asked)) or Texture(image, i in asked, tiled)
             return texture, texture.warning
         except OSError as e:
             return None, (f"image '{image.name}' ({image.path}) cannot be read, the surfaces keep their plain colour: "
@@ -163,6 +217,11 @@ def load(images: Sequence[Image], asked: Collection[int], threads: int,
     with ThreadPoolExecutor(threads) as pool:
         found = list(pool.map(one, range(len(images))))
     return [texture for texture, _ in found], [sentence for _, sentence in found if sentence]
+
+
+def held(sizes: Collection[int]) -> int:
+    """Return how many bytes are in memory of images with so many bytes of texels each."""
+    return sum(sizes) if sum(sizes) <= LIMIT else LIMIT + sum(size for size in sizes if size <= SMALL)
 
 
 def layouts(images: Sequence[Image], asked: Collection[int]) -> list[tuple[Image, Layout]]:

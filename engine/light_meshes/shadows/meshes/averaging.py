@@ -17,10 +17,9 @@ from ...support.native import kernel, needs_memory
 # this share of r² as its variance.
 VARIANCE = {"UNIFORM": 1 / 5, "SMOOTH": 1 / 7}
 
-ask, agreement, certify = kernel("psi_ask"), kernel("psi_agreement"), kernel("psi_certify")
-free_start = kernel("psi_free_start")
-witnesses, ends, _answered, _sizes = (kernel(f"psi_{name}") for name in ("witnesses", "ends", "answered", "sizes"))
-_listed, _mean, _smooth_mean = kernel("psi_listed"), kernel("psi_mean"), kernel("psi_smooth_mean")
+ask, spare, free_start = kernel("psi_ask"), kernel("psi_spare"), kernel("psi_free_start")
+ends, _answered, _sizes = (kernel(f"psi_{name}") for name in ("ends", "answered", "sizes"))
+_listed, _means = kernel("psi_listed"), kernel("psi_means")
 
 
 class Classes(NamedTuple):
@@ -96,15 +95,14 @@ def sizes(near: Neighbourhood) -> None:
     _sizes(near.start, near.kept(), near.uniform, near.m)
 
 
-def mean(near: Neighbourhood, P: NDArray, soft: NDArray[np.uint64], lights: Classes, rows: NDArray[np.intp],
-         S: NDArray[np.float32]) -> None:
-    """Set S[rows] (…,L,1) = (number of kept nodes that see the light)/m with uniform weights, eq. (4)."""
-    needs_memory(_mean(near.start, near.candidate, near.weight, near.uniform, near.values, soft, lights.serve,
-                       lights.ring, near.m, rows, S[..., 0]))
+def means(near: Neighbourhood, P: NDArray[np.float64], soft: NDArray[np.uint64], lights: Classes, smooth: bool,
+          rows: NDArray[np.int64], S: NDArray[np.float32]) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
+    """Do step 5: fill m of the neighbourhood, set S[rows] (…,L,1), and return what `answered` returns.
 
-
-def smooth_mean(near: Neighbourhood, P: NDArray[np.float64], soft: NDArray[np.uint64], lights: Classes,
-                rows: NDArray[np.intp], S: NDArray[np.float32]) -> None:
-    """Set S[rows] (…,L,1) = Σ w·v / Σ w over the kept nodes, with smooth weights w = max(1 − |x − P|²/r², 1e-9)."""
-    needs_memory(_smooth_mean(near.start, near.candidate, near.weight, near.uniform, near.values, soft, lights.own,
-                              lights.radius, P, near.position, near.m, rows, S[..., 0]))
+    S is the number of kept nodes that see the light/m, eq. (4); or, with smooth weights, Σ w·v / Σ w over the kept
+    nodes, w = max(1 − |x − P|²/r², 1e-9).
+    """
+    found, empty, counts = np.empty_like(soft), np.empty(len(soft), np.bool_), np.empty(1, np.int64)
+    needs_memory(_means(near.start, near.candidate, near.weight, near.uniform, near.values, soft, *lights, P,
+                        near.position, smooth, rows, near.m, found, empty, counts, S[..., 0]))
+    return found, empty, int(counts[0])

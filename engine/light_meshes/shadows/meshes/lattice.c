@@ -2,14 +2,16 @@
 #include <stdlib.h>
 
 #include "../../support/four.h"
+#include "averaging.h"
+
+static inline void place_node(f64 h, const f64 *R, const f64 *origin, const i32 *node, f64 *out) {
+    f64 a = node[0], b = node[1], c = node[2];
+    for (int r = 0; r < 3; r++) out[r] = origin[r] + h * (R[3 * r] * a + R[3 * r + 1] * b + R[3 * r + 2] * c);
+}
 
 KERNEL(lattice_positions, "h f64  rotation f64[3,3]  origin f64[3]  nodes i32[n,3]  out f64[n,3]!")
 i64 lattice_positions(i64 n, f64 h, const f64 *R, const f64 *origin, const i32 *nodes, f64 *out) {
-    for (i64 k = 0; k < n; k++) {
-        f64 a = nodes[3 * k], b = nodes[3 * k + 1], c = nodes[3 * k + 2];
-        for (int r = 0; r < 3; r++)
-            out[3 * k + r] = origin[r] + h * (R[3 * r] * a + R[3 * r + 1] * b + R[3 * r + 2] * c);
-    }
+    for (i64 k = 0; k < n; k++) place_node(h, R, origin, nodes + 3 * k, out + 3 * k);
     return 0;
 }
 
@@ -32,9 +34,11 @@ static inline i64 find(i64 size, const i32 *table, const i32 *keys, i32 i, i32 j
     }
 }
 
+/* Fills a hash table with the first `count` nodes. */
 KERNEL(lattice_fill, "table i32[t]!  keys i32[n,3]  count i64")
 i64 lattice_fill(i64 t, i64 n, i32 *table, const i32 *keys, i64 count) {
     (void)n;
+    memset(table, 255, (size_t)t * sizeof *table);
     for (i64 row = 0; row < count; row++)
         table[find(t, table, keys, keys[3 * row], keys[3 * row + 1], keys[3 * row + 2])] = (i32)row;
     return 0;
@@ -226,29 +230,65 @@ static void find_rings(const f64 *offsets, i64 most, const f64 *f, const f64 *re
     }
 }
 
+/* The cells in which receivers are, and for each which node is at each offset from it; −1: not looked up yet. */
+typedef struct {
+    Table cells;
+    i64 room, most;
+    i32 *rows;  /* (room,most) */
+} Places;
+
+/* Makes room for more cells, or for the first ones; returns whether there is memory. */
+static int grow_places(Places *c) {
+    i64 room = c->room ? 2 * c->room : 256, size = 4 * room;
+    i32 *keys = realloc(c->cells.keys, (size_t)(3 * room) * sizeof *keys), *rows, *slots;
+    if (keys) c->cells.keys = keys;
+    rows = realloc(c->rows, (size_t)(room * c->most) * sizeof *rows);
+    if (rows) c->rows = rows;
+    slots = realloc(c->cells.slots, (size_t)size * sizeof *slots);
+    if (slots) c->cells.slots = slots;
+    if (!keys || !rows || !slots) return 0;
+    c->room = room, c->cells.size = size;
+    lattice_fill(size, room, slots, keys, c->cells.count);
+    return 1;
+}
+
+/* Returns the row of a cell; NULL if there is not enough memory. */
+static i32 *place_of(Places *c, const i32 *cell) {
+    int entered;
+    if (c->cells.count == c->room && !grow_places(c)) return 0;
+    i32 *row = c->rows + c->most * row_of(&c->cells, cell[0], cell[1], cell[2], &entered);
+    if (entered) memset(row, 255, (size_t)c->most * sizeof *row);
+    return row;
+}
+
 /* Finds the candidates of receivers from state[0] on, until all are done or an array may be too short. state: the
-   next receiver, and the numbers of cells, nodes and candidates. rows (cells, offsets): which node is at an offset
-   from the cell; −1: not looked up yet. Returns 1 if there is not enough memory. */
+   next receiver, and the numbers of nodes and candidates. Fills the positions of nodes, and `need` with the lights that
+   receivers ask for there, of those in active; serve: of each ring. Returns 1 if there is not enough memory. */
 KERNEL(lattice_candidates,
        "h f64  reach f64[K]  rotation f64[3,3]  origin f64[3]  offsets f64[3,c]  tau f64  P f64[n,3]  N f64[n,3]  "
-       "state i64[4]!  start i64[n,s]!  candidate i32[a]!  nodes i32[u,3]!  table i32[t]!  cells i32[n,3]!  "
-       "rows i32[n,c]!  cell_table i32[e]!")
-i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, i64 e, f64 h, const f64 *reach,
+       "active u64[n,W]  serve u64[K,W]  state i64[3]!  start i64[n,s]!  candidate i32[a]!  nodes i32[u,3]!  "
+       "position f64[u,3]!  need u64[u,W]!  table i32[t]!")
+i64 lattice_candidates(i64 K, i64 most, i64 n, i64 W, i64 stride, i64 a, i64 u, i64 t, f64 h, const f64 *reach,
                        const f64 *R, const f64 *origin, const f64 *offsets, f64 tau, const f64 *P, const f64 *N,
-                       i64 *state, i64 *start, i32 *candidate, i32 *nodes, i32 *table, i32 *cells, i32 *rows,
-                       i32 *cell_table) {
-    Table cell_of = {e, state[1], cell_table, cells}, node_of = {t, state[2], table, nodes};
-    i64 p = state[0], total = state[3];
+                       const u64 *active, const u64 *serve, i64 *state, i64 *start, i32 *candidate, i32 *nodes,
+                       f64 *position, u64 *need, i32 *table) {
+    Table node_of = {t, state[1], table, nodes};
+    Places places = {.most = most};
+    i64 p = state[0], total = state[2];
     Scratch s = {0};
     int room = scratch_for(&s, offsets, most, K);
+    if (p == 0) memset(table, 255, (size_t)t * sizeof *table);
     for (; room && p < n && total + most <= a && node_of.count + most <= u; p++) {
         Spot spot = spot_of(h, R, origin, P + 3 * p, N + 3 * p);
-        i64 *begin = start + stride * p;
+        i64 *begin = start + stride * p, known = node_of.count;
+        memset(begin, 0, (size_t)stride * sizeof *begin);
         begin[0] = total;
         if (spot.there) {
-            int entered;
-            i32 *at = rows + most * row_of(&cell_of, spot.cell[0], spot.cell[1], spot.cell[2], &entered);
-            for (i64 c = 0; entered && c < most; c++) at[c] = -1;
+            i32 *at = place_of(&places, spot.cell);
+            if (!at) {
+                room = 0;
+                break;
+            }
             /* Steps 1 and 2: which offsets are in the ball and above the plane? */
             const Offsets *tried = above(&s.apart, &s.all, spot.m, tau);
             i64 kept = inside(tried, spot.f, spot.m, reach[K - 1] * reach[K - 1], tau, s.passed);
@@ -259,8 +299,13 @@ i64 lattice_candidates(i64 K, i64 most, i64 n, i64 stride, i64 a, i64 u, i64 t, 
         }
         for (i64 g = 0; g < K; g++) begin[g + 1] += begin[g];
         if (K > 1) by_ring(K, begin, total - begin[0], s.ring, candidate + begin[0], s.unsorted, s.place);
+        for (; known < node_of.count; known++) {
+            place_node(h, R, origin, nodes + 3 * known, position + 3 * known);
+            memset(need + W * known, 0, (size_t)W * sizeof *need);
+        }
+        ask_for(begin, candidate, active + p * W, serve, K, W, need);
     }
-    state[0] = p, state[1] = cell_of.count, state[2] = node_of.count, state[3] = total;
-    free_scratch(&s);
+    state[0] = p, state[1] = node_of.count, state[2] = total;
+    free_scratch(&s), free(places.cells.keys), free(places.cells.slots), free(places.rows);
     return !room;
 }

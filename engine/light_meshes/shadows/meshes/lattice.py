@@ -71,30 +71,43 @@ def lattice(h: float, reach: NDArray[np.float64], rotate: bool = True,
     return Lattice(h, reach, rotation, np.asarray(origin, np.float64) + shift, offsets)
 
 
-def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
+class Candidates(NamedTuple):
+    """The nodes near a batch of receivers. Those of receiver p are nodes[candidate[start[p,0]:start[p,K]]]; those of
+    start[p,g]:start[p,g+1] are its ring g: they are in ball g but in no smaller one, with the nearest cells first.
+    """
+
+    start: NDArray[np.int64]  # (n,K+1)
+    candidate: NDArray[np.int32]  # (c,) which node
+    nodes: NDArray[np.int32]  # (u,3) each once
+    position: NDArray[np.float64]  # (u,3) of nodes, world
+    need: NDArray[np.uint64]  # (u,W) the lights that receivers ask for there
+
+
+def candidates(lattice: Lattice, P: NDArray[np.float64], N: NDArray[np.float64],
+               active: NDArray[np.uint64] | None = None, serve: NDArray[np.uint64] | None = None) -> Candidates:
     """Do steps 1 and 2 of Ψ for receivers P with unit geometric normals N, both (n,3).
 
-    Returns (start, candidate, nodes). The candidates of receiver p are nodes[candidate[start[p,0]:start[p,K]]]. Those
-    of start[p,g]:start[p,g+1] are its ring g: they are in ball g but in no smaller one, with the nearest cells first.
-    nodes (u,3) holds each node once.
+    active (n,W): the lights that they ask for; None: none. serve (K,W): of each ring, those that count it.
     """
-    most = lattice.offsets.shape[1]
-    start = np.zeros((len(P), len(lattice.reach) + 1), np.int64)
-    candidate = np.empty(most + len(P) * most // 3, np.int32)
-    nodes = np.empty((most + 4096 + len(P) // 4, 3), np.int32)
-    table = np.full(1 << int(2 * len(nodes)).bit_length(), -1, np.int32)
-    # Receivers in one cell have the same nodes near them, so each node is looked up once for all of them.
-    cells, rows = np.empty((len(P), 3), np.int32), np.empty((len(P), most), np.int32)
-    cell_table = np.full(1 << int(2 * len(P)).bit_length(), -1, np.int32)
-    state = np.zeros(4, np.int64)
+    most, n = lattice.offsets.shape[1], len(P)
+    active = np.empty((n, 0), np.uint64) if active is None else active
+    serve = np.empty((len(lattice.reach), 0), np.uint64) if serve is None else serve
+    start = np.empty((n, len(lattice.reach) + 1), np.int64)
+    candidate = np.empty(most + n * most // 3, np.int32)
+    room = most + 4096 + n // 4
+    nodes, position = np.empty((room, 3), np.int32), np.empty((room, 3))
+    need = np.empty((room, active.shape[1]), np.uint64)
+    table = np.empty(1 << int(2 * room).bit_length(), np.int32)
+    state = np.zeros(3, np.int64)
     while True:
-        needs_memory(_candidates(*lattice, TAU, P, N, state, start, candidate, nodes, table, cells, rows, cell_table))
-        p, _, count, total = state.tolist()
-        if p == len(P):
-            return start, candidate[:total], nodes[:count]
+        needs_memory(_candidates(*lattice, TAU, P, N, active, serve, state, start, candidate, nodes, position, need,
+                                 table))
+        p, count, total = state.tolist()
+        if p == n:
+            return Candidates(start, candidate[:total], nodes[:count], position[:count], need[:count])
         if total + most > len(candidate):
             candidate = np.concatenate([candidate, np.empty(len(candidate), np.int32)])
         else:
-            nodes = np.concatenate([nodes, np.empty_like(nodes)])
-            table = np.full(2 * len(table), -1, np.int32)
+            nodes, position, need = (np.concatenate([a, np.empty_like(a)]) for a in (nodes, position, need))
+            table = np.empty(2 * len(table), np.int32)
             _fill(table, nodes, count)

@@ -45,11 +45,14 @@ class Keys(NamedTuple):
         """Return for how many rows there is room."""
         return min(len(self.near), int(FULL * len(self.table)))
 
-    def roomier(self, count: int) -> Keys:
-        """Return a copy with room for more than `count` rows. Nobody else may hold these arrays."""
+    def roomier(self, count: int, more: int = 0) -> Keys:
+        """Return a copy with room for more than `count` rows. Nobody else may hold these arrays.
+
+        more: so many rows may be needed at once; there is room for an eighth of them, as most nodes are known already.
+        """
         rows, bits = len(self.near), self.bits
         if count == rows:
-            rows += max(rows >> 4, 1024)
+            rows += max(rows >> 4, 1024, more >> 3)
             if rows > MOST:
                 raise MemoryError("more than four billion lattice nodes")
             self.near.resize(rows, refcheck=False)  # in place, so that the old and the new array are not both in memory
@@ -58,7 +61,7 @@ class Keys(NamedTuple):
             bits = np.uint64((rows + 1).bit_length())
         size = len(self.table)
         if count >= int(FULL * size):
-            size = int((count + 1024) / FILLED)
+            size = int((count + max(1024, more >> 3)) / FILLED)
         elif bits == self.bits:
             return self
         new = self._replace(table=np.full(size, EMPTY), bits=bits)

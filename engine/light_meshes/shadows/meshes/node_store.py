@@ -171,7 +171,7 @@ class NodeStore:
                 continue
             if self.count == 0:
                 self._keys.base[:] = nodes[0].astype(np.int64) - (1 << 20)
-            self._keys = self._keys.roomier(self.count)
+            self._keys = self._keys.roomier(self.count, len(nodes) - done)
             new = len(self._keys.near)
             if new > len(self._bits):
                 self._known.resize(new)

@@ -1,0 +1,132 @@
+/* What rays that gather light meet: how far away, and the keys of patches there (rays.py). */
+#include "../rays/around.h"
+#include "grids.h"
+
+#define NOTHING (~(u64)0)  /* the key where nothing is met, */
+#define CLEAR (NOTHING - 1)   /* and of what lets rays pass */
+
+/* What patches are cells of. finest: their sizes are finest·2^i, the largest that is not above `share` of the way, or the
+   last. */
+typedef struct {
+    const f64 *centre;
+    f64 scale, finest, share;
+    const f32 *vertices;
+    const i32 *triangles, *other, *for_small;
+    const u8 *flipped;
+    i64 T, steps;
+} Cells;
+
+/* The key of the patch on triangle t at barycentrics u, v, which a ray from `origin` along `direction` meets; away: how
+   far it is. */
+static inline u64 key_there(const Cells *s, i64 t, f64 u, f64 v, const f64 *origin, const f64 *direction, f32 *away) {
+    Edges e = edges_of(s->vertices, s->triangles + 3 * t);
+    f64 normal[3], place[3], sum = 0.0, size = s->finest, xy[2];
+    i64 step = 0, i, j;
+    cross(e.e, e.f, normal);
+    for (int c = 0; c < 3; c++) {
+        place[c] = e.a[c] + u * e.e[c] + v * e.f[c];
+        sum += square(place[c] - (origin[c] - s->centre[c]) / s->scale);
+    }
+    f64 far = s->scale * sqrt(sum);
+    *away = (f32)(far > 1e-30 ? far : 1e-30);
+    while (step + 1 < s->steps && 2.0 * size <= s->share * far) size *= 2.0, step++;
+    int front = (dot(normal, direction) < 0.0) != s->flipped[t];
+    i64 small = s->for_small[step * s->T + t];
+    if (small >= 0) return key_at(small, front, 0, step, 0);
+    Grid g = grid_of(s->vertices, s->triangles, s->other, s->scale, t, size);
+    on_axes(&g.axes, place, xy), cell_of(&g, xy, &i, &j);
+    return key_at(g.lead, front, (int)(s->steps - step), i, j);
+}
+
+/* Fills how far away is what the rays along `local`, d each, meet (0: nothing), and the key of the patch there. They are
+   turned to normals M (see turned_to), from points P. clear: triangles that let rays pass; for_small (s,T): the triangle
+   that stands for one smaller than patches of that size, −1: it is not smaller. */
+KERNEL(rays_met,
+       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  for_small i32[s,T]  "
+       "clear bool[T]?  finest f64  share f64  triangle i32[x]  u f32[x]  v f32[x]  P f64[r,3]  M f64[r,3]  turn f64[r,2]?  "
+       "local f64[d,3]  distance f32[x]!  keys u64[x]!")
+i64 rays_met(i64 V, i64 T, i64 s, i64 x, i64 r, i64 d, const f64 *centre, f64 scale, const f32 *vertices,
+             const i32 *triangles, const i32 *other, const u8 *flipped, const i32 *for_small, const u8 *clear, f64 finest,
+             f64 share, const i32 *triangle, const f32 *u, const f32 *v, const f64 *P, const f64 *M, const f64 *turn,
+             const f64 *local, f32 *distance, u64 *keys) {
+    Cells cells = {centre, scale, finest, share, vertices, triangles, other, for_small, flipped, T, s};
+    (void)V, (void)x;
+    for (i64 k = 0; k < r; k++) {
+        Turned axes = turned_to(M + 3 * k, turn ? turn + 2 * k : 0);
+        for (i64 i = 0; i < d; i++) {
+            i64 at = k * d + i, t = triangle[at];
+            f64 direction[3];
+            if (t < 0) {
+                distance[at] = 0, keys[at] = NOTHING;
+                continue;
+            }
+            along(&axes, local + 3 * i, direction);
+            keys[at] = key_there(&cells, t, u[at], v[at], P + 3 * k, direction, distance + at);
+            if (clear && clear[t]) keys[at] = CLEAR;
+        }
+    }
+    return 0;
+}
+
+/* Fills the same keys for rays from `origin` along `direction`. */
+KERNEL(rays_met_by,
+       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  for_small i32[s,T]  "
+       "finest f64  share f64  triangle i32[x]  u f32[x]  v f32[x]  origin f64[x,3]  direction f64[x,3]  keys u64[x]!")
+i64 rays_met_by(i64 V, i64 T, i64 s, i64 x, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
+                const i32 *other, const u8 *flipped, const i32 *for_small, f64 finest, f64 share, const i32 *triangle,
+                const f32 *u, const f32 *v, const f64 *origin, const f64 *direction, u64 *keys) {
+    Cells cells = {centre, scale, finest, share, vertices, triangles, other, for_small, flipped, T, s};
+    f32 away;
+    (void)V;
+    for (i64 k = 0; k < x; k++)
+        keys[k] = triangle[k] < 0 ? NOTHING : key_there(&cells, triangle[k], u[k], v[k], origin + 3 * k,
+                                                        direction + 3 * k, &away);
+    return 0;
+}
+
+/* The cell of edge `size` in which the middle of triangle t is, and the axis that its normal is nearest to. */
+static void cell_around(const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangle, f64 size, i64 *cell) {
+    Edges e = edges_of(vertices, triangle);
+    f64 normal[3];
+    int axis = 0;
+    cross(e.e, e.f, normal);
+    for (int j = 0; j < 3; j++) {
+        cell[j] = (i64)floor((centre[j] + scale * (e.a[j] + (e.e[j] + e.f[j]) / 3.0)) / size);
+        if (fabs(normal[j]) > fabs(normal[axis])) axis = j;
+    }
+    cell[3] = 2 * axis + (normal[axis] > 0.0);
+}
+
+/* Fills, for triangles that are not larger than `size`, the first of those that are near (in the same cell of this edge),
+   look the same way, and have the same material and instance; −1 for larger ones. slots: room for a table, more than there are small
+   triangles, of a power of two; −1. */
+KERNEL(rays_stand_ins,
+       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  flipped bool[T]  longest f32[T]  material i32[T]  "
+       "instance i32[T]  size f64  slots i32[m]!  for_small i32[T]!")
+i64 rays_stand_ins(i64 V, i64 T, i64 m, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
+                   const u8 *flipped, const f32 *longest, const i32 *material, const i32 *instance, f64 size, i32 *slots,
+                   i32 *for_small) {
+    (void)V;
+    for (i64 t = 0; t < T; t++) {
+        i64 cell[4], there[4];
+        for_small[t] = -1;
+        if (longest[t] > size) continue;
+        cell_around(centre, scale, vertices, triangles + 3 * t, size, cell);
+        cell[3] ^= flipped[t];
+        u64 at = (u64)cell[3] + SPREAD_3 * (u64)material[t] + SPREAD_2 * (u64)instance[t];
+        for (int j = 0; j < 3; j++) at = (at ^ (u64)cell[j]) * SPREAD, at ^= at >> 29;
+        for (at &= (u64)m - 1;; at = (at + 1) & ((u64)m - 1)) {
+            i64 first = slots[at];
+            if (first < 0) slots[at] = (i32)t;
+            else {
+                if (material[first] != material[t] || instance[first] != instance[t]) continue;
+                cell_around(centre, scale, vertices, triangles + 3 * first, size, there);
+                there[3] ^= flipped[first];
+                if (memcmp(cell, there, sizeof cell)) continue;
+            }
+            for_small[t] = slots[at];
+            break;
+        }
+    }
+    return 0;
+}

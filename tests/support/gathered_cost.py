@@ -1,0 +1,71 @@
+"""What light from everywhere costs, as docs/light.md says it: python tests/support/gathered_cost.py SNAPSHOT…
+
+Each SNAPSHOT is a folder that `light-meshes snapshot` wrote. Pictures with and without gathered light are drawn in
+turns, with all threads, and then a flight: the camera moves a hundredth of its distance to the side each frame, and
+what is known of the frame before is taken over. Times are those of processors and of the clock; the least of each.
+"""
+
+import argparse
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from light_meshes.film.images import Framebuffer
+from light_meshes.picture import render
+from light_meshes.scene.description import Scene
+from light_meshes.scene.snapshot import read
+
+
+def drawn(scene: Scene, previous=None, samples: int = 1):
+    """Returns (processor seconds, seconds), and the scene made ready; the least of several runs."""
+    least = np.full(2, np.inf)
+    for _ in range(samples):
+        began = time.process_time(), time.perf_counter()
+        ready = render.prepare(scene, ("Combined",), previous=previous)
+        render.draw(ready, Framebuffer.create(scene, ("Combined",)))
+        least = np.minimum(least, (time.process_time() - began[0], time.perf_counter() - began[1]))
+    return least, ready
+
+
+def moved(scene: Scene, frame: int) -> Scene:
+    """The scene with its camera a little to the right."""
+    matrix = scene.camera.matrix.copy()
+    middle = scene.geometry.vertices.mean(0) if len(scene.geometry.vertices) else np.zeros(3)
+    matrix[:3, 3] += 0.01 * frame * np.linalg.norm(middle - matrix[:3, 3]) * matrix[:3, 0]
+    return replace(scene, camera=replace(scene.camera, matrix=matrix))
+
+
+def main() -> None:
+    """Measure the snapshots that the command line names."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("snapshot", type=Path, nargs="+")
+    parser.add_argument("--size", type=int, default=1000, help="pixels of each side")
+    parser.add_argument("--samples", type=int, default=4)
+    parser.add_argument("--bounces", type=int, default=1)
+    parser.add_argument("--frames", type=int, default=5, help="of the flight")
+    parser.add_argument("--runs", type=int, default=2)
+    a = parser.parse_args()
+    for folder in a.snapshot:
+        scene = read(folder)
+        scene = replace(scene, camera=replace(scene.camera, width=a.size, height=a.size, crop=None),
+                        settings=replace(scene.settings, samples=a.samples, bounces=a.bounces))
+        plain = replace(scene, settings=replace(scene.settings, bounces=0, world_light="AMBIENT"))
+        direct, whole = np.full(2, np.inf), np.full(2, np.inf)
+        for _ in range(a.runs):
+            direct = np.minimum(direct, drawn(plain)[0])
+            one, ready = drawn(scene)
+            whole = np.minimum(whole, one)
+        flight, records = [], len(ready.lighting.everywhere)
+        for frame in range(1, a.frames + 1):
+            one, ready = drawn(moved(scene, frame), ready)
+            flight.append(one)
+        print(f"{folder.name}: {a.size}², {a.samples} samples, {a.bounces} bounces, {records:,} records")
+        for name, seconds in (("direct light alone", direct), ("with gathered light", whole),
+                              ("the next frames of a flight", np.median(flight, 0) if flight else whole)):
+            print(f"  {name:28} processors {seconds[0]:7.2f} s, clock {seconds[1]:7.2f} s, "
+                  f"{seconds[0] / direct[0]:5.2f} × direct", flush=True)
+
+
+if __name__ == "__main__":
+    main()
