@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from light_meshes.gathered.directions import directions as gathering
 from light_meshes.picture.render import render_image
 from light_meshes.rays import embree, tracer
+from light_meshes.rays.tracer import directions
 from scenes import four_lights, tabletop
 
 
@@ -74,6 +76,28 @@ def test_rays_made_on_the_way_meet_the_same(both, normals):
         segments = *frame, o, normal, which, target, directional, to, closed
         one, other = (a.occluded_of(*segments) for a in (direct, by_run))
         assert 0.1 < one.mean() < 0.9 and (one == other).all()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_rays_around_points_meet_the_same(both, turned):
+    """As rays that are made one by one: their directions are `local` in a frame square to the normal."""
+    direct, by_run, _ = both
+    random = np.random.default_rng(3)
+    P, M = random.uniform(-1, 1, (300, 3)), random.normal(size=(300, 3))
+    M /= np.linalg.norm(M, axis=1, keepdims=True)
+    angle = random.uniform(0, 7, 300)
+    turn = np.stack([np.cos(angle), np.sin(angle)], 1) if turned else None
+    local, frame = gathering(70), (np.array([0.1, 0.2, 0.3]), 1.7, 1.0)
+    one, other = (a.around(*frame, P, M, turn, local) for a in (direct, by_run))
+    hit = other.triangle >= 0
+    assert 0.1 < hit.mean() < 0.9 and (one.triangle == other.triangle).all()
+    assert (one.u[hit] == other.u[hit]).all() and (one.v[hit] == other.v[hit]).all()
+
+    way = directions(M, turn, local, np.arange(300 * 70)).reshape(300, 70, 3)
+    np.testing.assert_allclose(np.linalg.norm(way, axis=2), 1, rtol=1e-12)
+    np.testing.assert_allclose((way * M[:, None]).sum(2), np.broadcast_to(local[:, 2], (300, 70)), atol=1e-12)
+    between = np.broadcast_to(local @ local.T, (300, 70, 70))
+    np.testing.assert_allclose(way @ way.transpose(0, 2, 1), between, atol=1e-12)
 
 
 def test_points_in_space_see_the_same_lights(both):

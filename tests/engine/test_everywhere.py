@@ -106,6 +106,62 @@ def test_a_furnace(monkeypatch, albedo, bounces):
     np.testing.assert_allclose(light, sum(albedo**k for k in range(bounces + 2)), rtol=0.01)
 
 
+@pytest.mark.parametrize("bounces", [1, 3])
+def test_a_furnace_of_small_triangles(monkeypatch, bounces):
+    """Patches there are triangles that stand for others, and wider ones gather for them."""
+    monkeypatch.setattr(emitters, "MOST", 0)
+    glows = Material("glows", Od=(0.6,) * 3, emission=(1.0, 1.0, 1.0))
+    shapes = [Shape(sphere(2.0, 96, 48), glows), Shape(sphere(0.4, 48, 24), glows)]
+    of = scene(shapes, (0, -1.6, 0.4), (0, 0, 0), 8, world=(0, 0, 0), bounces=bounces, auto_h=False, h=0.2)
+    ready = prepare(of, ("Combined",))
+    light = draw(ready, Framebuffer.create(of, ("Combined",))).passes["Combined"][..., 0]
+    gather = ready.everywhere.records._gather
+    assert (gather.for_small[0] >= 0).all()
+    assert len(np.unique(gather.for_small[3])) < len(gather.for_small[3]) / 4
+    np.testing.assert_allclose(light, sum(0.6**k for k in range(bounces + 2)), rtol=0.01)
+
+
+def test_triangles_that_stand_for_others():
+    """The first one of those in a cell whose normals are nearest to the same axis, with their material and instance."""
+    shapes = [Shape(sphere(0.5, 24, 12), WHITE, matrices=[translate(0, 0, 0.5), translate(0.3, 0, 0.5)]),
+              Shape(sphere(0.3, 12, 6), BLACK, matrices=[translate(0, 1, 0.5)]), Shape(FLOOR, WHITE)]
+    of = scene(shapes, (0, -3, 1), bounces=1, auto_h=False, h=0.05)
+    ready = prepare(of, ("Combined",))
+    g, found = ready.everywhere.records._field.grids, ready.everywhere.records._gather.for_small
+    s, every = g.surfaces, np.arange(len(g.longest))
+    N, middle = g.normals(every), s.vertices[s.triangles].astype(np.float64).mean(1) * s.scale + s.centre
+    axis = np.abs(N).argmax(1)
+    several = 0
+    for step, first in enumerate(found):
+        size, stands = everywhere.PATCH * everywhere.step(0.05) * 2.0**step, {}
+        for t in every:
+            key = (*np.floor(middle[t] / size), axis[t], N[t, axis[t]] > 0, s.materials[s.source[t]], s.instance[t])
+            assert first[t] == (stands.setdefault(key, t) if g.longest[t] <= size else -1)
+        several += sum(first >= 0) - len(stands)
+    assert several > 1000
+
+
+def test_wider_patches_of_all_sizes_are_patches():
+    """Also around triangles that are smaller than some sizes of patches only."""
+    shapes = [Shape(sphere(r, 24, 12), WHITE, matrices=[translate(3 * r, 0, r)]) for r in (0.2, 0.5, 1.0, 2.0, 4.0)]
+    of = scene([*shapes, Shape(FLOOR, WHITE)], (0, -3, 1), bounces=1, auto_h=False, h=0.05)
+    records = prepare(of, ("Combined",)).everywhere.records
+    gather, g = records._gather, records._field.grids
+    s, random = g.surfaces, np.random.default_rng(0)
+    triangle = random.integers(len(g.longest), size=5000).astype(np.int32)
+    P = s.vertices[s.triangles[triangle]].astype(np.float64).mean(1) * s.scale + s.centre
+    met = gather.at(triangle, P, -g.normals(triangle), 2.0 ** random.uniform(-5, 5, 5000))
+    whole = g.sizes(met.keys)[1] == 0
+    assert 0.2 < whole.mean() < 0.8
+    np.testing.assert_allclose(np.stack([met.u, met.v]), 1 / 3, atol=1e-4)
+    for by in (1, 3):
+        size, level = g.sizes(met.keys)
+        wider, above = g.sizes(g.wider(met.keys, by, gather.for_small))
+        assert (above[whole] == 0).all() and (wider[whole] <= gather._finest * 2.0 ** (len(gather.for_small) - 1)).all()
+        np.testing.assert_array_equal(above[~whole], np.maximum(level[~whole] - by, 1))
+        assert (wider[~whole] >= size[~whole]).all()
+
+
 def things(pixels=60, eye=(0.0, -4.0, 2.5), **more):
     """Some things under a sky and a lamp."""
     red = Material("red", Od=(0.7, 0.1, 0.1))
@@ -121,8 +177,9 @@ def things(pixels=60, eye=(0.0, -4.0, 2.5), **more):
 def test_tiles_threads_and_order_change_no_bit():
     of = things()
     pictures = [draw(prepare(of, ("Combined",)), Framebuffer.create(of, ("Combined",)), threads=threads,
-                     tile_size=size).passes["Combined"] for threads, size in ((1, 256), (2, 8))]
-    np.testing.assert_array_equal(*pictures)
+                     tile_size=size).passes["Combined"] for threads, size in ((1, 256), (2, 8), (7, 16))]
+    for picture in pictures[1:]:
+        np.testing.assert_array_equal(picture, pictures[0])
 
 
 def test_records_are_kept_while_they_are_right():
@@ -139,6 +196,37 @@ def test_records_are_kept_while_they_are_right():
                                             + np.array([np.zeros((4, 4)), *[translate(0.1, 0, 0) - np.eye(4)] * 3])))
     after = draw(prepare(moved, ("Combined",), previous=then), Framebuffer.create(moved, ("Combined",)))
     np.testing.assert_array_equal(after.passes["Combined"], render_image(moved).passes["Combined"])
+
+
+def test_a_point_has_the_same_light_in_every_frame_of_a_flight():
+    """From wherever it is seen: what is gathered depends on the scene only, also if all is gathered anew."""
+    frames = [prepare(things(20, eye=(0.4 * i, -4.0, 2.5 - 0.2 * i)), ("Combined",)) for i in range(3)]
+    _, hits = frames[0].world.coarse_view()
+    for ready in frames[1:]:
+        draw(ready, Framebuffer.create(ready.scene, ("Combined",)))
+    first, *others = (ready.everywhere.records(hits, lambda: None).light for ready in frames)
+    assert first.max() > 0.1
+    for light in others:
+        np.testing.assert_array_equal(light, first)
+
+
+def test_what_fails_in_one_thread_ends_those_that_wait(monkeypatch):
+    of = things()
+    ready = prepare(of, ("Combined",))
+    look, calls = ready.everywhere.records._patches._look, []
+
+    def fails(*arguments):
+        calls.append(1)
+        if len(calls) == 5:
+            raise RuntimeError("no such surface")
+        return look(*arguments)
+
+    monkeypatch.setattr(ready.everywhere.records._patches, "_look", fails)
+    with pytest.raises(RuntimeError, match="no such surface"):
+        draw(ready, Framebuffer.create(of, ("Combined",)), threads=4, tile_size=8)
+    monkeypatch.undo()
+    again = draw(prepare(of, ("Combined",), previous=ready), Framebuffer.create(of, ("Combined",)))
+    np.testing.assert_array_equal(again.passes["Combined"], render_image(of).passes["Combined"])
 
 
 def test_parts_of_the_light_add_up():

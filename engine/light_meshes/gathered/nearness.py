@@ -20,9 +20,9 @@ RISE = 0.08  # what rises less, as a share of its distance, does not count: it t
 class Nearness:
     """The edges of the triangles that gathered light may meet. Threads share it."""
 
-    def __init__(self, grids: Grids, there: NDArray[np.bool_]) -> None:
-        """there (T,): these triangles."""
-        self._grids, self._there = grids, there
+    def __init__(self, grids: Grids, there: NDArray[np.bool_], fine: float) -> None:
+        """there (T,): these triangles. fine: the edge of the smallest cells, scene units."""
+        self._grids, self._there, self._least = grids, there, int(np.ceil(np.log2(fine) - 1e-3))
         self._making = threading.Lock()
         self._tables: dict[int, tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]] = {}
 
@@ -32,7 +32,7 @@ class Nearness:
         spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
         """
         near = np.full(len(P), 1e30, np.float32)
-        size = np.maximum(np.ceil(np.log2(spacing) - 1e-3), -200).astype(np.int64)
+        size = np.maximum(np.ceil(np.log2(spacing) - 1e-3), self._least).astype(np.int64)
         for one in np.unique(size):
             rows = np.flatnonzero(size == one)
             found = np.empty(len(rows), np.float32)

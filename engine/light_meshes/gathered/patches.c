@@ -41,9 +41,9 @@ i64 patches_at(i64 V, i64 T, i64 s, i64 n, const f64 *centre, f64 scale, const f
         int front = (dot(normal, direction + 3 * k) < 0.0) != flipped[t];
         while (level > 1 && 2.0 * edge <= size[k]) edge *= 2.0, level--;
         while (level < 15 && edge > size[k]) edge *= 0.5, level++;
-        i64 small = for_small[(level < s ? s - level : 0) * T + t];
+        i64 step = level < s ? s - level : 0, small = for_small[step * T + t];
         if (small >= 0) {
-            keys[k] = key_at(small, front, 0, 0, 0);
+            keys[k] = key_at(small, front, 0, step, 0);
             continue;
         }
         Grid g = grid_of(vertices, triangles, other, scale, t, edge);

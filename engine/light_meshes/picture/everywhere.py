@@ -14,9 +14,11 @@ from ..gathered.nearness import Nearness
 from ..gathered.patches import Patches
 from ..gathered.rays import STEPS, Field, Gatherer
 from ..gathered.records import Records
+from ..lights.registry import KINDS as LIGHTS
 from ..rays.camera import camera_rays
 from ..rays.geometry import Hits
-from ..scene.description import Camera, Settings, same
+from ..scene.description import Camera, Light, Settings, same
+from ..shadows import lamp_points
 from ..shadows.grouped import Grouped
 from ..shadows.method import Method, Setup, Through
 from ..shadows.registry import KINDS, NONE
@@ -33,8 +35,10 @@ LEVELS = 6  # that are coarser, each by 2
 LAMP_RAYS = 4  # from each point of a patch to each lamp, where there are
 FEW_LAMPS = 64  # or fewer; one where there are more, and then
 PART = 0.05  # lamps that together give a patch at most this share of its light have one ray (`shadows.grouped`)
+NARROW = 0.02  # one, too, where all are small: suns up to this angle, radians, others up to the smallest patches' size
 AHEAD = 1 << 16  # points of the picture, about, for which light is gathered before it is drawn
 ASKED = 1 << 16  # of them at once
+LAYERS = 4  # of cut-outs through which they are looked for
 PATCH = 2.0  # the size of the smallest patches, in finest distances
 
 
@@ -91,22 +95,31 @@ def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, f
         left = gives[world.surfaces.materials[world.surfaces.source]] & met
         if world.as_lamps is not None:
             left &= ~world.as_lamps
-        patches = Patches(field, gather, Look(world, lighting, _shadows(world, plan, settings, stats)),
+        patches = Patches(field, gather, Look(world, lighting, _shadows(world, plan, settings, PATCH * fine, stats)),
                           len(world.scene.lights), bool(left.any()), PATCH * fine)
-    return Records(field, gather, patches, Nearness(grids, met), fine, settings.bounces)
+    return Records(field, gather, patches, Nearness(grids, met, fine), fine, settings.bounces)
 
 
-def _shadows(world: World, plan: Plan, settings: Settings, stats: Statistics) -> Method:
+def _lamp_rays(lights: tuple[Light, ...], patch: float) -> int:
+    """Return how many rays go from each of the four points of a patch to each lamp: one where there are many lamps, or
+    where all are so small that their penumbras are hardly wider than the smallest patches, of size `patch`.
+    """
+    wide = 2 * lamp_points.reaches(lamp_points.shapes(lights))
+    narrow = np.array([LIGHTS[light.type].directional for light in lights], np.bool_)
+    small = wide <= np.where(narrow, NARROW, patch)
+    return 1 if len(lights) > FEW_LAMPS or small.all() else LAMP_RAYS
+
+
+def _shadows(world: World, plan: Plan, settings: Settings, patch: float, stats: Statistics) -> Method:
     """Shadows of the lamps' light on patches, by a few rays to points on each lamp: they are right in the mean."""
     lights = world.scene.lights
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
     through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
-    many = len(lights) > FEW_LAMPS
-    few = replace(settings, light_samples=1 if many else LAMP_RAYS, light_threshold=PART)
+    few = replace(settings, light_samples=_lamp_rays(lights, patch), light_threshold=PART)
     setup = Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {}, through, None)
     method = KINDS["AREA_SAMPLING"].make(setup)
-    return Grouped(setup, method, told=False) if many else method
+    return Grouped(setup, method, told=False) if len(lights) > FEW_LAMPS else method
 
 
 class Look:
@@ -153,7 +166,15 @@ def ahead(world: World, records: Records, camera: Camera, offsets: NDArray[np.fl
     small = replace(camera, width=max(camera.width // every, right), height=max(camera.height // every, top), crop=None)
     box = left, int(rows[part]), max(right, left + 1), int(rows[part + 1])
     origin, direction, reach = camera_rays(small, box, samples)
-    _, hits = world.closest("camera", origin, direction, None, reach)
-    matt = np.flatnonzero(world.materials.kd[hits.material] > 0)
-    for i in range(0, len(matt), ASKED):
-        records(hits.at(matt[i:i + ASKED]), check)
+    normal: NDArray | None = None
+    ends: NDArray | None = reach
+    for _ in range(LAYERS):
+        met, hits = world.closest("camera", origin, direction, normal, ends)
+        alpha, direction = world.glass.alpha(hits), direction[met]
+        matt = np.flatnonzero((world.materials.kd[hits.material] > 0) & (alpha > 0))
+        for i in range(0, len(matt), ASKED):
+            records(hits.at(matt[i:i + ASKED]), check)
+        on = np.flatnonzero(alpha < 1)  # straight on, through cut-outs
+        if not len(on):
+            break
+        origin, direction, normal, ends = hits.P[on], direction[on], -hits.Ng[on], None
