@@ -53,12 +53,14 @@ def processor_seconds():
 
 
 def bounces(scene):
-    """Give Cycles the bounces of this engine at Balanced: those of diffuse light where it has them, mirrors, glass."""
+    """Give Cycles the bounces of this engine at Balanced: those of diffuse light where it has them, and of mirrors.
+    Light goes through as much glass as in a new file, as here it goes through any.
+    """
     bpy.ops.light_meshes.preset(level='BALANCED')
     own, cycles = scene.light_meshes, scene.cycles
     cycles.diffuse_bounces = int(getattr(own, "bounces", 0))
-    cycles.glossy_bounces = cycles.transmission_bounces = own.max_depth
-    cycles.max_bounces = max(cycles.diffuse_bounces, own.max_depth)
+    cycles.glossy_bounces = own.max_depth
+    cycles.transmission_bounces = cycles.max_bounces = max(12, own.max_depth)
     cycles.volume_bounces = 0
 
 

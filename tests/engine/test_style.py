@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-LONG = {}  # file → why it has more than 400 lines
+# file → why it has more than 400 lines
+LONG = {"tests/support/node_catalogue.py": "a table: bounds and cells of all nodes"}
 MOST = 60  # lines of a function
 
 
