@@ -79,7 +79,7 @@ def test_a_boxs_foot(lamp):
 
 
 def test_no_seams_where_shadows_are_wide():
-    """At kI 2 S jumps from pixel to pixel by no more than the truth and 1/64, but for one pair in 50, of .05."""
+    """At kI 2 S jumps from pixel to pixel by no more than the truth and 1/64, but for one pair in 70, of .04."""
     seen = Seen(scene_of("board", "sphere", 100, h=0.0125, kI=2.0))
     S, truth, x = square(seen, seen.by("LIGHT_MESHES")[:, 0], seen.by("AREA_SAMPLING", 2048)[:, 0], seen.P[:, 0])
     excess = []
@@ -88,7 +88,7 @@ def test_no_seams_where_shadows_are_wide():
         wide = np.minimum(*(np.take(x, range(k, 99 + k), axis) for k in (0, 1))) > 0
         excess.append((step - true)[wide])
     excess = np.concatenate(excess)
-    assert len(excess) > 3000 and np.mean(excess > 1 / 64) <= 0.02 and np.nanmax(excess) <= 0.05
+    assert len(excess) > 3000 and np.mean(excess > 1 / 64) <= 0.015 and np.nanmax(excess) <= 0.04
 
 
 def disc_error(h, kI, points, monkeypatch):

@@ -42,7 +42,7 @@ class Shared(NamedTuple):
 
 
 # As near as 4 and as 16 rays to each lamp
-BALANCED, BEST = Shared(7.0, (2.0, 4.0, 8.0), 16), Shared(40.0, (4.0, 8.0, 16.0), 16)
+BALANCED, BEST = Shared(7.5, (2.0, 4.0, 8.0), 16), Shared(43.0, (4.0, 8.0, 16.0), 16)
 SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many times the rays of each are as near
 
 

@@ -29,7 +29,7 @@ from .sharp import dim, sharp
 from .terminator import Lift, starts, touched
 
 LEVELS = 4  # lattices, each of twice the step of the one before
-WIDE = 0.7  # the finest level counts where the penumbra is wider than so many r,
+WIDE = 0.8  # the finest level counts where the penumbra is wider than so many r,
 WIDER = 1.6  # and coarser ones, for which a finer one may stand in, where it is wider than so many of theirs,
 BLEND = 0.5  # and alone from so many octaves above that on
 # Nodes so many steps around a receiver may answer for it where those of its group disagree; with many lamps fewer
