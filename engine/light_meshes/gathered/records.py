@@ -120,8 +120,8 @@ class Records:
 
     def _look(self, hits: Hits, ask: _Asked, rows: NDArray[np.int32]) -> None:
         """Find out which records (n,3) the receivers of these rows see."""
-        row, corner = np.nonzero(ask.weight[rows] > 1e-9)
-        row = rows[row]
+        of, corner = np.nonzero(ask.weight[rows] > 1e-9)
+        row = rows[of]
         # both ends stand a little above the surface
         blocked = self._field.tracer.occluded(hits.P, row, points(self._P), ask.number[row, corner], hits.Ng, False,
                                               kind="diffuse")
