@@ -77,7 +77,7 @@ def test_the_parent_holds_the_picture_as_well(child, tmp_path):
 
 
 def test_images_count_before_they_are_read(tmp_path, monkeypatch):
-    """A small file may hold a large picture: its first bytes tell."""
+    """A small file may hold a large picture: its first bytes tell. It comes out of a cache of tiles with a limit."""
     header = struct.pack(">IIBBBBB", 50_000, 50_000, 8, 2, 0, 0, 0)
     path = tmp_path / "large.png"
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(
@@ -87,10 +87,10 @@ def test_images_count_before_they_are_read(tmp_path, monkeypatch):
     images = (Image("large", str(path)), Image("lost", str(tmp_path / "lost.png")))
     scene = replace(scene, images=images, materials=tuple(replace(m, image=0) for m in scene.materials),
                     geometry=replace(scene.geometry, uvs=np.zeros((len(scene.geometry.triangles), 3, 2), np.float32)))
-    monkeypatch.setattr(memory, "available", lambda: 4 * GIB)
+    monkeypatch.setattr(memory, "available", lambda: GIB)
     with pytest.raises(SceneError) as refused:
         Prepared(scene)
-    assert "1 image texture, the largest 'large' of 50,000 × 50,000 take 7.0; scale images down" in str(refused.value)
+    assert "1 image texture, the largest 'large' of 50,000 × 50,000 take 2.0; scale images down" in str(refused.value)
 
 
 def test_where_it_will_be_close_a_warning_says_so(monkeypatch):
