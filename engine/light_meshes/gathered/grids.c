@@ -131,23 +131,6 @@ i64 grids_wider(i64 V, i64 T, i64 s, i64 n, f64 scale, const f32 *vertices, cons
     return 0;
 }
 
-/* Fills the keys of the cells at x, y of the axes, half as large as those with these keys. */
-KERNEL(grids_finer,
-       "scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  top f64  keys u64[n]  x f32[n]  y f32[n]  "
-       "finer u64[n]!")
-i64 grids_finer(i64 V, i64 T, i64 n, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *other, f64 top,
-                const u64 *keys, const f32 *x, const f32 *y, u64 *finer) {
-    (void)V, (void)T;
-    for (i64 k = 0; k < n; k++) {
-        Key key = key_of(keys[k]);
-        i64 i, j;
-        Grid g = grid_of(vertices, triangles, other, scale, key.triangle, ldexp(top, -key.level));
-        cell_of(&g, (const f64[2]){x[k], y[k]}, &i, &j);
-        finer[k] = key_at(key.triangle, key.front, key.level + 1, i, j);
-    }
-    return 0;
-}
-
 /* Fills the places in the world at barycentrics u, v of triangles, and their unit normals to the side to which rays
    along `direction` go on. */
 KERNEL(grids_behind,

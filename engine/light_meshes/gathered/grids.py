@@ -17,7 +17,7 @@ from ..rays.geometry import Surfaces
 from ..support.native import kernel
 
 _places, _inside = kernel("grids_places"), kernel("grids_inside")
-_wider, _finer, _behind = kernel("grids_wider"), kernel("grids_finer"), kernel("grids_behind")
+_wider, _behind = kernel("grids_wider"), kernel("grids_behind")
 _longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
 _CORNER = np.uint64(1 << 63)
 INSET = 0.012  # as in grids.h
@@ -159,13 +159,6 @@ class Grids:
         """
         s, found = self.surfaces, np.empty(len(keys), np.uint64)
         _wider(s.scale, s.vertices, s.triangles, self.other, self.top, for_small, by, keys, found)
-        return found
-
-    def finer(self, keys: NDArray[np.uint64], on: NDArray[np.float32]) -> NDArray[np.uint64]:
-        """The keys (n,) of the cells at places (n,2) on the axes, half as large as those with these keys."""
-        s, found = self.surfaces, np.empty(len(keys), np.uint64)
-        x, y = np.ascontiguousarray(on[:, 0]), np.ascontiguousarray(on[:, 1])
-        _finer(s.scale, s.vertices, s.triangles, self.other, self.top, keys, x, y, found)
         return found
 
     def sizes(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -89,7 +89,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
     _add_lamps(ready, kind, rays, hit, hits, tile)
-    came = rays.origin if len(hits.P) == len(hit) else rays.origin[hit]
+    origin = rays.origin
     if len(hits.P) < len(hit):
         _missed(ready, kind, rays.at(where(hit, False)), tile)
         rays = rays.met(where(hit), hits.P)
@@ -98,7 +98,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     with ready.stats.stage("programs"):
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
     if plan.patches and rays.blur is not None and kind == "reflection":
-        rays, hits = patched(ready, rays, hits, came, tile, check)
+        rays, hits = patched(ready, rays, hits, origin[hit], tile, check)
     if plan.shares and first:
         hits = hits._replace(sample=_samples(ready, rays.pixel, first))
     children: list[tuple[str, Rays]] = []

@@ -31,8 +31,7 @@ def patched(ready: Prepared, rays: Rays, hits: Hits, came: NDArray[np.float64], 
     """
     assert rays.blur is not None and ready.lighting.everywhere is not None
     m, row = hits.table, hits.row
-    matt = _matt(m)
-    seen = (rays.blur > 0) & matt[row]
+    seen = (rays.blur > 0) & _matt(m)[row]
     if ready.plan.transparent:
         seen &= ~ready.glass.passes[hits.triangle]
     rows = np.flatnonzero(seen)
