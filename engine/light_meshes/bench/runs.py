@@ -231,7 +231,7 @@ class Bench:
                                   "ratio": median(stage) / median(alone), "threads": self.threads}
 
     def _threads(self) -> None:
-        """How much of the tile loop holds Python's lock, and whether preparing uses all threads."""
+        """Measure how much of the tile loop holds Python's lock, and whether preparing uses all threads."""
         e, shares = self.effort, {}
         for name, count in [("S3", None), *(("S7", n) for n in e.lights if n >= 16)]:
             case = scenes.case(name, self._scene_of(name), count)

@@ -359,7 +359,7 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
 
 
 def _layers(items: Any, where: str) -> tuple[Material, ...]:
-    """The checked layers of a material, of a JSON list. Raises SceneError."""
+    """Return the checked layers of a material, from a JSON list. Raises SceneError."""
     if not isinstance(items, list | tuple) or len(items) > programs.LAYERS:
         raise SceneError(f"{where}: layers must be a list of {programs.LAYERS} materials at most")
     made = tuple(built(Material, item, f"{where}: layer {n}") for n, item in enumerate(items, 1))
