@@ -23,3 +23,17 @@ for source in $(find engine/light_meshes -name '*.c'); do
 done
 # shellcheck disable=SC2086
 gcc -shared $sanitizers -o "$library" "$objects"/*.o -lm
+all=""
+[ $# -gt 0 ] || all=yes
+[ $# -gt 0 ] || set -- TESTS
+export LIGHT_MESHES_KERNELS=kernels-sanitized ASAN_OPTIONS=detect_leaks=0
+failed=0
+LD_PRELOAD="$(gcc -print-file-name=libasan.so) $(gcc -print-file-name=libubsan.so)" \
+  .venv/bin/python -m pytest -q -p no:cacheprovider "$@" || failed=1
+# Functions that the library exports, and of these the ones of which no line was run.
+nm -D --defined-only "$library" | sed -n 's/^[0-9a-f]* T //p' | sort > "$objects/kernels"
+(cd "$objects" && gcov -n -f ./*.gcno 2>&1) | tr -d "'" \
+  | awk '/^Function / {name = $2} /^Lines executed:0.00%/ {print name}' | sort | comm -12 - "$objects/kernels" > "$objects/left"
+echo "kernels that were not called: $(paste -sd ' ' "$objects/left")"
+[ -z "$all" ] || [ ! -s "$objects/left" ] || failed=1
+exit $failed
