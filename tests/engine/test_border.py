@@ -19,7 +19,8 @@ import numpy as np
 from light_meshes.support import native
 
 LENGTH = 3  # of all axes that have a letter
-OTHER = {"f8": "f4", "f4": "f8", "i8": "i4", "i4": "u4", "u8": "i8", "u4": "i4", "u2": "u1", "u1": "i1", "i1": "u1", "b1": "u1"}
+OTHER = {"f8": "f4", "f4": "f8", "i8": "i4", "i4": "u4", "u8": "i8", "u4": "i4", "u2": "u1", "u1": "i1", "i1": "u1",
+         "b1": "u1"}
 
 
 def right(kernel):
@@ -36,7 +37,9 @@ def wrong(array, shape, written, optional, shared):
     yield memoryview(array)
     yield array.astype(OTHER[array.dtype.str[1:]])
     yield array.astype(object)
-    yield np.zeros(array.shape, array.dtype.newbyteorder()) if array.dtype.itemsize > 1 else None
+    if array.dtype.itemsize > 1:
+        yield np.zeros(array.shape, array.dtype.newbyteorder())
+        yield np.zeros(array.nbytes + 1, np.uint8)[1:].view(array.dtype).reshape(array.shape)  # not aligned
     yield array[None]
     yield array[0]
     yield np.zeros((), array.dtype)
@@ -52,11 +55,8 @@ def wrong(array, shape, written, optional, shared):
             yield twice[step]
             yield np.flip(array, axis)
     if array.ndim > 1 and array.size > 1:
-        yield np.asfortranarray(array) if len(set(array.shape)) > 1 or array.ndim > 1 else None
+        yield np.asfortranarray(array)
         yield np.broadcast_to(array[:1], array.shape)
-    bytes = np.zeros(array.nbytes + 1, np.uint8)
-    if array.dtype.itemsize > 1:
-        yield bytes[1:].view(array.dtype).reshape(array.shape)  # not aligned
     if written:
         fixed = array.copy()
         fixed.flags.writeable = False
@@ -84,8 +84,8 @@ for name in sys.argv[1:]:
                 bad = [None, "text", arguments, object(), np.zeros(2)]
             else:
                 shared = {axis for axis, (free, n) in enumerate(shape) if free and letters.count(n) > 1}
-                # An array that may be None says no length; its own must fit those of the others.
-                bad = [b for b in wrong(arguments[k], shape, written, optional, shared) if b is not None or not optional]
+                bad = wrong(arguments[k], shape, written, optional, shared)
+                bad = [b for b in bad if b is not None or not optional]
             for value in bad:
                 given = [*arguments[:k], value, *arguments[k + 1:]]
                 ways = [lambda: kernel(*given), lambda: kernel.of(*given[:k + 1])(*given[k + 1:])]
