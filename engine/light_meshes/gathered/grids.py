@@ -120,7 +120,7 @@ class Grids:
         return np.where(good, normal, own)
 
     def places(self, keys: NDArray[np.uint64]) -> Places:
-        """Where the grid points with these keys (n,) are."""
+        """Return where the grid points with these keys (n,) are."""
         n = len(keys)
         P, N, spacing, instance = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.full(n, -1, np.int32)
         shared = (keys & _CORNER) != 0
@@ -136,8 +136,8 @@ class Grids:
 
     def behind(self, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],
                direction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The places (n,3) at barycentrics u, v (n,) of triangles (n,), and their normals to the side to which rays
-        along `direction` (n,3) go on.
+        """Return the places (n,3) at barycentrics u, v (n,) of triangles (n,), and their normals to the side to which
+        rays along `direction` (n,3) go on.
         """
         P, N = np.empty((len(u), 3)), np.empty((len(u), 3))
         _behind(*self.shape, triangle, u, v, direction, P, N)

@@ -28,8 +28,8 @@ class Nearness:
 
     def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], spacing: NDArray[np.float64],
                  own: NDArray[np.int32]) -> NDArray[np.float32]:
-        """How far (n,) records at P (n,3) with normals M (n,3) are from edges, where that is not much more than the
-        spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
+        """Return how far (n,) records at P (n,3) with normals M (n,3) are from edges, where that is not much more than
+        the spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
         """
         near = np.full(len(P), 1e30, np.float32)
         size = np.maximum(np.ceil(np.log2(spacing) - 1e-3), self._least).astype(np.int64)
