@@ -13,19 +13,27 @@ digest=$(.venv/bin/python -c '
 from pathlib import Path
 from light_meshes.support.sources import digest
 print(digest(Path("engine/light_meshes").resolve()))')
+# Coverage tells which kernels were called.
 sanitizers="-fsanitize=address,undefined --coverage"
 for source in $(find engine/light_meshes -name '*.c'); do
   object=$objects/$(echo "$source" | tr / + | sed 's/c$/o/')
   # shellcheck disable=SC2086
-  gcc -c -fPIC -g -O1 -std=gnu11 -ffp-contract=off -fno-omit-frame-pointer $sanitizers -fno-sanitize-recover=all \
+  gcc -c -fPIC -g -O1 -std=gnu11 -Wno-psabi -ffp-contract=off -fno-omit-frame-pointer $sanitizers -fno-sanitize-recover=all \
     -fprofile-update=atomic -fvisibility=hidden -Iengine/light_meshes/support -DSOURCES="\"$digest\"" \
     -o "$object" "$source"
 done
 # shellcheck disable=SC2086
 gcc -shared $sanitizers -o "$library" "$objects"/*.o -lm
 all=""
-[ $# -gt 0 ] || all=yes
-[ $# -gt 0 ] || set -- TESTS
+if [ $# = 0 ]; then
+  all=yes
+  for name in attributes blurred border broken_scenes facets film glass_in_glass layers light_threshold native node_store patched \
+    procedural psi refraction reuse rows same_picture semitransparent shadow_rate sheets_in_one_place sized_toggles \
+    sized_glass terminator textures worlds; do
+    set -- "$@" "tests/engine/test_$name.py"
+  done
+  set -- "$@" -n 2 --dist loadfile -m "not slow" tests/engine/test_bench.py::test_a_lock_that_is_held_is_told_from_one_that_is_not
+fi
 export LIGHT_MESHES_KERNELS=kernels-sanitized ASAN_OPTIONS=detect_leaks=0
 failed=0
 LD_PRELOAD="$(gcc -print-file-name=libasan.so) $(gcc -print-file-name=libubsan.so)" \

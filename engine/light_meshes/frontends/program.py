@@ -47,8 +47,9 @@ def render(scene: Scene, passes: Sequence[str] = ("Combined",), *, threads: int 
     threads.
 
     passes: names from `PASSES`. threads: the number of threads to render with; None means one for each processor.
-    progress(fraction) is called with the part that is done, 0 to 1, from any of these threads. cancelled() is asked
-    often; once it returns True, Cancelled is raised. Raises SceneError if the scene is wrong, or one of the passes.
+    progress(share, stage) is called with the part that is done, 0 to 1, and a sentence, from any of these threads.
+    cancelled() is called often; if it returns True, Cancelled is raised. Raises SceneError if the scene is wrong, or
+    one of the passes.
     """
     if isinstance(passes, str):
         raise SceneError(f"passes must be a list of names, not {quoted(passes)}")
