@@ -67,35 +67,31 @@ calls = 0
 for name in sys.argv[1:]:
     kernel = native.kernel(name)
     letters = [n for *_, shape, _, _, _ in kernel._arguments if shape for free, n in shape if free]
-    for quick in False, True:
-        if quick:
-            kernel.fast = kernel._compiled()
-        arguments = right(kernel)
-        for k in range(len(arguments) + 1):
-            for some in arguments[:k], [*arguments, None]:  # too few, too many
+    arguments = right(kernel)
+    for way in kernel, kernel.checked:
+        for some in [*(arguments[:k] for k in range(len(arguments))), [*arguments, None]]:  # too few, too many
+            try:
+                way(*some)
+            except TypeError:
+                calls += 1
+            else:
+                raise SystemExit(f"{name} takes {len(some)} arguments")
+    for k, (argument, kind, shape, dtype, written, optional) in enumerate(kernel._arguments):
+        if shape is None:
+            bad = [None, "text", arguments, object(), np.zeros(2)]
+        else:
+            shared = {axis for axis, (free, n) in enumerate(shape) if free and letters.count(n) > 1}
+            bad = wrong(arguments[k], shape, written, optional, shared)
+            bad = [b for b in bad if b is not None or not optional]
+        for value in bad:
+            given = [*arguments[:k], value, *arguments[k + 1:]]
+            for way in kernel, kernel.checked, lambda *all: kernel.of(*all[:k + 1])(*all[k + 1:]):
                 try:
-                    kernel(*some) if len(some) != len(arguments) else 0
-                except TypeError:
+                    way(*given)
+                except (TypeError, ValueError, OverflowError):
                     calls += 1
                 else:
-                    assert len(some) == len(arguments), (name, len(some))
-        for k, (argument, kind, shape, dtype, written, optional) in enumerate(kernel._arguments):
-            if shape is None:
-                bad = [None, "text", arguments, object(), np.zeros(2)]
-            else:
-                shared = {axis for axis, (free, n) in enumerate(shape) if free and letters.count(n) > 1}
-                bad = wrong(arguments[k], shape, written, optional, shared)
-                bad = [b for b in bad if b is not None or not optional]
-            for value in bad:
-                given = [*arguments[:k], value, *arguments[k + 1:]]
-                ways = [lambda: kernel(*given), lambda: kernel.of(*given[:k + 1])(*given[k + 1:])]
-                for way in ways:
-                    try:
-                        way()
-                    except (TypeError, ValueError, OverflowError):
-                        calls += 1
-                    else:
-                        raise SystemExit(f"{name}: {argument} = {value!r} is taken")
+                    raise SystemExit(f"{name}: {argument} = {value!r} is taken")
 print(calls, "refused")
 """
 
