@@ -64,7 +64,7 @@ class Recorder:
 
     @property
     def names(self) -> set[str]:
-        """The kernels that were called."""
+        """Return the kernels that were called."""
         return set(self._seen)
 
     def _record(self, kernel, arguments, call) -> int:
@@ -103,7 +103,7 @@ class Recorder:
 
 
 def windows_libraries(folder: Path) -> list[Path]:
-    """The libraries of the wheel for Windows, built now, in `folder`."""
+    """Return the libraries of the wheel for Windows, built now, in `folder`."""
     spec = importlib.util.spec_from_file_location("build", ROOT / "addon" / "build.py")
     build = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(build)
@@ -144,13 +144,13 @@ def main(tests: list[str]) -> int:
 
 
 def differs(said: str) -> bool:
-    """Whether any kernel differs by more than it may, by what replay.c says."""
+    """Return whether any kernel differs by more than it may, by what replay.c says."""
     return any(int(wrong) and not float(worst) <= LAST_BITS.get(name, -1.0)
                for name, wrong, worst in re.findall(r"^(\w+): (\d+) of .* at most (\S+)$", said, re.M))
 
 
 def native_names() -> set[str]:
-    """The names of all kernels in this system's library: each has a text of what it takes."""
+    """Return the names of all kernels in this system's library: each has a text of what it takes."""
     data = (ROOT / "engine/light_meshes" / native.library(sys.platform)).read_bytes()
     return {name.removesuffix(b"_takes").decode() for name in data.split(b"\0") if name.endswith(b"_takes")}
 
