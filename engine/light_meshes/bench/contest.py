@@ -34,7 +34,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Task:
-    """What is rendered and judged."""
+    """The settings of a contest: its scenes, sizes, methods and limits."""
 
     scenes: tuple[str, ...] = SCENES
     size: tuple[int, int] = (1920, 1080)

@@ -33,7 +33,7 @@ PASSES = ("Combined", "Position", "Normal", "Object Index")
 
 
 class Plan(NamedTuple):
-    """How a case is measured."""
+    """The rules by which a case is measured."""
 
     name: str
     lights: int

@@ -35,7 +35,7 @@ FORMAT = "light-meshes benchmark"
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured, and for how long."""
+    """The amount of work of a benchmark: how much is measured, and for how long."""
 
     size: int = 1000  # pictures whose time is taken have size² pixels
     repeats: int = 5
