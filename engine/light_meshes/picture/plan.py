@@ -228,9 +228,9 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
                if ray_counts.many(len(lamps)) else
                f"{rays.first} rays where it is narrower than r, up to {rays.most} where something is near")
             + (", or where light comes through surfaces" if p.channels else ""))
-        p.shares = not p.paths
+        p.shares = True
         if p.paths:
-            how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
+            why += "; light that glass bends comes from the lamp's centre"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")
 
 

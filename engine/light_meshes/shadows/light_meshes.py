@@ -15,11 +15,14 @@ from .sized import SizedLamps
 
 def make(setup: Setup) -> Method:
     """Return light meshes whose nodes hold bits, or numbers if surfaces let light through; lamps of softness SIZE have
-    nodes with shares. Where shadow paths bend, lamps of SIZE have a shadow of one width, h·kI, like all others.
+    nodes with shares.
+
+    Where shadow paths bend, lamps of SIZE have the shadow of their own shape, in which surfaces that bend light are
+    opaque, and the refracted paths from their centres.
     """
     count = len(setup.lights)
     sized = mask_of((i for i, light in enumerate(setup.lights) if light.softness == "SIZE"), count)
-    if setup.through.refraction is not None or not (sized & union(setup.casters.soft, count)).any():
+    if not (sized & union(setup.casters.soft, count)).any():
         return _one_width(setup)
     others = setup._replace(casters=kept(setup.casters, ~sized))
     rest = _one_width(others) if others.casters.soft else sharp(others, others.casters.whole)
