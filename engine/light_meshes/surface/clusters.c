@@ -157,10 +157,12 @@ static void light_of_group(const Work *w, i64 node, int k, i64 *stack, f32 *ligh
 static i64 chosen(const Work *w, i64 node, int k, f64 u) {
     const Clusters *t = w->tree;
     f64 left = u;
+    int one = 0; /* below a node that counts as one, where other receivers may have gone on */
     while (node < t->leaves) {
         const Piece *p = piece_of(w, node);
         f64 a, b;
-        if (p && !(p->lanes >> k & 1)) {
+        one |= !p || p->lanes >> k & 1;
+        if (!one) {
             const Piece *x = piece_of(w, 2 * node), *y = piece_of(w, 2 * node + 1);
             a = x ? x->all[k] : 0.0, b = y ? y->all[k] : 0.0;
         } else {
@@ -183,15 +185,15 @@ static u64 mixed(u64 x) {
     return x ^ x >> 31;
 }
 
-/* Puts receiver k's groups, the largest nodes that give it at most `most`, into g, as far as there is room. Returns by how
-   much its light may be wrong. */
+/* Puts receiver k's groups, the largest nodes that give it at most `most`, into g, as far as there is room. Returns what
+   lamps give for whose shadows others stand. */
 static f64 group(const Work *w, int k, f64 most, i64 *stack, i64 *second, Groups *g, u64 *asked, u64 *several, f32 *weight) {
     u64 key = SPREAD, bits;
     f64 bound = 0.0;
     i64 depth = 0;
     for (int j = 0; j < 3; j++) memcpy(&bits, &w->block.P[j][k], sizeof bits), key = mixed(key ^ bits);
     if (!w->found) return 0.0;
-    const f64 wrong = w->pieces[0].wrong[k], all = w->pieces[0].all[k];
+    const f64 all = w->pieces[0].all[k];
     for (stack[depth++] = 1; depth;) {
         i64 node = stack[--depth];
         const Piece *p = piece_of(w, node);
@@ -212,7 +214,7 @@ static f64 group(const Work *w, int k, f64 most, i64 *stack, i64 *second, Groups
         }
         g->found++;
     }
-    return wrong + (bound < all ? bound : all); /* what comes is between nothing and all light */
+    return bound < all ? bound : all;
 }
 
 /* Loads a block, and its copies with other normals. returns: what facets count with if not `materials`. */
@@ -239,16 +241,16 @@ static void load(Work *w, i64 first, const Materials *m, const Materials *shown,
 
 /* For each receiver the lamps whose shadow is asked for, and what it gets of those for which each stands. faces: the
    normals that say which lamps are above; shown: materials by which highlights count, NULL: the same. start (n+1): where
-   each receiver's groups begin; lamp, light (room): of groups; asked, several, weight, bound: as `lamp_groups` has them;
-   total (n,): all light. Returns the number of groups: more than there is room, if they do not fit. −1: no memory. */
+   each receiver's groups begin; lamp, light (g): of groups; asked, several, weight, bound: as `lamp_groups` has them;
+   total (n,): all light; wrong (n,): by how much that may be wrong. Returns the number of groups: more than there is room, if they do not fit. −1: no memory. */
 KERNEL(clusters_asked,
        LIGHTS MATERIALS HITS "faces f64[n,3]  shown f64[M,32]?  order i32[l]  together bool[m]  state u8[m]  middle f64[m,3]  "
        "reach f64[m]  size f64[m]  amount f64[m,3]  moment f64[m,3]  second f64[m,3]  threshold f64  part f64  start i64[k]!  lamp i32[g]!  "
-       "light f32[g,6]!  asked u64[n,W]!  several u64[n,W]!  weight f32[n,L]!  bound f64[n]!  total f64[n]!")
+       "light f32[g,6]!  asked u64[n,W]!  several u64[n,W]!  weight f32[n,L]!  bound f64[n]!  total f64[n]!  wrong f64[n]!")
 i64 clusters_asked(i64 L, i64 M, i64 T, i64 n, i64 l, i64 m, i64 k, i64 g, i64 W, TAKEN, const f64 *faces, const f64 *shown,
                    const i32 *order, const u8 *together, const u8 *state, const f64 *middle, const f64 *reach, const f64 *size,
                    const f64 *amount, const f64 *moment, const f64 *second, f64 threshold, f64 part, i64 *start, i32 *lamp,
-                   f32 *light, u64 *asked, u64 *several, f32 *weight, f64 *bound, f64 *total) {
+                   f32 *light, u64 *asked, u64 *several, f32 *weight, f64 *bound, f64 *total, f64 *wrong) {
     GATHERED;
     Materials others = {kd, ks, Os, nShiny, shown ? shown : ggx, tables};
     Clusters tree = {l, order, together, state, middle, reach, size, amount, moment, second};
@@ -272,6 +274,7 @@ i64 clusters_asked(i64 L, i64 M, i64 T, i64 n, i64 l, i64 m, i64 k, i64 g, i64 W
         for (int i = 0; fine && i < w.count; i++) {
             i64 p = from + i;
             start[p] = groups.found, total[p] = w.found ? w.pieces[0].all[i] : 0.0;
+            wrong[p] = w.found ? w.pieces[0].wrong[i] : 0.0;
             bound[p] = group(&w, i, threshold * total[p], stack, stack + depth, &groups, asked + p * W, several + p * W, weight + p * L);
         }
     }

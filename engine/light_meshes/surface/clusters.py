@@ -48,8 +48,9 @@ class Asked(NamedTuple):
     active: NDArray[np.uint64]  # (n,W)
     several: NDArray[np.uint64]  # (n,W)
     weight: NDArray[np.float32]  # (n,L)
-    bound: NDArray[np.float64]  # (n,) by how much the light may be wrong in each channel
+    bound: NDArray[np.float64]  # (n,) by how much the light may be wrong in each channel, by shadows and in all
     total: NDArray[np.float64]  # (n,) the light without shadows, of the brightest channel
+    wrong: NDArray[np.float64]  # (n,) by how much that may be wrong
 
 
 class Clusters:
@@ -65,16 +66,16 @@ class Clusters:
         rough = None if lit.shown is None else shading.rough_only(lit.materials, lit.hits.row)
         shown = None if rough is None else rough.facets()[0]
         active, several = (np.zeros((n, (count + 63) // 64), np.uint64) for _ in range(2))
-        weight, bound, total = np.zeros((n, count), np.float32), np.empty(n), np.empty(n)
+        weight, bound, total, wrong = np.zeros((n, count), np.float32), np.empty(n), np.empty(n), np.empty(n)
         start, room = np.zeros(n + 1, np.int64), max(64, n * GUESS)
         while True:
             lamp, light = np.empty(room, np.int32), np.empty((room, 6), np.float32)
             found = _asked(*lit.taken, np.ascontiguousarray(faces), shown, *self._tree, threshold, PART, start, lamp,
-                           light, active, several, weight, bound, total)
+                           light, active, several, weight, bound, total, wrong)
             if found < 0:
                 raise MemoryError("out of memory in a kernel")
             if found <= room:
-                return Asked(Groups(start, lamp[:found], light[:found]), active, several, weight, bound, total)
+                return Asked(Groups(start, lamp[:found], light[:found]), active, several, weight, bound + wrong, total, wrong)
             room = found
 
 
