@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..scene.description import Scene
 from ..scene.errors import SceneError
 from ..support.native import kernel
-from .embree import Accelerator, accelerator, room_for
+from .embree import Accelerator, Met, accelerator, room_for
 from .geometry import Surfaces
 from .stacks import Stacks, place_of
 
@@ -204,8 +204,16 @@ class Tracer:
             o, d, t = room_for(len(alive))
             _segments(*self._frame, origin, normal, origin_of[alive], *targets,
                       target_of[alive], closed, o, d, t)
+            length = t.copy()
+            hit = embree.closest(o, d, t)
+            on = hit.triangle >= 0
+            if self.stacks is not None and triangle is not None:
+                on |= np.diff(self.stacks.first)[triangle[origin_of[alive]]] > 0
+            some = np.flatnonzero(on)  # most segments cross nothing
+            first: Met | None = Met(*(a[some] for a in hit))
+            alive, o, d, t, length = alive[some], o[some], d[some], t[some], length[some]
             start = o.astype(np.float64)
-            end = start + d.astype(np.float64) * t[:, None].astype(np.float64)
+            end = start + d.astype(np.float64) * length[:, None].astype(np.float64)
             passed = np.zeros(len(alive))  # distance of the last crossing from the start
             last = np.full(len(alive), -1, np.int32)
             near = np.zeros(len(alive), np.int32)  # crossings in a row that are hardly apart
@@ -215,7 +223,7 @@ class Tracer:
                 self._together(kind, casters, triangle[origin_of[alive]], start, end, True, done, done, alive, factor,
                                through)
             while len(alive):
-                hit = embree.closest(o, d, t)
+                hit, first = first or embree.closest(o, d, t), None
                 on = hit.triangle >= 0
                 met: NDArray[np.int32] = hit.triangle[on] if original is None else original[hit.triangle[on]]
                 alive, start, end, passed = alive[on], start[on], end[on], passed[on]
