@@ -17,7 +17,7 @@ from sized_lamps import scene_of
 
 KINDS = (
     Material("matt", Od=(0.5, 0.3, 0.7)),
-    Material("metal", Od=(0, 0, 0), highlight="GGX", roughness=0.4, metal=1.0, F0=(0.9, 0.6, 0.2), F82=(0.8, 0.8, 0.9)),
+    Material("metal", Od=(0, 0, 0), highlight="GGX", roughness=0.4, metal=1.0, F0=(0.9, 0.6, 0.2), F82=(0.8, 0.8, 1)),
     Material("plastic", Od=(0.2, 0.2, 0.2), highlight="GGX", roughness=0.3, dielectric=1.0, layered=1.0),
     Material("coated", Od=(0.6, 0.1, 0.1), highlight="GGX", roughness=0.8, dielectric=1.0, coat=1.0, coat_roughness=0.2),
     Material("cloth", Od=(0.4, 0.4, 0.4), highlight="GGX", sheen=0.8, diffuse_roughness=0.6),
@@ -51,7 +51,7 @@ def receivers(random, n, bent):
         return np.ascontiguousarray(v / np.linalg.norm(v, axis=1)[:, None])
 
     P = random.uniform((-4, -4, -0.1), (4, 4, 0.1), (n, 3))
-    Ng = unit(random.normal(0, 0.3, (n, 3)) + (0, 0, 1))
+    Ng = unit(random.normal((0, 0, 1), 0.3, (n, 3)))
     smooth = unit(Ng + random.normal(0, 0.1, (n, 3)))
     Ns = unit(smooth + random.normal(0, 0.2, (n, 3))) if bent else smooth
     way = unit(random.normal(0, 1, (n, 3)))
@@ -109,7 +109,7 @@ def test_the_light_with_shadows_is_within_the_bound(threshold):
     found, bound, ready = direct(crowded(light_threshold=threshold))
     assert none is None and bound is not None
     error = np.abs(found - exact).max(1)
-    assert 0 < error.max() and (error <= bound * (1 + 1e-5) + 1e-6).all()
+    assert error.max() > 0 and (error <= bound * (1 + 1e-5) + 1e-6).all()
     assert error.mean() < 0.2 * bound.mean()  # as a rule far below it
     assert ready.stats.counts["grouped_receivers"] == len(exact)
 
@@ -117,7 +117,7 @@ def test_the_light_with_shadows_is_within_the_bound(threshold):
 def test_tiles_and_threads_change_nothing():
     a, b = (render_image(crowded(light_threshold=0.05), threads=n, tile_size=size) for n, size in ((1, 64), (2, 8)))
     assert np.array_equal(a.passes["Combined"], b.passes["Combined"])
-    assert 0 < a.statistics["light_bound"]
+    assert a.statistics["light_bound"] > 0
 
 
 @pytest.mark.parametrize("why", ["few", "links", "spots"])

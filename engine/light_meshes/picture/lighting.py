@@ -57,11 +57,11 @@ class Lighting:
     def _clusters_of(self, method: Method) -> clusters.Clusters | None:
         """Return lamps that count together from far away; None: each counts by itself, for the whole scene."""
         world, lights = self._world, self._world.lights
-        if not (method.threshold and clusters.suits(lights)) or self._linked is not None or world.lamps.any:
+        if method.lamp_tree is None or not clusters.suits(lights) or self._linked is not None or world.lamps.any:
             return None
         if (world.materials.also >= 0).any() or not (self._shown is None or self._shown.all()):
             return None
-        return clusters.Clusters(lights, method.order, method.together)
+        return clusters.Clusters(lights, *method.lamp_tree)
 
     def light_visibility(self, P: NDArray[np.float64], N: NDArray[np.float64],
                          triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:

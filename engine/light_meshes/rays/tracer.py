@@ -210,7 +210,7 @@ class Tracer:
             if self.stacks is not None and triangle is not None:
                 on |= np.diff(self.stacks.first)[triangle[origin_of[alive]]] > 0
             some = np.flatnonzero(on)  # most segments cross nothing
-            first: Met | None = Met(*(a[some] for a in hit))
+            first: Met | None = Met(hit.triangle[some], hit.u[some], hit.v[some])
             alive, o, d, t, length = alive[some], o[some], d[some], t[some], length[some]
             start = o.astype(np.float64)
             end = start + d.astype(np.float64) * length[:, None].astype(np.float64)

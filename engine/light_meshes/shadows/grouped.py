@@ -35,7 +35,7 @@ class Grouped(Method):
         """of: the method for single lamps. told: whether the statistics tell the bound."""
         self._of, self.threshold, self._stats = of, setup.settings.light_threshold, setup.stats
         self._told = told
-        self.order, self.together = tree(setup)
+        self.order, self.together = self.lamp_tree = tree(setup)
 
     @property
     def nodes(self) -> tuple[Nodes, ...]:  # type: ignore[override]

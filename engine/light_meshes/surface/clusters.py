@@ -1,7 +1,7 @@
 """Ω of hundreds of lamps: those that are far from a receiver and close to each other count as one (Light Threshold).
 
-Lamps are the leaves of a tree. Each receiver goes down from the root until a node may count as one lamp in the middle of
-its lamps, whose light may be wrong by at most the share PART · `threshold` of all light there. That bound is proven, by
+Lamps are the leaves of a tree. Each receiver goes down from the root until a node may count as one lamp in the middle
+of its lamps, whose light may be wrong by at most the share PART · `threshold` of all light there. That bound is proven, by
 Taylor's formula for what is scattered and by the largest values of each factor for what facets mirror (clusters.h). It
 is added to the bound that the statistics tell. As with `shadows.grouped`, the largest nodes that together give at most
 the share `threshold` have one shadow, for which one of their lamps, chosen by the place, is asked.
@@ -75,7 +75,8 @@ class Clusters:
             if found < 0:
                 raise MemoryError("out of memory in a kernel")
             if found <= room:
-                return Asked(Groups(start, lamp[:found], light[:found]), active, several, weight, bound + wrong, total, wrong)
+                groups = Groups(start, lamp[:found], light[:found])
+                return Asked(groups, active, several, weight, bound + wrong, total, wrong)
             room = found
 
 
@@ -103,17 +104,17 @@ def _nodes(lights: shading.Lights, order: NDArray[np.int32]) -> tuple[NDArray, .
     for level in range(leaves.bit_length()):
         nodes = 1 << level
         at, shape = slice(nodes, 2 * nodes), (nodes, leaves // nodes)
-        on, I = there.reshape(shape), power.reshape(*shape, 3)
+        on, given = there.reshape(shape), power.reshape(*shape, 3)
         x = np.where(on[..., None], place.reshape(*shape, 3), 0.0)
-        by = I.sum(2) + 1e-300 * on
-        sums[at] = I.sum(1)
+        by = given.sum(2) + 1e-300 * on
+        sums[at] = given.sum(1)
         middle[at] = (x * by[..., None]).sum(1) / np.maximum(by.sum(1), 1e-300)[:, None]
         off = np.where(on[..., None], x - middle[at][:, None], 0.0)
         far = np.sqrt((off**2).sum(2))
         sizes[at] = size.reshape(shape).max(1)
         reach[at] = (far.max(1) + sizes[at]) * (1 + 1e-9)
-        moment[at] = np.linalg.norm(np.einsum("nmc,nmj->ncj", I, off), axis=2) + 1e-12 * sums[at] * reach[at, None]
-        second[at] = np.einsum("nmc,nm->nc", I, far**2)
+        moment[at] = np.linalg.norm(np.einsum("nmc,nmj->ncj", given, off), axis=2) + 1e-12 * sums[at] * reach[at, None]
+        second[at] = np.einsum("nmc,nm->nc", given, far**2)
         kinds = kind.reshape(shape)
         low, high = np.where(on, kinds, kind.max() + 1).min(1), np.where(on, kinds, -1).max(1)
         state[at] = np.where(on.any(1), np.where(low == high, ONE, SEVERAL), EMPTY)

@@ -92,8 +92,8 @@ def _arrays(found: Sequence[tuple[Light, int]]) -> tuple[NDArray, ...]:
 
 
 def _blocks(lights: Sequence[Light]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return lamps that are close together (B,16), −1 where there are fewer, and balls (B,4) that have all of each block:
-    the middle and the radius. Those of suns have every ray.
+    """Return lamps that are close together (B,16), −1 where there are fewer, and balls (B,4) that have all of each
+    block: the middle and the radius. Those of suns have every ray.
     """
     place = np.array([light.position for light in lights], np.float64).reshape(-1, 3)
     suns = np.array([light.type == "SUN" for light in lights], np.bool_)
