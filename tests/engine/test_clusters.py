@@ -17,9 +17,9 @@ from sized_lamps import scene_of
 
 KINDS = (
     Material("matt", Od=(0.5, 0.3, 0.7)),
-    Material("metal", Od=(0, 0, 0), highlight="GGX", roughness=0.4, metal=1.0, F0=(0.9, 0.6, 0.2), F82=(0.8, 0.8, 1)),
+    Material("metal", Od=(0, 0, 0), highlight="GGX", roughness=0.4, metal=1.0, F0=(0.9, 0.6, 0.2), F82=(0.8, 1, 1)),
     Material("plastic", Od=(0.2, 0.2, 0.2), highlight="GGX", roughness=0.3, dielectric=1.0, layered=1.0),
-    Material("coated", Od=(0.6, 0.1, 0.1), highlight="GGX", roughness=0.8, dielectric=1.0, coat=1.0, coat_roughness=0.2),
+    Material("coat", Od=(0.6, 0.1, 0.1), highlight="GGX", roughness=0.8, dielectric=1.0, coat=1.0, coat_roughness=0.2),
     Material("cloth", Od=(0.4, 0.4, 0.4), highlight="GGX", sheen=0.8, diffuse_roughness=0.6),
     Material("phong", ks=0.5, nShiny=30.0),
 )

@@ -194,8 +194,8 @@ def _light_threshold(p: Plan, scene: Scene) -> None:
     if p.threshold:
         p.decide("light threshold", f"{s.light_threshold:g}",
                  "lamps that together give at most this share of the light somewhere have one shadow there, and with "
-                 f"{clusters.MANY} lamps or more light as one where they are far away: a group's error is below it, and "
-                 "that of all below what the statistics say")
+                 f"{clusters.MANY} lamps or more light as one where they are far away: a group's error is below it, "
+                 "and that of all below what the statistics say")
     elif p.shadows != NONE and KINDS[s.shadows].lattice and len(scene.lights) > MANY_LAMPS:
         p.decide("light threshold", "0",
                  f"each of {len(scene.lights)} lamps has shadows of its own; .01 is several times faster")

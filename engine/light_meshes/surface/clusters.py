@@ -1,10 +1,11 @@
 """Ω of hundreds of lamps: those that are far from a receiver and close to each other count as one (Light Threshold).
 
 Lamps are the leaves of a tree. Each receiver goes down from the root until a node may count as one lamp in the middle
-of its lamps, whose light may be wrong by at most the share PART · `threshold` of all light there. That bound is proven, by
-Taylor's formula for what is scattered and by the largest values of each factor for what facets mirror (clusters.h). It
-is added to the bound that the statistics tell. As with `shadows.grouped`, the largest nodes that together give at most
-the share `threshold` have one shadow, for which one of their lamps, chosen by the place, is asked.
+of its lamps, whose light may be wrong by at most the share PART · `threshold` of all light there. That bound is
+proven, by Taylor's formula for what is scattered and by the largest values of each factor for what facets mirror
+(clusters.h). It is added to the bound that the statistics tell. As with `shadows.grouped`, the largest nodes that
+together give at most the share `threshold` have one shadow, for which one of their lamps, chosen by the place, is
+asked.
 
 Nodes that may count as one have lamps that shine alike in all directions. All others are computed lamp by lamp.
 """
