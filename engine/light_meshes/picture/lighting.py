@@ -263,7 +263,8 @@ class Lighting:
             weight = shading.each(lit, active)
             if self._plan.threshold and self._world.lamps.any:  # a bound needs what nodes of lamps say
                 every = pairs.seen(active, len(self._world.scene.lights))
-                weight *= np.maximum.reduce(np.moveaxis(self.emitted(lit, every), 2, 0))
+                red, green, blue = np.moveaxis(self.emitted(lit, every), 2, 0)
+                weight *= np.maximum(np.maximum(red, green), blue)  # far faster than `max`
             return weight, shown
 
     def measure(self, hits: Hits, direction: NDArray) -> None:
