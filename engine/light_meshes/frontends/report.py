@@ -72,8 +72,8 @@ def summary(statistics: dict[str, Any]) -> str:
         rows += [("lamps with a size", f"{s['lamp_pairs']:,} pairs of a receiver and a lamp, {share[0]:.1%} near "
                                        f"penumbrae, {share[1]:.1%} with rays of their own")]
     if "light_bound" in s:
-        rows += [("light threshold", f"lamps for whose shadows others stand give {s['light_bound']:.2%} of the light "
-                                     "without shadows: the error is below that, on average over what is lit")]
+        rows += [("light threshold", f"the light is wrong by at most {s['light_bound']:.2%} of what there is without "
+                                     "shadows, on average over what is lit: what lamps give for which others stand")]
     if "shadow_rate" in s:
         samples = s["interpolated"] + s["refined"] + s["computed"]
         share = [s[name] / max(samples, 1) for name in ("interpolated", "refined", "computed")]

@@ -51,6 +51,7 @@ class Interfaces:
         cut = (self._alpha < 1) | (self._image >= 0)
         passes = cut | (self._kt > 0).any(1)
         shadow = np.array([x.transparent_shadow for x in m], np.bool_)
+        self._by_uv = bool((self._image >= 0).any()) or looks.cuts  # whether holes differ from place to place
         self.passes = passes[material]  # (T,) whether rays pass, all or in part
         self.lets_through = self.passes & shadow[material]  # (T,) whether shadow rays do
         # A body of index 1 is air if there is glass of lower priority around it. Otherwise it is no medium; Transparent
@@ -103,7 +104,7 @@ class Interfaces:
         s = self._surfaces
         material = s.materials[s.source[triangle]]
         uv: NDArray = np.zeros((len(triangle), 2), np.float32)
-        if len(s.uvs):
+        if len(s.uvs) and self._by_uv:
             corners = s.at_corners(s.uvs, triangle).astype(np.float32)
             uv = corners[:, 0] * (1 - u - v)[:, None] + corners[:, 1] * u[:, None] + corners[:, 2] * v[:, None]
         alpha, kt = self._alpha_of(self._alpha[material], self._image[material], uv), self._kt[material]

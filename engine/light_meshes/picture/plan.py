@@ -23,6 +23,7 @@ from ..shadows.radius import extent
 from ..shadows.registry import KINDS, NONE
 from ..shadows.sized import LEVELS
 from ..support.bits import has
+from ..surface import clusters
 
 MANY_LAMPS = 128  # from so many on the plan proposes the light threshold
 LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that nodes may answer
@@ -192,8 +193,9 @@ def _light_threshold(p: Plan, scene: Scene) -> None:
     p.threshold = p.shadows != NONE and KINDS[s.shadows].lattice and s.light_threshold > 0 and len(scene.lights) > 1
     if p.threshold:
         p.decide("light threshold", f"{s.light_threshold:g}",
-                 "lamps that together give at most this share of the light somewhere have one shadow there: a group's "
-                 "error is below it, and that of all below what the statistics say")
+                 "lamps that together give at most this share of the light somewhere have one shadow there, and with "
+                 f"{clusters.MANY} lamps or more light as one where they are far away: a group's error is below it, "
+                 "and that of all below what the statistics say")
     elif p.shadows != NONE and KINDS[s.shadows].lattice and len(scene.lights) > MANY_LAMPS:
         p.decide("light threshold", "0",
                  f"each of {len(scene.lights)} lamps has shadows of its own; .01 is several times faster")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..scene.description import Scene
 from ..scene.errors import SceneError
 from ..support.native import kernel
-from .embree import Accelerator, accelerator, room_for
+from .embree import Accelerator, Met, accelerator, room_for
 from .geometry import Surfaces
 from .stacks import Stacks, place_of
 
@@ -204,8 +204,10 @@ class Tracer:
             o, d, t = room_for(len(alive))
             _segments(*self._frame, origin, normal, origin_of[alive], *targets,
                       target_of[alive], closed, o, d, t)
-            start = o.astype(np.float64)
-            end = start + d.astype(np.float64) * t[:, None].astype(np.float64)
+            first: Met | None
+            stands = None if self.stacks is None or triangle is None else triangle[origin_of[alive]]
+            some, first, start, end, (o, d, t) = self._that_cross(embree, stands, o, d, t)
+            alive = alive[some]
             passed = np.zeros(len(alive))  # distance of the last crossing from the start
             last = np.full(len(alive), -1, np.int32)
             near = np.zeros(len(alive), np.int32)  # crossings in a row that are hardly apart
@@ -215,7 +217,7 @@ class Tracer:
                 self._together(kind, casters, triangle[origin_of[alive]], start, end, True, done, done, alive, factor,
                                through)
             while len(alive):
-                hit = embree.closest(o, d, t)
+                hit, first = first or embree.closest(o, d, t), None
                 on = hit.triangle >= 0
                 met: NDArray[np.int32] = hit.triangle[on] if original is None else original[hit.triangle[on]]
                 alive, start, end, passed = alive[on], start[on], end[on], passed[on]
@@ -235,6 +237,22 @@ class Tracer:
                 alive, start, end, passed = alive[on], start[on], end[on], passed[on]
                 last, near, done, o, d, t = last[on], near[on], done[on], o[on], d[on], t[on]
         return through
+
+    def _that_cross(self, embree: Accelerator, triangle: NDArray[np.int32] | None, o: NDArray[np.float32],
+                    d: NDArray[np.float32], t: NDArray[np.float32]) -> tuple[
+                        NDArray[np.int64], Met, NDArray[np.float64], NDArray[np.float64], tuple[NDArray, ...]]:
+        """Which of these rays meet a triangle, which are few as a rule, and what; where they start and end; and they
+        themselves, with t as far as they met. Also those that start on sheets in one place, on triangle (n,).
+        """
+        length = t.copy()
+        hit = embree.closest(o, d, t)
+        on = hit.triangle >= 0
+        if self.stacks is not None and triangle is not None:
+            on |= self.stacks.first[triangle + 1] > self.stacks.first[triangle]
+        some = np.flatnonzero(on)
+        start = o[some].astype(np.float64)
+        end = start + d[some].astype(np.float64) * length[some, None].astype(np.float64)
+        return some, Met(hit.triangle[some], hit.u[some], hit.v[some]), start, end, (o[some], d[some], t[some])
 
     def _together(self, kind: str, casters: int, triangle: NDArray[np.int32], start: NDArray, end: NDArray,
                   leaving: bool, done: NDArray, until: NDArray, alive: NDArray, factor: Callable,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..support.bits import has
 from ..support.native import kernel, needs_memory
+from ..support.statistics import Statistics
 from .casters import Casters, union
 from .method import Check, Method, Nodes, Receivers, Setup
 
@@ -32,9 +33,9 @@ class Grouped(Method):
 
     def __init__(self, setup: Setup, of: Method, told: bool = True) -> None:
         """of: the method for single lamps. told: add the bound to the statistics."""
-        self._of, self._threshold, self._stats = of, setup.settings.light_threshold, setup.stats
+        self._of, self.threshold, self._stats = of, setup.settings.light_threshold, setup.stats
         self._told = told
-        self.order, self.together = tree(setup)
+        self.order, self.together = self.lamp_tree = tree(setup)
 
     @property
     def nodes(self) -> tuple[Nodes, ...]:  # type: ignore[override]
@@ -43,21 +44,25 @@ class Grouped(Method):
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
         """Return S, see `Method`."""
-        if at.weight is None:
+        if at.weight is None or at.several is not None:  # the groups are there already (`surface.clusters`)
             return self._of(at, check, probe)
         e = at.weight
         group, weight, bound = np.empty(e.shape, np.int32), np.empty_like(e), np.empty(len(e))
         asked, several = np.empty_like(at.active), np.empty_like(at.active)
         with self._stats.stage("groups of lamps"):
-            needs_memory(_groups(at.P, at.active, e, self._threshold, self.order, self.together, group, asked, several,
+            needs_memory(_groups(at.P, at.active, e, self.threshold, self.order, self.together, group, asked, several,
                                  weight, bound))
         if self._told:
-            all_of_it = e.sum(1, dtype=np.float64)
-            share = bound / np.maximum(all_of_it, 1e-300)
-            self._stats.add(grouped_receivers=len(e), grouped_light=int((share * PARTS).sum()))
+            tell(self._stats, bound, e.sum(1, dtype=np.float64))
         S = self._of(at._replace(active=asked, weight=weight, several=several), check, probe)
         _spread(group, S)
         return S
+
+
+def tell(stats: Statistics, bound: NDArray[np.float64], light: NDArray[np.float64]) -> None:
+    """Count which share of the light of receivers (n,) may be wrong by bound (n,)."""
+    share = bound / np.maximum(light, 1e-300)
+    stats.add(grouped_receivers=len(light), grouped_light=int((share * PARTS).sum()))
 
 
 def tree(setup: Setup) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:

@@ -106,6 +106,8 @@ class Method(Protocol):
 
     nodes: tuple[Nodes, ...] = ()  # for kinds with the flag `lattice`
     weighs: bool = False  # whether it asks for `Receivers.weight`
+    threshold: float = 0.0  # the share of the light that lamps with one shadow give together; 0: each has its own
+    lamp_tree: tuple[NDArray[np.int32], NDArray[np.bool_]] | None = None  # of which these are nodes, see `grouped.tree`
     # finds which share of highlights is left, over that of the other light: (n,L,C), None: all is 1
     # None: the method has one share for both
     highlights: Callable[[Receivers, NDArray[np.float32], Lobes, Check], NDArray[np.float32] | None] | None = None

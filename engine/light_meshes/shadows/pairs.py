@@ -9,22 +9,37 @@ from numpy.typing import NDArray
 
 from ..support.native import kernel
 
+MANY = 256  # lights, from which on those that are asked for are counted first
 PAIRS = 1 << 19  # about the largest number of rays that are held at once
 
 _set, _pairs, _drop_dark = kernel("pairs_set"), kernel("pairs_listed"), kernel("pairs_drop_dark")
-_rows, _darken = kernel("pairs_rows"), kernel("pairs_darken")
+_rows, _darken, _counted = kernel("pairs_rows"), kernel("pairs_darken"), kernel("pairs_counted")
 
 
 def blocks(mask: NDArray[np.uint64], lights: int) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32]]]:
     """Yield the set bits of mask (n,W) as (row, light) arrays of limited length."""
     step = max(1, PAIRS // max(1, len(mask)))
-    for first in range(0, lights, step):
-        last = min(first + step, lights)
+    for first, last in _ranges(mask, lights) if step < lights and lights > MANY else (
+            (first, min(first + step, lights)) for first in range(0, lights, step)):
         size = len(mask) * (last - first)
         row, light = np.empty(size, np.int32), np.empty(size, np.int32)
         n = _pairs(mask, first, last, row, light)
         if n:
             yield row[:n], light[:n]
+
+
+def _ranges(mask: NDArray[np.uint64], lights: int) -> Iterator[tuple[int, int]]:
+    """Yield ranges of lights with at most about PAIRS bits of mask (n,W): whole words of it."""
+    count = np.empty(mask.shape[1], np.int64)
+    _counted(mask, count)
+    first, bits = 0, 0
+    for word, here in enumerate(count.tolist()):
+        if bits and bits + here > PAIRS:
+            yield first, 64 * word
+            first, bits = 64 * word, 0
+        bits += here
+    if bits:
+        yield first, lights
 
 
 def rows(mask: NDArray[np.uint64]) -> NDArray[np.int64]:

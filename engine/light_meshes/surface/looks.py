@@ -30,7 +30,7 @@ class Looks:
         self._surfaces, self._textures = surfaces, textures
         self._varies = np.array([bool(p) for p in self._programs], np.bool_)
         self._cuts = np.array([bool(_LETS_THROUGH & set(p.values)) for p in self._programs], np.bool_)
-        self.any = bool(self._varies.any())
+        self.any, self.cuts = bool(self._varies.any()), bool(self._cuts.any())
         if self.any:
             self._around = Around(scene, surfaces, camera)
 

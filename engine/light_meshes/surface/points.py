@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,11 @@ class Around:
         self.to_generated = self.to_object * scale[:, :, None]  # (I,3,4) world to the texture space of its mesh
         self.to_generated[:, :, 3] += 0.5 - place * scale
         self.camera, self.to_camera = camera, np.linalg.inv(camera.matrix)[:3]
+
+    @cached_property
+    def from_object(self) -> NDArray[np.float64]:
+        """Return the ways back from instances' own spaces (I,3,3), made when a program first asks for them."""
+        return np.linalg.pinv(self.to_object[:, :, :3])
 
     def pixel(self, P: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how wide (n,) a pixel is at points P (n,3), scene units, measured across the line of sight."""

@@ -99,7 +99,7 @@ def _object_normal(points: Points) -> tuple[NDArray, ...]:
 def _to_object_normal(points: Points, x: Register, y: Register, z: Register) -> tuple[NDArray, ...]:
     """Return a normal of the world in the object's own space, with length 1; 0 where it has no direction."""
     # Normals go by the transpose of the way back.
-    turned = np.einsum("nji,nj->ni", np.linalg.pinv(points.around.to_object[:, :, :3])[points.instance],
+    turned = np.einsum("nji,nj->ni", points.around.from_object[points.instance],
                        _stacked(points, x, y, z))
     return _columns(turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-300))
 
@@ -112,7 +112,7 @@ def _to_object(points: Points, x: Register, y: Register, z: Register, point: flo
 
 def _to_world(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
     """Return a vector of the object's own space, or a point (1), in the world."""
-    back = np.linalg.pinv(points.around.to_object[:, :, :3])[points.instance]
+    back = points.around.from_object[points.instance]
     moved = _stacked(points, x, y, z) - point * points.around.to_object[points.instance, :, 3]
     return _columns(np.einsum("nij,nj->ni", back, moved))
 
@@ -144,7 +144,7 @@ def _world_normal(points: Points, x: Register, y: Register, z: Register) -> Sequ
 
 def _location(points: Points) -> tuple[NDArray, ...]:
     """Return where the object's origin is in the world."""
-    back = np.linalg.pinv(points.around.to_object[:, :, :3])
+    back = points.around.from_object
     return _columns(-np.einsum("nij,nj->ni", back, points.around.to_object[:, :, 3])[points.instance])
 
 

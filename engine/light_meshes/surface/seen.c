@@ -1,4 +1,6 @@
 /* Lamps with a size, as rays see them (seen.py). */
+#include <stdlib.h>
+
 #include "native.h"
 
 enum { BALL, TURNED_DISC, RECTANGLE, ELLIPSE, SKY_DISC };
@@ -45,18 +47,40 @@ static f64 bounded(int bound, f64 axis, f64 edge, f64 slope) {
     return t * t * (3.0 - 2.0 * t);
 }
 
+enum { TOGETHER = 16 }; /* lamps of a block */
+
+/* Sets the bits of the lamps of all blocks whose balls (middle, radius) a ray meets. */
+static void near_ray(const f64 *o, const f64 *d, i64 B, const i32 *block, const f64 *ball, i64 W, u64 *bits) {
+    memset(bits, 0, (size_t)W * sizeof *bits);
+    for (i64 q = 0; q < B; q++) {
+        const f64 *c = ball + 4 * q, to[3] = {c[0] - o[0], c[1] - o[1], c[2] - o[2]}, along = dot(to, d);
+        f64 aside = dot(to, to) - along * along, radius = c[3];
+        if (along < -radius || aside > radius * radius) continue;
+        for (int i = 0; i < TOGETHER; i++)
+            if (block[TOGETHER * q + i] >= 0) set_bit(bits, block[TOGETHER * q + i]);
+    }
+}
+
 /* Fills light with the radiance of all lamps that lie on each ray before `reach`. Lamps hide nothing, also not each
-   other. by: the kind of each ray, a bit of `rays` of the lamps that it sees. */
+   other. by: the kind of each ray, a bit of `rays` of the lamps that it sees. block: lamps that are close together, −1
+   where there are fewer; ball: their middle, and a radius that has all. Returns 1 without memory. */
 KERNEL(seen_lamps, "origin f64[n,3]  direction f64[n,3]  reach f64[n]  by u8[n]  shape i8[L]  bound i8[L]  rays u8[L]  "
-       "centre f64[L,3]  axis f64[L,3]  across f64[L,2,3]  size f64[L]  limits f64[L,2]  radiance f64[L,3]  light f64[n,3]!")
-i64 seen_lamps(i64 n, i64 L, const f64 *origin, const f64 *direction, const f64 *reach, const u8 *by, const i8 *shape,
+       "centre f64[L,3]  axis f64[L,3]  across f64[L,2,3]  size f64[L]  limits f64[L,2]  radiance f64[L,3]  "
+       "block i32[B,16]  ball f64[B,4]  light f64[n,3]!")
+i64 seen_lamps(i64 n, i64 L, i64 B, const f64 *origin, const f64 *direction, const f64 *reach, const u8 *by, const i8 *shape,
                const i8 *bound, const u8 *rays, const f64 *centre, const f64 *axis, const f64 *across, const f64 *size,
-               const f64 *limits, const f64 *radiance, f64 *light) {
+               const f64 *limits, const f64 *radiance, const i32 *block, const f64 *ball,
+               f64 *light) {
+    i64 W = (L + 63) / 64;
+    u64 *bits = malloc((size_t)(W + 1) * sizeof *bits);
+    if (!bits) return 1;
     for (i64 k = 0; k < n; k++) {
         const f64 *o = origin + 3 * k, *d = direction + 3 * k;
         f64 *out = light + 3 * k;
         out[0] = out[1] = out[2] = 0.0;
-        for (i64 i = 0; i < L; i++) {
+        near_ray(o, d, B, block, ball, W, bits);
+        for (i64 w = 0; w < W; w++) for (u64 rest = bits[w]; rest; rest &= rest - 1) {
+            i64 i = 64 * w + lowest(rest);
             if (!(rays[i] & by[k])) continue;
             const f64 *c = centre + 3 * i, *a = axis + 3 * i, *pq = across + 6 * i;
             f64 t = shape[i] == SKY_DISC ? (dot(a, d) < 0.0 && 1.0 - dot(a, d) * dot(a, d) <= size[i] ? 1e300 : INFINITY)
@@ -67,5 +91,6 @@ i64 seen_lamps(i64 n, i64 L, const f64 *origin, const f64 *direction, const f64 
             for (int j = 0; j < 3; j++) out[j] += share * radiance[3 * i + j];
         }
     }
+    free(bits);
     return 0;
 }

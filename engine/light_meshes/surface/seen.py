@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from ..lights import registry
 from ..scene.description import Light
-from ..support.native import kernel
+from ..support.native import kernel, needs_memory
 from . import sized
 from .lamps import Lamps
 from .points import CAMERA, REFLECTED, TRANSMITTED
 
 _lamps = kernel("seen_lamps")
 _BALL, _TURNED_DISC, _RECTANGLE, _ELLIPSE, _SKY_DISC = range(5)  # as in seen.c
+TOGETHER = 16  # as in seen.c
 _BOUNDS = {"AREA": 1, "SPOT": 2}
 
 
@@ -61,14 +62,14 @@ class SeenLamps:
         `reach` (n,). ray (n,): their kinds, as in `points`.
         """
         light, bits = np.empty((len(origin), 3)), np.left_shift(1, ray).astype(np.uint8)
-        _lamps(origin, direction, reach, bits, *self._plain, light)
+        needs_memory(_lamps(origin, direction, reach, bits, *self._plain, light))
         if self._alone:
             glow = np.empty_like(light)
-            _lamps(origin, direction, reach, bits, *self._painted, glow)
+            needs_memory(_lamps(origin, direction, reach, bits, *self._painted, glow))
             rows = np.flatnonzero(glow.any(1))
             for i, lamp in self._alone if len(rows) else ():
                 one = np.empty((len(rows), 3))
-                _lamps(origin[rows], direction[rows], reach[rows], bits[rows], *lamp, one)
+                needs_memory(_lamps(origin[rows], direction[rows], reach[rows], bits[rows], *lamp, one))
                 some = np.flatnonzero(one.any(1))
                 at = rows[some]
                 light[at] += one[some] * self._programs.seen(i, origin[at], direction[at])
@@ -87,7 +88,34 @@ def _arrays(found: Sequence[tuple[Light, int]]) -> tuple[NDArray, ...]:
             np.array([sized.size(light) ** 2 if light.type == "SUN" else light.radius for light in lights],
                      np.float64),
             np.array([_limits(light) for light in lights], np.float64).reshape(-1, 2),
-            _rows([radiance(light) for light in lights]))
+            _rows([radiance(light) for light in lights]), *_blocks(lights))
+
+
+def _blocks(lights: Sequence[Light]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return lamps that are close together (B,16), −1 where there are fewer, and balls (B,4) that have all of each
+    block: the middle and the radius. Those of suns have every ray.
+    """
+    place = np.array([light.position for light in lights], np.float64).reshape(-1, 3)
+    suns = np.array([light.type == "SUN" for light in lights], np.bool_)
+    reach = np.array([np.linalg.norm(light.area_u) + np.linalg.norm(light.area_v) if light.type == "AREA" else
+                      light.radius for light in lights], np.float64)
+    parts, blocks = [np.flatnonzero(~suns)], [part for part in (np.flatnonzero(suns),) if len(part)]
+    blocks = [part[i:i + TOGETHER] for part in blocks for i in range(0, len(part), TOGETHER)]
+    while parts:
+        part = parts.pop()
+        if len(part) > TOGETHER:
+            axis = np.argmax(np.ptp(place[part], axis=0))
+            part, half = part[np.argsort(place[part, axis], kind="stable")], len(part) // 2
+            parts += [part[:half], part[half:]]
+        elif len(part):
+            blocks.append(part)
+    member, ball = np.full((len(blocks), TOGETHER), -1, np.int32), np.zeros((len(blocks), 4))
+    for n, block in enumerate(blocks):
+        member[n, :len(block)] = block
+        middle = place[block].mean(0)
+        far = np.inf if suns[block].any() else (np.linalg.norm(place[block] - middle, axis=1) + reach[block]).max()
+        ball[n] = *middle, far * (1 + 1e-6) + 1e-6 * np.abs(middle).max()
+    return member, ball
 
 
 def _rows(values: list) -> NDArray[np.float64]:

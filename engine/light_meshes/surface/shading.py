@@ -213,6 +213,7 @@ class Lit(NamedTuple):
     # (n,L,C) by which S is multiplied for highlights; None: by 1
     highlights: NDArray[np.float32] | None = None
     kernels: Kernels | None = None  # those of these lights and materials, if they are at hand
+    groups: Any = None  # `clusters.Groups`, by which light is summed; None: lamp by lamp
 
     def at(self, rows: slice) -> Lit:
         """Return these receivers."""
@@ -248,6 +249,9 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
 
     S is (n,L,C): one number for each light, or RGB. S must be 0 where ξ_i·Ω_i is 0; this is not checked again.
     """
+    if lit.groups is not None:
+        lit.groups.gather(S, colour, matt, gloss)
+        return
     rough = None if lit.shown is None else rough_only(lit.materials, lit.hits.row)
     if rough is None or lit.shown is None:
         if lit.kernels is None:

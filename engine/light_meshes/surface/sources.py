@@ -65,6 +65,11 @@ class Spaces:
         half = np.array([min(max(light.spot_angle, 1e-6), 3.14159) / 2 for light in lights])
         self.narrow = 0.5 / np.tan(half)
 
+    @cached_property
+    def from_object(self) -> NDArray[np.float64]:
+        """Return the ways back from lamps' own spaces (L,3,3), made when a program first asks for them."""
+        return np.linalg.pinv(self.to_object[:, :, :3])
+
 
 class Sources:
     """Points (n,) of lamps with a place, and the receivers that they light."""
