@@ -129,12 +129,14 @@ def mixes():
     metal = principled(Base_Color=GOLD, Metallic=1.0, Roughness=0.4)
     coated = principled(Base_Color=(0.6, 0.1, 0.1, 1), Roughness=0.6, Coat_Weight=1.0, Coat_Roughness=0.2)
     cloth = principled(Base_Color=(0.1, 0.3, 0.1, 1), Roughness=0.7, Sheen_Weight=1.0, Sheen_Roughness=0.4)
+    frosted = ('ShaderNodeBsdfGlass', {"Color": (0.9, 0.95, 1, 1), "Roughness": 0.3, "IOR": 1.45})
     glow, clear = ('ShaderNodeEmission', {"Color": TINT, "Strength": 0.3}), ('ShaderNodeBsdfTransparent', {})
     pairs = {"diffuse, glossy": (matt, sharp), "two glossy": (sharp, soft), "two diffuse": (matt, blue),
              "plastic, rubber": (plastic, rubber), "plastic, diffuse": (plastic, matt),
              "plastic, metal": (plastic, metal), "plastic, transparent": (plastic, clear),
              "plastic, emission": (plastic, glow), "coat, diffuse": (coated, matt),
              "coat, plastic": (coated, plastic), "cloth, glossy": (cloth, sharp),
+             "glass, glossy": (frosted, soft), "glass, plastic": (frosted, plastic),
              "sheen, diffuse": (('ShaderNodeBsdfSheen', {"Roughness": 0.6, "Color": TINT}), matt)}
     if bpy.app.version < (4, 3):  # then Cycles loses light that rough surfaces scatter several times
         del pairs["two diffuse"]
