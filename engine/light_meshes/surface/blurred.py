@@ -48,8 +48,8 @@ def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float6
     matt = np.ascontiguousarray(m.kd[hits.row] * m.Od[hits.row].max(1, initial=0))
     count, left = np.zeros((n, 2), np.int32), np.zeros((n, 3))
     if ggx is not None:
-        _count(ggx, tables, hits.table.blurred, direction, hits.Ns, hits.row, fan, may, matt, weight, cutoff, later, samples,
-               count, left)
+        _count(ggx, tables, hits.table.blurred, direction, hits.Ns, hits.row, fan, may, matt, weight, cutoff, later,
+               samples, count, left)
     rays = int(count.sum())
     found = Spread(np.empty(rays, np.int64), np.empty((rays, 3)), np.empty((rays, 3)), np.empty(rays, np.int32),
                    np.empty(rays), left)
