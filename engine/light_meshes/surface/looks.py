@@ -16,7 +16,7 @@ from ..scene.description import Camera, Scene
 from ..scene.programs import Program, layer_of
 from .points import SHADOW, Around, Points
 from .programs import run, unit
-from .shading import Materials
+from .shading import LEAST_SIGHT, Materials, sent_out
 from .textures import Texture
 
 _LETS_THROUGH = {"alpha", "kt"}
@@ -57,6 +57,11 @@ class Looks:
                         bent[name] = values
                         continue
                     name = "bent"
+                elif name in ("coat_normal", "sheen_normal"):
+                    smooth, to = h.Ns[some], direction[rows[some]]
+                    over, name = unit(values, smooth), "on_sheen" if name == "sheen_normal" else "on_coat"
+                    over = over if name == "on_sheen" else sent_out(over, smooth, h.Ng[some], to)
+                    values = np.maximum(-(over * to).sum(1), LEAST_SIGHT)
                 getattr(layers[layer], name)[:] = values
                 if name == "Od":
                     layers[layer].image[:] = -1

@@ -17,7 +17,7 @@ from ..scene.programs import OPERATIONS, PARAMETERS, Program, layer_of
 from .atmosphere import sky
 from .points import Points
 from .procedural import TEXTURES
-from .shading import covered
+from .shading import covered, sent_out
 from .textures import Texture
 
 Register = Any  # (n,) float64, or a number
@@ -234,8 +234,10 @@ def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Re
 
 
 def _covered(points: Points, *values: Register) -> Sequence[Register]:
-    """What of light from below gets through a coat (6 values) and fibres (5)."""
-    return _columns(covered(values[:6], values[6:], points.Ns, points.incoming))
+    """What of light from below gets through a coat (6 values) and fibres (5), whose normal is the last three."""
+    normals = unit(_stacked(points, *values[11:]), points.Ns)
+    coats = sent_out(normals, points.Ns, points.Ng, -points.incoming)
+    return _columns(covered(values[:6], values[6:11], normals, points.incoming, coats))
 
 
 _OF_POINTS: dict[str, Callable[..., Sequence[Register]]] = {
