@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from ..support.text import quoted
@@ -97,6 +98,11 @@ class Program:
             if needs[i]:
                 asked.update(a[0] for a in self.operations[i].arguments if isinstance(a, tuple) and len(a) == 1)
         return needs, asked
+
+    @cached_property
+    def all_needed(self) -> tuple[list[bool], set[int]]:
+        """What all its parameters need, as `needed` says it."""
+        return self.needed(self.values)
 
     def images(self) -> set[int]:
         """Return the images that it looks at."""

@@ -31,8 +31,8 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
     may be an array instead of a number, with one for each instance: so programs that differ in numbers only are run as
     one (`lamps`).
     """
+    needed, asked = program.all_needed if wanted is None else program.needed(wanted)
     wanted = program.values if wanted is None else wanted
-    needed, asked = program.needed(wanted)
     registers: list[Register] = []
     moved: dict[tuple, Points] = {}
 
@@ -76,8 +76,10 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
         out = np.empty((n, channels))
         for k, ref in enumerate(refs):
             out[:, k] = value(ref)
-        np.nan_to_num(out, copy=False, nan=low, posinf=high, neginf=low)
         np.clip(out, low, high, out=out)
+        lost = np.isnan(out)
+        if lost.any():
+            out[lost] = low
         found[name] = out if channels == 3 else out[:, 0]
     return found
 
