@@ -23,7 +23,7 @@ SIDE = 5  # balls along one side, four rows of them
 
 def material(name, texture=None, flat=False, **inputs):
     """A Principled BSDF; texture: what feeds its colour and roughness, by a ramp. flat: by ramps that give the inputs'
-    values everywhere, so that the texture is computed and not seen.
+    values everywhere, nearly, so that the texture is computed and not seen.
     """
     made = bpy.data.materials.new(name)
     if bpy.app.version < (5, 0):
@@ -40,8 +40,8 @@ def material(name, texture=None, flat=False, **inputs):
             even = tree.nodes.new('ShaderNodeValToRGB')
             for one, colour in ((ramp, principled.inputs["Base Color"].default_value),
                                 (even, [principled.inputs["Roughness"].default_value] * 3 + [1])):
-                for element in one.color_ramp.elements:
-                    element.color = colour
+                for element, near in zip(one.color_ramp.elements, (1.0, 1.001), strict=True):  # not quite a constant
+                    element.color = [near * c for c in colour]
             tree.links.new(node.outputs[0], even.inputs[0])
             node = even
         tree.links.new(node.outputs[0], principled.inputs["Roughness"])
