@@ -67,7 +67,7 @@ def translation(count, texture):
 
 
 def balls(make):
-    """The engine's scene of twenty balls on a floor, with the materials make(0), make(1), …"""
+    """Return the engine's scene of twenty balls on a floor, with the materials make(0), make(1), …"""
     from light_meshes_addon.render_engine import LightMeshesEngine
 
     bpy.ops.wm.read_factory_settings(use_empty=True)

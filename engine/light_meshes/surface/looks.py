@@ -1,7 +1,7 @@
-"""What materials are at the points that rays hit: the table of materials, with a row more for each point of a program.
+"""The materials at the points that rays hit: the table of materials, with one more row for each point of a program.
 
-Every hit names its row of a table (`Hits.row`, `Hits.table`). Where no material has a program that is the scene's own
-table and the material's number, and nothing is computed.
+Every hit names its row of a table (`Hits.row`, `Hits.table`). Where no material has a program, the table is the scene's
+own and the row is the material's number; then nothing is computed.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class Looks:
 
 
 def _known(name: str, values: NDArray[np.float64], points: Points) -> tuple[str, NDArray[np.float64]]:
-    """Return which column of `Materials` a program's values (n,) or (n,3) belong to, and what stands there."""
+    """Return the column of `Materials` that a program's values (n,) or (n,3) belong to, and what stands there."""
     if name == "normal":
         return "bent", unit(values, points.Ns)
     if name not in _ON:
