@@ -29,9 +29,11 @@ class Facets:
     coat_roughness: Value = 0.0
     coat_ior: Value = 1.5
     coat_tint: Triple = WHITE
+    coat_normal: Triple | None = None  # by which it dims what is below; None: the surface's own
     sheen: Value = 0.0  # weight of fibres over all that
     sheen_roughness: Value = 0.3
     sheen_tint: Triple = WHITE
+    sheen_normal: Triple | None = None
     share: Value = 1.0  # of the light of coat and sheen that counts
 
     @classmethod
@@ -97,13 +99,36 @@ class Facets:
         """Return the facets with this share of their light."""
         return replace(self, metal=self.metal * share, dielectric=self.dielectric * share, share=self.share * share)
 
-    def dims(self, color: Triple) -> Triple:
-        """Return the share of a colour below the coat and the fibres that is seen."""
+    def fibres_normal(self, normal: Triple, coats: Triple) -> Triple:
+        """Return that of the fibres, between the normals of what is below the coat and of the coat, as in Cycles."""
+        if v.is_constant(self.coat) and self.coat >= 1:
+            return coats
+        return v.normalized(tuple(v.mixed(n, c, self.coat) for n, c in zip(normal, coats, strict=True)))  # type: ignore[arg-type]
+
+    def above_alone(self, normal: Triple) -> tuple[Facets, Facets]:
+        """Return the coat, as much as is seen below the fibres, and these, with nothing below. normal: that of fibres.
+        """
+        coat = replace(self, metal=0.0, dielectric=0.0, layered=0.0, sheen=0.0)
+        if not (v.is_constant(self.sheen) and self.sheen == 0):
+            past, *_ = replace(self, coat=0.0).dims(WHITE, (normal, normal))
+            coat = coat.times(past)
+        return coat, replace(self, metal=0.0, dielectric=0.0, layered=0.0, coat=0.0)
+
+    def dims(self, color: Triple, normals: tuple[Triple, Triple]) -> Triple:
+        """Return what of a colour below the coat and the fibres is seen. normals: of these two."""
         if not self.covers:
             return color
-        through = v.outputs("covered", 3, self.coat, self.coat_roughness, v.minimum(self.coat_ior, 1000.0),
-                            *self.coat_tint, self.sheen, self.sheen_roughness, *self.sheen_tint)
-        return tuple(c * t for c, t in zip(color, through, strict=True))  # type: ignore[return-value]
+        coat = (self.coat, self.coat_roughness, v.minimum(self.coat_ior, 1000.0), *self.coat_tint)
+        sheen = (self.sheen, self.sheen_roughness, *self.sheen_tint)
+        if same(*normals):
+            over = [(*coat, *sheen, *normals[0])]
+        else:  # each by itself, where it is there
+            over = [(*coat, 0.0, 0.0, *WHITE, *normals[0]), (0.0, 0.0, 1.5, *WHITE, *sheen, *normals[1])]
+            over = [one for one, weight in zip(over, (self.coat, self.sheen), strict=True)
+                    if not (v.is_constant(weight) and weight == 0)]
+        for one in over:
+            color = tuple(c * t for c, t in zip(color, v.outputs("covered", 3, *one), strict=True))  # type: ignore[assignment]
+        return color
 
     def coat_reflectance(self) -> Value:
         """Return the reflectance of the coat at normal incidence."""
@@ -189,6 +214,7 @@ class Facets:
             "compensation": v.clamp(self.compensation),
             "coat": v.clamp(self.coat), "coat_roughness": self.coat_roughness,
             "coat_ior": v.minimum(self.coat_ior, 1000.0), "coat_tint": list(self.coat_tint),
+            **{name: list(n) for name in ("coat_normal", "sheen_normal") if (n := getattr(self, name))},
             "sheen": self.sheen, "sheen_roughness": self.sheen_roughness, "sheen_tint": list(self.sheen_tint),
             "share": v.maximum(self.share, 0.0),
         }
@@ -196,7 +222,8 @@ class Facets:
 
 NO_FACETS = Facets()
 # What lies over the lobes.
-ABOVE = ("coat", "coat_roughness", "coat_ior", "coat_tint", "sheen", "sheen_roughness", "sheen_tint")
+ABOVE = ("coat", "coat_roughness", "coat_ior", "coat_tint", "coat_normal", "sheen", "sheen_roughness", "sheen_tint",
+         "sheen_normal")
 
 
 def same(a: Any, b: Any) -> bool:

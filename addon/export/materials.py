@@ -231,8 +231,8 @@ def _written(*layers: dict[str, Any]) -> dict[str, Any]:
     return first
 
 
-# Values of programs only: the normal for shading, and the surface's with its displacement shown as bumps.
-_NORMALS = {"normal", "displaced"}
+# Values of programs only: normals, for shading, of coat and fibres, and with displacement shown as bumps.
+_NORMALS = {"normal", "coat_normal", "sheen_normal", "displaced"}
 
 
 def _plain(found: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

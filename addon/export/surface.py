@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from . import values as v
-from .facets import ABOVE, NO_FACETS, WHITE, Facets, same, squared, weighted
+from .facets import NO_FACETS, WHITE, Facets, same, squared, weighted
 from .nodes import constant
 from .values import Triple, Value
 
@@ -125,11 +125,16 @@ class Surface:
         below.
         """
         if same(normal, coats):
-            return self
-        coat = replace(NOTHING, normal=coats, facets=replace(
-            NO_FACETS, **{name: getattr(self.facets, name) for name in ABOVE}))
-        # Below it the coat dims, but has no light of its own.
-        return replace(self, facets=replace(self.facets, share=0.0), layers=(*self.layers, coat))
+            return replace(self, facets=replace(self.facets, coat_normal=coats))  # which dims by it, too
+        own: Triple = v.outputs("normal", 3)  # type: ignore[assignment]
+        over, between = coats or own, self.facets.fibres_normal(normal or own, coats or own)
+        coat, fibres = self.facets.above_alone(between)
+        further = [replace(NOTHING, normal=coats, facets=coat)]
+        if not _zero(fibres.sheen):
+            further.append(replace(NOTHING, normal=between, facets=fibres))
+        # Below them both dim, but have no light of their own.
+        return replace(self, facets=replace(self.facets, share=0.0, coat_normal=over, sheen_normal=between),
+                       layers=(*self.layers, *further))
 
     def times(self, share: Value) -> Surface:
         """Return this surface with this share of its light."""

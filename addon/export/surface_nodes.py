@@ -69,7 +69,9 @@ def _principled(nodes: Nodes, node) -> Surface:
     strength = nodes.value(node, "Emission Strength")
     if not is_zero(strength) and not (v.is_constant(strength) and strength < 0):
         glow = scaled(nodes.color(node, "Emission Color"), strength)
-        base = replace(base, emission=base.facets.dims(glow))
+        over, under = (node_bumps.given(nodes, node, name) or normal() for name in ("Coat Normal", "Normal"))
+        normals = over, under if is_zero(coat) else base.facets.fibres_normal(under, over)
+        base = replace(base, emission=base.facets.dims(glow, normals))
     base = replace(base, alpha=base.alpha * v.clamp(nodes.value(node, "Alpha")))
     if not is_zero(coat):
         base = base.under_smooth_coat(node_bumps.given(nodes, node), node_bumps.given(nodes, node, "Coat Normal"))

@@ -123,3 +123,20 @@ def test_programs_name_layers_that_there_are():
         checked(replace(scene, materials=(replace(scene.materials[0], program=made), *scene.materials[1:])))
     with pytest.raises(SceneError, match="no parameter"):
         program({"operations": [], "values": {"8.kd": 1.0}}, "here")
+
+
+def test_materials_with_equal_programs_keep_what_else_they_are():
+    """Equal programs run as one, also those of materials with layers; with a step that nothing uses they are unequal.
+    """
+    scene = shiny(four_lights(48))
+
+    def picture(*steps):
+        made = [program({"operations": [["position"], ["sine", [0]], *[["sine", [0]]] * extra],
+                         "values": {"Od": [[3], 0.5, 0.4]}}, "it") for extra in steps]
+        looks = [replace(m, kd=1.0 / (n + 1), program=made[n % len(made)], layers=(times(PLASTIC, 0.2),) * (n % 2))
+                 for n, m in enumerate(scene.materials)]
+        return combined(replace(scene, materials=tuple(looks)))
+
+    assert len(scene.materials) > 1
+    assert picture(0, 0).max() > 0.1
+    assert np.array_equal(picture(0, 0), picture(0, 1))

@@ -129,12 +129,14 @@ def mixes():
     metal = principled(Base_Color=GOLD, Metallic=1.0, Roughness=0.4)
     coated = principled(Base_Color=(0.6, 0.1, 0.1, 1), Roughness=0.6, Coat_Weight=1.0, Coat_Roughness=0.2)
     cloth = principled(Base_Color=(0.1, 0.3, 0.1, 1), Roughness=0.7, Sheen_Weight=1.0, Sheen_Roughness=0.4)
+    frosted = ('ShaderNodeBsdfGlass', {"Color": (0.9, 0.95, 1, 1), "Roughness": 0.3, "IOR": 1.45})
     glow, clear = ('ShaderNodeEmission', {"Color": TINT, "Strength": 0.3}), ('ShaderNodeBsdfTransparent', {})
     pairs = {"diffuse, glossy": (matt, sharp), "two glossy": (sharp, soft), "two diffuse": (matt, blue),
              "plastic, rubber": (plastic, rubber), "plastic, diffuse": (plastic, matt),
              "plastic, metal": (plastic, metal), "plastic, transparent": (plastic, clear),
              "plastic, emission": (plastic, glow), "coat, diffuse": (coated, matt),
              "coat, plastic": (coated, plastic), "cloth, glossy": (cloth, sharp),
+             "glass, glossy": (frosted, soft), "glass, plastic": (frosted, plastic),
              "sheen, diffuse": (('ShaderNodeBsdfSheen', {"Roughness": 0.6, "Color": TINT}), matt)}
     if bpy.app.version < (4, 3):  # then Cycles loses light that rough surfaces scatter several times
         del pairs["two diffuse"]
@@ -156,7 +158,7 @@ def mixes():
 
 def bumps():
     """Name → function of a tree that makes a shader on waves; see `mixes`."""
-    def waves(tree, strength, kind, inputs, node='ShaderNodeBump'):
+    def waves(tree, strength, kind, inputs, sockets=("Normal",)):
         place, wave = tree.nodes.new('ShaderNodeTexCoord'), tree.nodes.new('ShaderNodeTexWave')
         wave.inputs["Scale"].default_value = 1.5
         tree.links.new(place.outputs["Object"], wave.inputs["Vector"])
@@ -164,7 +166,8 @@ def bumps():
         bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = strength, 0.1
         tree.links.new(wave.outputs[0], bump.inputs["Height"])
         made = shader(tree, kind, inputs)
-        tree.links.new(bump.outputs[0], made.node.inputs["Normal"])
+        for name in sockets:
+            tree.links.new(bump.outputs[0], made.node.inputs[name])
         return made
 
     found = {}
@@ -177,6 +180,11 @@ def bumps():
             "coat": principled(Base_Color=GOLD, Roughness=0.4, Coat_Weight=1.0, Coat_Roughness=0.2)[:2]}.items():
         for strength in (0.3, 1.0):
             found[f"{name} {strength}"] = lambda tree, s=strength, k=kind, i=inputs: waves(tree, s, k, i)
+    red = {"Base_Color": GOLD, "Roughness": 0.4, "Coat_Weight": 0.8, "Coat_Roughness": 0.2, "Coat_Tint": TINT}
+    glow = {"Emission_Color": TINT, "Emission_Strength": 0.3, "Sheen_Weight": 0.5}
+    for name, inputs in {"lacquer": red, "metal lacquer": red | {"Metallic": 1.0}, "lit lacquer": red | glow}.items():
+        for sockets in (("Coat Normal",), ("Normal", "Coat Normal")):
+            found[f"{name} {sockets}"] = lambda tree, i=inputs, s=sockets: waves(tree, 0.5, *principled(**i)[:2], s)
     return found
 
 

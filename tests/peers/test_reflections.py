@@ -75,7 +75,35 @@ def test_rough_balls_see_what_cycles_shows(balls, render):
 @pytest.mark.parametrize(("clear", "other"), [("Glass", "Diffuse"), ("Glass", "Transparent"), ("Glass", "Principled"),
                                               ("Refraction", "Diffuse")])
 def test_glass_mixed_with_another_shader(scene, render, add_plane, add_light, clear, other):
-    """A ball of .6 glass before a checker, without shadows: what passes glass in them is not what Cycles has."""
+    """Without shadows: what passes glass in them is not what Cycles has."""
+    ball(scene, add_plane, clear, other)
+    add_light('SUN', rotation=(0.5, 0.3, 0), energy=2.0).data.use_shadow = False
+    off = apart(*both(scene, render))
+    assert np.median(off) <= 0.02 and np.quantile(off, 0.75) <= 0.05
+
+
+def test_rough_mirrors_within_glass(scene, render, add_plane):
+    """A rough mirror that is mixed with glass shows what the glass's other side mirrors, several times.
+
+    Its many rays are faint; they were once left out, each for itself, and 3 % of all light with them.
+    """
+    ball(scene, add_plane, "Glass", "Anisotropic")
+    scene.light_meshes.samples, scene.cycles.samples = 16, 1024
+    ours, theirs = both(scene, render)
+    off = apart(ours, theirs)
+    assert np.median(off) <= 0.03 and np.quantile(off, 0.99) <= 0.12
+    assert ours.mean() == pytest.approx(theirs.mean(), rel=0.01)
+
+
+def apart(ours, theirs):
+    """How far the pictures differ at each pixel of the ball away from its rim, as a share of what Cycles has there."""
+    assert theirs.max() > 0.2
+    y, x = np.mgrid[:40, :40] - 19.5
+    return (np.abs(ours - theirs).max(2) / np.maximum(theirs.max(2), 0.05))[np.hypot(x, y) < 13]
+
+
+def ball(scene, add_plane, clear, other):
+    """A ball of .6 glass and .4 of another shader before a glowing checker."""
     checks = Tree("Checks")
     pattern = checks.node('ShaderNodeTexChecker', {"Vector": checks.node('ShaderNodeTexCoord').outputs["Object"],
                                                    "Scale": 2.0, 1: (0.8, 0.3, 0.1, 1), 2: (0.1, 0.3, 0.7, 1)})
@@ -83,8 +111,8 @@ def test_glass_mixed_with_another_shader(scene, render, add_plane, add_light, cl
     checks.tree.links.new(glow.outputs[0], checks.tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
     add_plane(half=4.0, location=(0, 0, -1.5)).data.materials.append(checks.material)
     bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=1)
-    tree, ball = Tree("Mixed"), bpy.context.object.data
-    for polygon in ball.polygons:
+    tree, mesh = Tree("Mixed"), bpy.context.object.data
+    for polygon in mesh.polygons:
         polygon.use_smooth = True
     glass = tree.node(f'ShaderNodeBsdf{clear}', {"Color": (0.9, 0.95, 1, 1), "Roughness": 0.0, "IOR": 1.3})
     mix = tree.tree.nodes.new('ShaderNodeMixShader')
@@ -92,15 +120,11 @@ def test_glass_mixed_with_another_shader(scene, render, add_plane, add_light, cl
     tree.tree.links.new(glass.outputs[0], mix.inputs[1])
     tree.tree.links.new(tree.node(f'ShaderNodeBsdf{other}').outputs[0], mix.inputs[2])
     tree.tree.links.new(mix.outputs[0], tree.tree.nodes.new('ShaderNodeOutputMaterial').inputs[0])
-    ball.materials.append(tree.material)
-    add_light('SUN', rotation=(0.5, 0.3, 0), energy=2.0).data.use_shadow = False
+    mesh.materials.append(tree.material)
     scene.camera.data.type, scene.camera.data.ortho_scale = 'ORTHO', 2.4
     scene.render.resolution_x = scene.render.resolution_y = 40
     scene.light_meshes.samples, cycles = 4, scene.cycles
     cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = 512, False, False
     cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces, cycles.transmission_bounces = 8, 0, 4, 8
-    ours, theirs = both(scene, render)
-    y, x = np.mgrid[:40, :40] - 19.5
-    off = (np.abs(ours - theirs).max(2) / np.maximum(theirs.max(2), 0.05))[np.hypot(x, y) < 13]
-    assert theirs.max() > 0.2
-    assert np.median(off) <= 0.02 and np.quantile(off, 0.75) <= 0.05
+    cycles.sample_clamp_indirect = scene.light_meshes.clamp_indirect = 0
+    cycles.blur_glossy = 0  # else Cycles takes glass for rough that rays of rough mirrors meet

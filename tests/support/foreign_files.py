@@ -71,6 +71,8 @@ def exact(scene):
     cycles.device, cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = 'CPU', 128, False, False
     cycles.pixel_filter_type, cycles.filter_width = 'BLACKMAN_HARRIS', 0.01
     cycles.max_bounces, cycles.transparent_max_bounces = 0, 16
+    for ob in scene.objects:  # what glows gives no light
+        ob.visible_diffuse = ob.visible_glossy = ob.visible_transmission = ob.type == 'LIGHT'
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
     image = render.image_settings
     if hasattr(image, "media_type"):

@@ -1,8 +1,9 @@
 """What materials cost: python tests/support/materials_cost.py [materials], in a Python with bpy and the engine.
 
 Prints how long the nodes of 5,000 materials take to translate (CPU seconds, the best of three), plain and with a
-texture and a ramp; and how many times as long a picture takes with twenty procedural materials, and with twenty rough
-metals, as with plain colours (CPU seconds, interleaved, the median of three). It is run by hand: times are no test.
+texture and a ramp; and how many times as long a picture takes with twenty procedural materials, with twenty of
+which nothing is seen (the same picture: what programs cost alone), and with twenty rough metals, as with plain colours
+(CPU seconds, interleaved, the median of three). It is run by hand: times are no test.
 """
 
 import statistics
@@ -20,8 +21,10 @@ TEXTURES = ("Noise", "Voronoi", "Wave", "Magic", "Brick", "Checker", "Gradient")
 SIDE = 5  # balls along one side, four rows of them
 
 
-def material(name, texture=None, **inputs):
-    """Return a Principled BSDF; texture: what feeds its colour and roughness, by a ramp."""
+def material(name, texture=None, flat=False, **inputs):
+    """A Principled BSDF; texture: what feeds its colour and roughness, by a ramp. flat: by ramps that give the inputs'
+    values everywhere, nearly, so that the texture is computed and not seen.
+    """
     made = bpy.data.materials.new(name)
     if bpy.app.version < (5, 0):
         made.use_nodes = True
@@ -33,6 +36,14 @@ def material(name, texture=None, **inputs):
         node, ramp = tree.nodes.new(f"ShaderNodeTex{texture}"), tree.nodes.new('ShaderNodeValToRGB')
         tree.links.new(node.outputs[0], ramp.inputs[0])
         tree.links.new(ramp.outputs[0], principled.inputs["Base Color"])
+        if flat:
+            even = tree.nodes.new('ShaderNodeValToRGB')
+            for one, colour in ((ramp, principled.inputs["Base Color"].default_value),
+                                (even, [principled.inputs["Roughness"].default_value] * 3 + [1])):
+                for element, near in zip(one.color_ramp.elements, (1.0, 1.001), strict=True):  # not quite a constant
+                    element.color = [near * c for c in colour]
+            tree.links.new(node.outputs[0], even.inputs[0])
+            node = even
         tree.links.new(node.outputs[0], principled.inputs["Roughness"])
     return made
 
@@ -92,6 +103,8 @@ def main(count):
         print(f"{count} materials, {texture or 'plain'}: {translation(count, texture):.2f} s", flush=True)
     kinds = {"plain": lambda i: material(f"Plain {i}", Base_Color=(0.2 + i / 30, 0.5, 0.4, 1)),
              "procedural": lambda i: material(f"Procedural {i}", TEXTURES[i % len(TEXTURES)]),
+             "not seen": lambda i: material(f"Not Seen {i}", TEXTURES[i % len(TEXTURES)], True,
+                                            Base_Color=(0.2 + i / 30, 0.5, 0.4, 1)),
              "metals": lambda i: material(f"Metal {i}", Metallic=1.0, Roughness=0.2 + i / 30)}
     scenes = {name: balls(make) for name, make in kinds.items()}
     seconds = {name: [] for name in kinds}

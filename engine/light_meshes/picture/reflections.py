@@ -16,6 +16,7 @@ from .prepared import Prepared
 from .wave import Rays, brightest
 
 LEANS = 0.8  # how far the mean of what is gathered leans to where a mirror looks, as a share of the normal
+TOGETHER = 8.0  # about so many of the rays that a rough surface sends out count as much as the one of a mirror
 LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
 
 
@@ -37,7 +38,7 @@ def reflected(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, mirror: 
 
 def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDArray) -> list[tuple[str, Rays]]:
     """Return the rays that mirrors reflect with weight (n,3), of those that may (n,) go on."""
-    on = where((brightest(weight) > ready.scene.settings.cutoff) & may)
+    on = where((brightest(weight) > least(ready, rays)) & may)
     if not len(on):
         return []
     rays, (P, triangle, weight, normal, Ns) = rays.at(on), (
@@ -46,6 +47,15 @@ def mirrored(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     shading.mirrored(rays.direction, normal, Ns, turned)
     rays = _once_more(rays.seen_as(REFLECTED))
     return [("reflection", leaving(rays, P, triangle, weight, normal, turned, 1))]
+
+
+def least(ready: Prepared, rays: Rays) -> NDArray[np.float64] | float:
+    """Return the weight below which rays that leave surfaces are not sent, one for each of rays (n,) if they differ.
+
+    A ray of a rough surface is one of many, which together count as much as a mirror's one.
+    """
+    cutoff = ready.scene.settings.cutoff
+    return cutoff if rays.fan is None else np.where(rays.fan < 0, cutoff, cutoff / TOGETHER)
 
 
 def upwards(ready: Prepared) -> NDArray[np.float64]:
@@ -65,7 +75,7 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     hits = hits._replace(Ns=shading.mirroring(hits, rays.direction))
     assert rays.fan is not None and rays.blur is not None
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
-                   settings.cutoff)
+                   settings.cutoff, settings.cutoff / TOGETHER)
     rest = np.flatnonzero(found.left.any(1))
     if len(rest):
         light = found.left[rest] * _around(ready, hits.at(rest), rays.direction[rest])
@@ -106,7 +116,7 @@ def _once_more(rays: Rays) -> Rays:
 def going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, direction: NDArray,
           step: int) -> list[tuple[str, Rays]]:
     """Return the rays that go on through the surface with `weight`; step: 1 where they bend."""
-    on = where(brightest(weight) > ready.scene.settings.cutoff)
+    on = where(brightest(weight) > least(ready, rays))
     if not len(on):
         return []
     P, triangle, weight, Ng, direction = (taken(a, on) for a in (hits.P, hits.triangle, weight, hits.Ng, direction))

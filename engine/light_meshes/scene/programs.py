@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from ..support.text import quoted
@@ -28,7 +29,7 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
     "to_world": (4, 3), "to_object": (4, 3), "to_object_normal": (3, 3), "from_camera": (4, 3), "in_camera": (4, 3),
     "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2), "sky": (13, 3),
-    "covered": (11, 3), "bump": (9, 3), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
+    "covered": (14, 3), "bump": (9, 3), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
     **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
@@ -55,7 +56,8 @@ PARAMETERS: dict[str, tuple[int, float, float]] = {
     "metal": (1, 0.0, 1e30), "F0": (3, 0.0, 1.0), "F90": (3, 0.0, 1.0), "F82": (3, 0.0, 1.0),
     "dielectric": (1, 0.0, 1e30), "dielectric_ior": (1, 1e-5, 1000.0), "dielectric_tint": (3, 0.0, 1e30),
     "layered": (1, 0.0, 1.0), "compensation": (1, 0.0, 1.0), "coat": (1, 0.0, 1.0), "coat_roughness": (1, 0.0, 1.0),
-    "coat_ior": (1, 1.0, 1000.0), "coat_tint": (3, 0.0, 1.0), "sheen": (1, 0.0, 1e30),
+    "coat_ior": (1, 1.0, 1000.0), "coat_tint": (3, 0.0, 1.0), "coat_normal": (3, -1e30, 1e30),
+    "sheen_normal": (3, -1e30, 1e30), "sheen": (1, 0.0, 1e30),
     "sheen_roughness": (1, 0.0, 1.0), "sheen_tint": (3, 0.0, 1.0), "share": (1, 0.0, 1e30)}
 # What a lamp's program sets: by how much its intensity is multiplied.
 OF_LIGHT = ("emission",)
@@ -96,6 +98,11 @@ class Program:
             if needs[i]:
                 asked.update(a[0] for a in self.operations[i].arguments if isinstance(a, tuple) and len(a) == 1)
         return needs, asked
+
+    @cached_property
+    def all_needed(self) -> tuple[list[bool], set[int]]:
+        """What all its parameters need, as `needed` says it."""
+        return self.needed(self.values)
 
     def images(self) -> set[int]:
         """Return the images that the program looks up."""

@@ -36,20 +36,20 @@ class Spread(NamedTuple):
 
 def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float64], fan: NDArray[np.int32],
               depth: NDArray[np.integer], may: NDArray[np.bool_], up: NDArray[np.float64], samples: int,
-              cutoff: float) -> Spread:
+              cutoff: float, later: float) -> Spread:
     """Return what surfaces reflect of their surroundings whose material is `blurred`; nothing at all others.
 
     direction (n,3): of the rays that hit them, which count with weight (n,3), have met `depth` (n,) lobes before, and
     are those of `fan` (n,). may (n,): which may go on. up (3,): the camera's, unit. samples: of a pixel. Rays with
-    less weight than cutoff are not sent.
+    less weight than cutoff are not sent, nor with less than `later` those of rays that were spread out before.
     """
     ggx, tables = hits.table.facets()
     n, m = len(hits.P), hits.table
     matt = np.ascontiguousarray(m.kd[hits.row] * m.Od[hits.row].max(1, initial=0))
     count, left = np.zeros((n, 2), np.int32), np.zeros((n, 3))
     if ggx is not None:
-        _count(ggx, tables, hits.table.blurred, direction, hits.Ns, hits.row, fan, may, matt, weight, cutoff, samples,
-               count, left)
+        _count(ggx, tables, hits.table.blurred, direction, hits.Ns, hits.row, fan, may, matt, weight, cutoff, later,
+               samples, count, left)
     rays = int(count.sum())
     found = Spread(np.empty(rays, np.int64), np.empty((rays, 3)), np.empty((rays, 3)), np.empty(rays, np.int32),
                    np.empty(rays), left)
@@ -65,7 +65,7 @@ def albedo(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     n = len(hits.P)
     fan, never, some = np.full(n, -1, np.int32), np.zeros(n, np.bool_), np.ones((n, 3))
-    return spread(hits, direction, some, fan, fan, never, some[0], 1, 0.0).left
+    return spread(hits, direction, some, fan, fan, never, some[0], 1, 0.0, 0.0).left
 
 
 class Facets(NamedTuple):

@@ -27,6 +27,7 @@ static inline f64 sheen_entry(int part, f64 roughness, f64 sight) {
 static inline f64 sheen_albedo(const f64 *m, f64 facing, f64 *albedo) {
     albedo[0] = albedo[1] = albedo[2] = 0.0;
     if (m[G_SHEEN] <= 0.0) return 1.0;
+    if (m[G_ON_SHEEN] > 0.0) facing = m[G_ON_SHEEN];
     f64 R = m[G_SHEEN] * sheen_entry(2, m[G_SHEEN_ROUGHNESS], facing), most = 0.0;
     for (int j = 0; j < 3; j++) {
         albedo[j] = m[G_COUNTS] * R * m[G_SHEEN_TINT + j];
@@ -65,11 +66,13 @@ static inline void to_coat(const f64 *m, f64 facing, f64 *through) {
 }
 
 /* Which share of the light gets past fibres and coat, for what is below. What a coat absorbs goes by the way in it (Beer).
-   on_coat: the cosine of the eye to the coat's normal, which nodes of what is below do not bend. */
+   on_coat: the cosine of the eye to the coat's normal, which nodes of what is below do not bend; the row may say another,
+   of a coat that has nodes of its own. */
 static inline void to_base(const f64 *m, const f64 *tables, f64 facing, f64 on_coat, f64 *through) {
     f64 back[3], past = sheen_albedo(m, facing, back);
     through[0] = through[1] = through[2] = past;
     if (m[G_COAT] <= 0.0) return;
+    if (m[G_ON_COAT] > 0.0) on_coat = m[G_ON_COAT];
     f64 coat[G_COLUMNS], sight = held(on_coat, LEAST_SIGHT, 1.0);
     coat_row(m, coat);
     f64 left = past * below(coat, tables, on_coat), way = 1.0 / sqrt(1.0 - (1.0 - square(sight)) / square(m[G_COAT_IOR]));

@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 
 from ..rays.geometry import Hits, Surfaces
 from ..scene.description import Camera, Scene
+from ..scene.material import Material
 from ..scene.programs import Program, layer_of
+from ..support.rows import taken
 from .points import SHADOW, Around, Points
 from .programs import run, unit
-from .shading import Materials
+from .shading import LEAST_SIGHT, Materials, sent_out
 from .textures import Texture
 
 _LETS_THROUGH = {"alpha", "kt"}
+# Normals that are only dimmed by: the columns for the cosines of the eye to them.
+_ON = {"coat_normal": "on_coat", "sheen_normal": "on_sheen"}
 
 
 class Looks:
@@ -31,6 +35,10 @@ class Looks:
         self._varies = np.array([bool(p) for p in self._programs], np.bool_)
         self._cuts = np.array([bool(_LETS_THROUGH & set(p.values)) for p in self._programs], np.bool_)
         self.any, self.cuts = bool(self._varies.any()), bool(self._cuts.any())
+        # Materials with equal programs, and as many layers, are one group.
+        groups: dict[tuple[Program, int], int] = {}
+        self._group = np.array([groups.setdefault((m.program, len(m.layers)), len(groups)) for m in scene.materials])
+        self._groups, self._chain = [program for program, _ in groups], _chains(scene.materials)
         if self.any:
             self._around = Around(scene, surfaces, camera)
 
@@ -44,35 +52,47 @@ class Looks:
             return hits
         h = hits.at(rows)
         points = Points(h.P, h.Ns, h.Ng, -direction[rows], h.front, h.uv, h.triangle, ray[rows], self._around)
-        row, Ns, displaced = hits.material.copy(), None, None
-        made, count = [table], len(table.ka)  # tables, and the rows in them
-        for m in np.unique(h.material):
-            some = np.flatnonzero(h.material == m)
-            layers, bent = _rows(table, int(m), len(some), count), {}
-            for name, values in run(self._programs[m], points.at(some), self._textures).items():
+        row, bent = hits.material.copy(), dict[str, NDArray]()
+        groups, longer = self._longer(table, h.material)
+        for group, some, first in groups:
+            own = points.at(some)
+            for name, values in run(self._groups[group], own, self._textures).items():
                 layer, name = layer_of(name)
-                if name in ("normal", "displaced"):
-                    values = unit(values, h.Ns[some])
-                    if not layer:
-                        bent[name] = values
-                        continue
-                    name = "bent"
-                getattr(layers[layer], name)[:] = values
+                here = slice(first + layer * len(some), first + (layer + 1) * len(some))
+                if name in ("normal", "displaced") and not layer:
+                    bent[name] = hits.Ns.copy() if name not in bent else bent[name]
+                    bent[name][rows[some]] = unit(values, own.Ns)
+                    continue
+                name, values = _known(name, values, own)
+                getattr(longer, name)[here] = values
                 if name == "Od":
-                    layers[layer].image[:] = -1
+                    longer.image[here] = -1
                 elif name == "alpha":
-                    layers[layer].alpha_image[:] = -1
-            if "normal" in bent:
-                Ns = hits.Ns.copy() if Ns is None else Ns
-                Ns[rows[some]] = bent["normal"]
-            if "displaced" in bent:
-                displaced = hits.Ns.copy() if displaced is None else displaced
-                displaced[rows[some]] = bent["displaced"]
-            row[rows[some]] = count + np.arange(len(some), dtype=np.int32)
-            made, count = [*made, *layers], count + len(layers) * len(some)
-        longer = (np.concatenate(columns) for columns in zip(*made, strict=True))
-        return hits._replace(row=row, table=Materials(*longer), Ns=hits.Ns if Ns is None else Ns,
-                             smooth=None if Ns is None else hits.Ns, displaced=displaced)
+                    longer.alpha_image[here] = -1
+            row[rows[some]] = first + np.arange(len(some), dtype=np.int32)
+        return hits._replace(row=row, table=longer, Ns=bent.get("normal", hits.Ns),
+                             smooth=hits.Ns if "normal" in bent else None, displaced=bent.get("displaced"))
+
+    def _longer(self, table: Materials,
+                material: NDArray[np.int32]) -> tuple[list[tuple[int, NDArray[np.int64], int]], Materials]:
+        """Return the groups of points of these materials (n,) that run one program, each with its points and its first
+        row, and the table with rows for them: one a point, and behind them those of their layers, one layer after the
+        other.
+        """
+        which, count = self._group[material], len(table.ka)
+        groups, index, also = [], [np.arange(count)], [table.also]
+        for group in np.unique(which):
+            some = np.flatnonzero(which == group)
+            groups.append((int(group), some, count))
+            chain = self._chain[material[some]].T
+            chain = chain[chain[:, 0] >= 0]
+            count += chain.size
+            index.append(chain.ravel())
+            following = np.arange(count - chain.size, count, dtype=np.int32) + len(some)
+            following[chain.size - len(some):] = -1
+            also.append(following)
+        of = np.concatenate(index)
+        return groups, Materials._make(taken(column, of) for column in table)._replace(also=np.concatenate(also))
 
     def let_through(self, material: NDArray[np.int32], triangle: NDArray[np.int32], u: NDArray, v: NDArray,
                     uv: NDArray[np.float32], alpha: NDArray[np.float64], kt: NDArray[np.float64]) -> None:
@@ -97,14 +117,25 @@ class Looks:
                 kt[rows[some]] = found["kt"]
 
 
-def _rows(table: Materials, material: int, n: int, first: int) -> list[Materials]:
-    """Return n rows for a material and for each of its layers, for a table in which they begin at row `first`."""
-    made, row = [], material
-    while row >= 0:
-        one = Materials._make(np.repeat(column[row:row + 1], n, axis=0) for column in table)
-        row = int(table.also[row])
-        first += n
-        if row >= 0:
-            one.also[:] = first + np.arange(n, dtype=np.int32)
-        made.append(one)
-    return made
+def _known(name: str, values: NDArray[np.float64], points: Points) -> tuple[str, NDArray[np.float64]]:
+    """Return the column of `Materials` that a program's values (n,) or (n,3) belong to, and what stands there."""
+    if name == "normal":
+        return "bent", unit(values, points.Ns)
+    if name not in _ON:
+        return name, values
+    values = unit(values, points.Ns)
+    if name == "coat_normal":
+        values = sent_out(values, points.Ns, points.Ng, -points.incoming)
+    return _ON[name], np.maximum((values * points.incoming).sum(1), LEAST_SIGHT)
+
+
+def _chains(materials: Sequence[Material]) -> NDArray[np.int64]:
+    """Return the rows of the layers of each material in `material_arrays`, a column a layer, its own first; −1: no
+    further one.
+    """
+    found = np.full((len(materials), 1 + max((len(m.layers) for m in materials), default=0)), -1)
+    found[:, 0], first = np.arange(len(materials)), len(materials)
+    for n, m in enumerate(materials):
+        found[n, 1:1 + len(m.layers)] = first + np.arange(len(m.layers))
+        first += len(m.layers)
+    return found

@@ -17,7 +17,7 @@ from ..scene.programs import OPERATIONS, PARAMETERS, Program, layer_of
 from .atmosphere import sky
 from .points import Points
 from .procedural import TEXTURES
-from .shading import covered
+from .shading import covered, sent_out
 from .textures import Texture
 
 Register = Any  # (n,) float64, or a number
@@ -31,8 +31,8 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
     argument may be an array with one number for each instance, so that programs which differ only in numbers are run as
     one (`lamps`).
     """
+    needed, asked = program.all_needed if wanted is None else program.needed(wanted)
     wanted = program.values if wanted is None else wanted
-    needed, asked = program.needed(wanted)
     registers: list[Register] = []
     moved: dict[tuple, Points] = {}
 
@@ -76,8 +76,10 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
         out = np.empty((n, channels))
         for k, ref in enumerate(refs):
             out[:, k] = value(ref)
-        np.nan_to_num(out, copy=False, nan=low, posinf=high, neginf=low)
         np.clip(out, low, high, out=out)
+        lost = np.isnan(out)
+        if lost.any():
+            out[lost] = low
         found[name] = out if channels == 3 else out[:, 0]
     return found
 
@@ -234,8 +236,10 @@ def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Re
 
 
 def _covered(points: Points, *values: Register) -> Sequence[Register]:
-    """Return the share of light from below that gets through a coat (6 values) and fibres (5)."""
-    return _columns(covered(values[:6], values[6:], points.Ns, points.incoming))
+    """Return what of light from below gets through a coat (6 values) and fibres (5), whose normal is the last three."""
+    normals = unit(_stacked(points, *values[11:]), points.Ns)
+    coats = sent_out(normals, points.Ns, points.Ng, -points.incoming)
+    return _columns(covered(values[:6], values[6:11], normals, points.incoming, coats))
 
 
 _OF_POINTS: dict[str, Callable[..., Sequence[Register]]] = {

@@ -23,6 +23,7 @@ _reflecting = kernel("shading_reflecting")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
 _last = threading.local()  # the table of materials that each thread's kernels were given last
+LEAST_SIGHT = 1e-3  # the same there
 SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
 TABLES = 32 * 32 + 32 + 16**3  # numbers of the tables in ggx.h
 
@@ -112,9 +113,12 @@ class Materials(NamedTuple):
     sheen: NDArray[np.float64]
     sheen_roughness: NDArray[np.float64]
     sheen_tint: NDArray[np.float64]  # (M,3)
+    # The cosines of the eye to the normals of a coat and of fibres that programs bend; 0: they do not.
+    on_coat: NDArray[np.float64]
+    on_sheen: NDArray[np.float64]
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-        """Return what the kernels want to know of GGX, a row (32,) a material, and its tables; (None, None): none has
+        """Return what the kernels want to know of GGX, a row (34,) a material, and its tables; (None, None): none has
         it.
         """
         if getattr(_last, "table", None) is not self:  # one table serves many kernels, one after the other
@@ -185,6 +189,7 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
         colour("dielectric_tint"), column("layered"), column("compensation"),
         column("coat"), column("coat_roughness"), column("coat_ior"), colour("coat_tint"),
         column("diffuse_roughness"), column("share"), column("sheen"), column("sheen_roughness"), colour("sheen_tint"),
+        np.zeros(len(materials)), np.zeros(len(materials)),
     )
 
 
@@ -329,27 +334,31 @@ def mirroring(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]
     """Return the normals (n,3) at which lobes mirror: the normals of nodes, bent back where a ray along `direction`
     would be mirrored into the surface.
     """
-    if hits.unbent is None:
-        return hits.Ns
-    out = np.empty_like(hits.Ns)
-    _reflecting(direction, hits.Ng, hits.Ns, np.ascontiguousarray(hits.unbent), out)
+    return hits.Ns if hits.unbent is None else sent_out(hits.Ns, hits.unbent, hits.Ng, direction)
+
+
+def sent_out(Ns: NDArray[np.float64], smooth: NDArray[np.float64], Ng: NDArray[np.float64],
+             direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the normals nearest to Ns (n,3), made of `smooth` by nodes, that mirror rays along `direction` out."""
+    out = np.empty_like(Ns)
+    _reflecting(direction, Ng, Ns, np.ascontiguousarray(smooth), out)
     return out
 
 
 def covered(coat: tuple[Any, ...], sheen: tuple[Any, ...], Ns: NDArray[np.float64],
-            incoming: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the share (n,3) of light from below that gets through a coat and fibres, to eyes along `incoming` (n,3).
+            incoming: NDArray[np.float64], coats: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """Return what of light from below gets through a coat and fibres (n,3), to eyes along `incoming` (n,3).
 
-    coat: weight, roughness, ior and the tint's channels. sheen: weight, roughness and the tint's channels. Each is a
-    number or (n,).
+    coat: weight, roughness, ior and the tint's channels; sheen: weight, roughness and the tint's channels; each a
+    number or (n,). Ns: the normals, and coats: those of coats, where these are others.
     """
     n = len(Ns)
-    rows, passed = np.zeros((n, 32)), np.ones((n, 3))
+    rows, passed = np.zeros((n, 34)), np.ones((n, 3))
     rows[:, 0] = 1.0  # the columns are those of ggx.h
     for column, values in ((19, coat), (27, sheen)):
         for k, value in enumerate(values):
             rows[:, column + k] = value
-    _dim(rows, _facet_tables(), -incoming, Ns, None, np.arange(n, dtype=np.int32), passed)
+    _dim(rows, _facet_tables(), -incoming, Ns, coats, np.arange(n, dtype=np.int32), passed)
     return passed
 
 

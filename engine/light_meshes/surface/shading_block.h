@@ -47,7 +47,7 @@ typedef struct {
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
                "axes f64[L,3,3]  extent f64[L,8]  diffuse bool[L]  glossy bool[L]  "
-#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,32]?  tables f64[T]?  "
+#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,34]?  tables f64[T]?  "
 #define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  smooth f64[n,3]?  "
 #define TAKEN                                                                                                      \
     const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,            \
