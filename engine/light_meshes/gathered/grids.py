@@ -119,8 +119,10 @@ class Grids:
         good = np.isfinite(normal).all(2, keepdims=True) & ((normal * own).sum(2, keepdims=True) > 0.3)
         return np.where(good, normal, own)
 
-    def places(self, keys: NDArray[np.uint64]) -> Places:
-        """Where the grid points with these keys (n,) are."""
+    def places(self, keys: NDArray[np.uint64], inset: float = INSET) -> Places:
+        """Where the grid points with these keys (n,) are. inset: by which share of a cell's edge those at a border are
+        moved inwards.
+        """
         n = len(keys)
         P, N, spacing, instance = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.full(n, -1, np.int32)
         shared = (keys & _CORNER) != 0
@@ -130,7 +132,7 @@ class Grids:
         N[shared] = self._class_N[of] * (2 * front - 1)[:, None]
         own = np.flatnonzero(~shared)
         found = np.empty((len(own), 3)), np.empty((len(own), 3)), np.empty(len(own))
-        _places(*self.shape, self.other, self.flipped, self.coarse, keys[own], *found)
+        _places(*self.shape, self.other, self.flipped, self.coarse, inset, keys[own], *found)
         P[own], N[own], spacing[own] = found
         return Places(P, N, spacing, instance)
 
