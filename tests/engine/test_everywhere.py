@@ -19,6 +19,7 @@ from light_meshes import (
 )
 from light_meshes.film.images import Framebuffer
 from light_meshes.gathered.nearness import Nearness
+from light_meshes.gathered.records import Records
 from light_meshes.picture import emitters, everywhere
 from light_meshes.picture.render import draw, prepare, render_image
 from light_meshes.surface import shading
@@ -228,6 +229,21 @@ def test_cells_in_which_nothing_stands_spare_short_rays(monkeypatch):
         rays.append(result.statistics["gathered_short_rays"])
     np.testing.assert_allclose(pictures[0], pictures[1], rtol=1e-6)
     assert rays[0] < 0.5 * rays[1]
+
+
+def test_nothing_is_gathered_on_what_is_cut_out(monkeypatch):
+    """A rough sheet that is not there reflects nothing."""
+    asked, call = [], Records.__call__
+
+    def listen(self, hits, check):
+        asked.append(hits.material)
+        return call(self, hits, check)
+
+    monkeypatch.setattr(Records, "__call__", listen)
+    gone = Material("gone", alpha=0.0, highlight="GGX", blurred=True, dielectric=1.0, roughness=0.7)
+    sheet = Shape(rectangle((-1, -1), (1, 1), 0.5), gone)
+    render_image(scene([Shape(FLOOR, WHITE), sheet], (0, -3, 2), mode="WHITTED"))
+    assert set(np.concatenate(asked)) == {0}
 
 
 def test_what_fails_in_one_thread_ends_those_that_wait(monkeypatch):

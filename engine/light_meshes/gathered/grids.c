@@ -132,24 +132,3 @@ i64 grids_wider(i64 V, i64 T, i64 s, i64 n, f64 scale, const f32 *vertices, cons
     }
     return 0;
 }
-
-/* Fills the places in the world at barycentrics u, v of triangles, and their unit normals to the side to which rays
-   along `direction` go on. */
-KERNEL(grids_behind,
-       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  triangle i32[n]  u f32[n]  v f32[n]  "
-       "direction f64[n,3]  P f64[n,3]!  N f64[n,3]!")
-i64 grids_behind(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
-                 const i32 *triangle, const f32 *u, const f32 *v, const f64 *direction, f64 *P, f64 *N) {
-    (void)V, (void)T;
-    for (i64 k = 0; k < n; k++) {
-        Edges s = edges_of(vertices, triangles + 3 * (i64)triangle[k]);
-        f64 *normal = N + 3 * k;
-        cross(s.e, s.f, normal);
-        f64 length = sqrt(dot(normal, normal)) * (dot(normal, direction + 3 * k) < 0.0 ? -1.0 : 1.0);
-        for (int j = 0; j < 3; j++) {
-            normal[j] /= length;
-            P[3 * k + j] = centre[j] + scale * (s.a[j] + u[k] * s.e[j] + v[k] * s.f[j]);
-        }
-    }
-    return 0;
-}

@@ -17,7 +17,7 @@ from ..rays.geometry import Surfaces
 from ..support.native import kernel
 
 _places, _inside = kernel("grids_places"), kernel("grids_inside")
-_wider, _behind = kernel("grids_wider"), kernel("grids_behind")
+_wider = kernel("grids_wider")
 _longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
 _CORNER = np.uint64(1 << 63)
 INSET = 0.012  # as in grids.h
@@ -135,15 +135,6 @@ class Grids:
         _places(*self.shape, self.other, self.flipped, self.coarse, inset, keys[own], *found)
         P[own], N[own], spacing[own] = found
         return Places(P, N, spacing, instance)
-
-    def behind(self, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],
-               direction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The places (n,3) at barycentrics u, v (n,) of triangles (n,), and their normals to the side to which rays
-        along `direction` (n,3) go on.
-        """
-        P, N = np.empty((len(u), 3)), np.empty((len(u), 3))
-        _behind(*self.shape, triangle, u, v, direction, P, N)
-        return P, N
 
     def inside(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
         """The triangles (4n,), places and normals (4n,3) of four points that stand for each of the cells with these
