@@ -76,7 +76,8 @@ class Grids:
         self._class_spacing, self._class_own = np.zeros(0), np.zeros(0, np.int32)
         if not len(small):
             return
-        normal = self.corner_normals(small)
+        facet = self.normals(small)
+        normal = self._corner_normals(small, facet)
         vertex = s.triangles[small].astype(np.int64)
         steps = np.rint(normal * 64).astype(np.int64) + 64
         key = ((vertex * 129 + steps[..., 0]) * 129 + steps[..., 1]) * 129 + steps[..., 2]
@@ -90,7 +91,7 @@ class Grids:
         self._class_N = normal.reshape(-1, 3)[first]
         self._class_own = s.instance[small[first // 3]]
         # only corners within a plane move: elsewhere they would move into the surface
-        slope = np.abs(np.repeat(self.normals(small), 3, axis=0) - self._class_N[number]).max(1)
+        slope = np.abs(np.repeat(facet, 3, axis=0) - self._class_N[number]).max(1)
         flat = np.bincount(number, slope > 1e-3, len(first)) == 0
         self._class_P = place.reshape(-1, 3)[first]
         self._class_P[flat] += INSET * mean[flat] + INSET / 3 * inward[first][flat]
@@ -105,14 +106,14 @@ class Grids:
         normal *= np.where(self.flipped[triangle], -1, 1)[:, None]
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
-    def corner_normals(self, triangle: NDArray) -> NDArray[np.float64]:
-        """The unit shading normals (n,3,3) at the corners of triangles (n,); those of the triangle where these are of
-        no use.
+    def _corner_normals(self, triangle: NDArray, facet: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The unit shading normals (n,3,3) at the corners of triangles (n,); those of the triangles, `facet` (n,3),
+        where these are of no use.
         """
         s = self.surfaces
         local = s.at_corners(s.corner_normals, triangle)
         normal = np.einsum("nij,nkj->nki", s.normal_matrix[s.instance[triangle]], local)
-        own = np.broadcast_to(self.normals(triangle)[:, None], normal.shape)
+        own = np.broadcast_to(facet[:, None], normal.shape)
         length = np.linalg.norm(normal, axis=2, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             normal = normal / length
