@@ -21,15 +21,15 @@ class Nearness:
     """The edges of the triangles that gathered light may meet. Threads share it."""
 
     def __init__(self, grids: Grids, there: NDArray[np.bool_], fine: float) -> None:
-        """there (T,): these triangles. fine: the edge of the smallest cells, scene units."""
+        """there (T,): the triangles that gathered light may meet. fine: the edge of the smallest cells, scene units."""
         self._grids, self._there, self._least = grids, there, int(np.ceil(np.log2(fine) - 1e-3))
         self._making = threading.Lock()
         self._tables: dict[int, tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]] = {}
 
     def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], spacing: NDArray[np.float64],
                  own: NDArray[np.int32]) -> NDArray[np.float32]:
-        """How far (n,) records at P (n,3) with normals M (n,3) are from edges, where that is not much more than the
-        spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
+        """Return how far (n,) records at P (n,3) with normals M (n,3) are from edges, where that is not much more than
+        the spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
         """
         near = np.full(len(P), 1e30, np.float32)
         size = self._sizes(spacing)
@@ -43,8 +43,8 @@ class Nearness:
 
     def clear(self, corners: NDArray[np.float64], M: NDArray[np.float64], spacing: NDArray[np.float64], margin: float,
               height: float) -> NDArray[np.bool_]:
-        """Where no edge comes near triangles (n,3,3) with normals M (n,3), of grids with this spacing (n,): nearer to
-        their sides than `margin`, or lower above them than `height`, as shares of the spacing.
+        """Return where no edge comes near triangles (n,3,3) with normals M (n,3), of grids with this spacing (n,):
+        nearer to their sides than `margin`, and lower above them than `height`, as shares of the spacing.
         """
         clear, size = np.empty(len(M), np.bool_), self._sizes(spacing)
         for one in np.unique(size):
@@ -57,11 +57,11 @@ class Nearness:
         return clear
 
     def _sizes(self, spacing: NDArray[np.float64]) -> NDArray[np.int64]:
-        """The size (n,) of cells where grids have this spacing (n,), as a power of two."""
+        """Return the size (n,) of cells where grids have this spacing (n,), as a power of two."""
         return np.maximum(np.ceil(np.log2(spacing) - 1e-3), self._least).astype(np.int64)
 
     def _table(self, size: int) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]:
-        """The table of cells of edge 2^size."""
+        """Return the table of cells with edges of 2^size."""
         with self._making:
             if size not in self._tables:
                 room = 1 << 14

@@ -206,7 +206,7 @@ def _sized(scene: Scene, casters: Casters) -> list[str]:
 
 
 def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mapping[int, float]) -> None:
-    """How the lamps get their shadows that have those of their own shape, and which have sharp ones."""
+    """Decide how lamps that have the shadow of their own shape get it, and which of them have sharp shadows."""
     def names(of: list[str]) -> str:
         return ", ".join(f"'{name}'" for name in of[:3]) + (f" and {len(of) - 3} more" if len(of) > 3 else "")
 
@@ -228,9 +228,9 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
                if ray_counts.many(len(lamps)) else
                f"{rays.first} rays where it is narrower than r, up to {rays.most} where something is near")
             + (", or where light comes through surfaces" if p.channels else ""))
-        p.shares = not p.paths
+        p.shares = True
         if p.paths:
-            how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
+            why += "; light that glass bends comes from the lamp's centre"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")
 
 
