@@ -18,6 +18,8 @@ from light_meshes import (
     translate,
 )
 from light_meshes.film.images import Framebuffer
+from light_meshes.gathered.nearness import Nearness
+from light_meshes.gathered.records import Records
 from light_meshes.picture import emitters, everywhere
 from light_meshes.picture.render import draw, prepare, render_image
 from light_meshes.surface import shading
@@ -208,6 +210,40 @@ def test_a_point_has_the_same_light_in_every_frame_of_a_flight():
     assert first.max() > 0.1
     for light in others:
         np.testing.assert_array_equal(light, first)
+
+
+def test_cells_in_which_nothing_stands_spare_short_rays(monkeypatch):
+    """Fins smaller than cells, a screen, a sheet just above the floor: the same light as with rays of each receiver."""
+    screen = np.array([[0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+    more = [Shape(rectangle((0.0, -0.02), (0.06, 0.02)), WHITE, matrices=[
+                translate(-0.7 + 0.093 * i, -0.6 - 0.061 * i, 0.0) @ screen for i in range(16)]),
+            Shape(rectangle((0.0, -0.3), (0.3, 0.3)), WHITE, matrices=[translate(0.8, -0.7, 0) @ screen]),
+            Shape(rectangle((-0.2, -0.1), (0.2, 0.1), 0.001), WHITE, matrices=[translate(-0.2, -0.9, 0)])]
+    of = scene([Shape(FLOOR, WHITE), Shape(sphere(0.4), WHITE, matrices=[translate(0, 0.3, 0.4)]), *more],
+               (0.5, -3.0, 1.5), (0, -0.5, 0.1), 120, auto_h=False, h=0.1)
+    pictures, rays = [], []
+    for clear in (Nearness.clear, lambda self, corners, *_: np.zeros(len(corners), np.bool_)):
+        monkeypatch.setattr(Nearness, "clear", clear)
+        result = render_image(of)
+        pictures.append(result.passes["Combined"])
+        rays.append(result.statistics["gathered_short_rays"])
+    np.testing.assert_allclose(pictures[0], pictures[1], rtol=1e-6)
+    assert rays[0] < 0.5 * rays[1]
+
+
+def test_nothing_is_gathered_on_what_is_cut_out(monkeypatch):
+    """A rough sheet that is not there reflects nothing."""
+    asked, call = [], Records.__call__
+
+    def listen(self, hits, check):
+        asked.append(hits.material)
+        return call(self, hits, check)
+
+    monkeypatch.setattr(Records, "__call__", listen)
+    gone = Material("gone", alpha=0.0, highlight="GGX", blurred=True, dielectric=1.0, roughness=0.7)
+    sheet = Shape(rectangle((-1, -1), (1, 1), 0.5), gone)
+    render_image(scene([Shape(FLOOR, WHITE), sheet], (0, -3, 2), mode="WHITTED"))
+    assert set(np.concatenate(asked)) == {0}
 
 
 def test_what_fails_in_one_thread_ends_those_that_wait(monkeypatch):

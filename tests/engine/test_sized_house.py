@@ -9,7 +9,7 @@ from light_meshes import Scene
 from light_meshes.bench.targets import MAX_ADDED, RMSE_ADDED
 from light_meshes.film.images import Framebuffer
 from light_meshes.film.passes import DEBUG
-from light_meshes.picture import memory
+from light_meshes.picture import measured, memory
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import draw, render_image
 from light_meshes.shadows.method import Receivers
@@ -210,3 +210,24 @@ def test_rays_that_are_shared_out_are_as_near_as_four_to_each_lamp():
     assert error["fine"] < error["balanced"] <= error["four"]
     rays = {name: picture.statistics["shadow_rays"] for name, picture in pictures.items()}
     assert rays["balanced"] < 0.4 * rays["fine"]
+
+
+@pytest.mark.parametrize("most", [False, True])
+def test_many_lamps_are_measured_as_each_alone(still_life, most):
+    """Blocks of lamps, and the few points that tell first which are wide, change no value."""
+    lights = [replace(light, name=f"{light.name} {n}", softness="LIGHT_SIZE", **more)
+              for light in still_life.lights for n, more in enumerate(
+                  ({}, {"cast_shadow": False}, {"receivers": (0,)}, {"reference_distance": 2.0}))]
+    world = Prepared(with_lights(still_life, *lights)).world
+    together = measured._magnifications(world, [*range(len(lights))], most)
+    assert together == [measured._magnifications(world, [i], most)[0] for i in range(len(lights))]
+    assert len({*together}) > 4
+
+
+def test_a_few_points_tell_first_which_lamps_are_wide(still_life, monkeypatch):
+    small = [replace(light, **({"angle": 5e-3 * (n + 1)} if light.type == "SUN" else {"radius": 0.02 * (n + 1)}))
+             for light in still_life.lights if light.type != "AREA" for n in range(6)]
+    found = Prepared(with_lights(still_life, *small)).measured.pinpoints
+    assert 0 < len(found) < len(small)
+    monkeypatch.setattr(measured, "SPARSE", 1)
+    assert Prepared(with_lights(still_life, *small)).measured.pinpoints == found

@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from light_meshes import Scene, Shape, rectangle
-from light_meshes.picture.render import render_image
+from light_meshes.picture.render import prepare, render_image
 from light_meshes.scene.description import Image, Material
 from scenes import look_down, settings
 
@@ -172,3 +172,25 @@ def test_an_image_that_cannot_be_read_is_named_and_the_plain_colour_stays(tmp_pa
     result = shown(path, 4)
     assert any("picture" in w and "lost.png" in w for w in result.warnings)
     assert (result.passes["Combined"][..., :3] == 9).all()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("extension", ["REPEAT", "CLIP"])
+def test_what_a_crossing_lets_through_is_the_same_in_the_kernel(tmp_path, dtype, channels, extension):
+    """By alpha of images of all kinds, beside the way for any material."""
+    random = np.random.default_rng(3)
+    path = saved(tmp_path, dtype, random.integers(0, 256, (5, 7, channels)).astype(np.uint8))
+    images = tuple(Image(kind, str(path), extension=extension, interpolation=kind)
+                   for kind in ("LINEAR", "CLOSEST", "CUBIC"))
+    materials = [Material("tinted", alpha=0.7, kt=(0.1, 0.5, 0.9)), *(
+        Material(str(i), alpha=0.9, alpha_image=i, kt=(0.2, 0.0, 0.0)) for i in range(3))]
+    shapes = [Shape(rectangle((0, 0), (1, 1), i), material, str(i)) for i, material in enumerate(materials)]
+    scene = Scene.from_shapes(shapes, look_down(0, 0, 9, 8), [], settings(), images=images)
+    uvs = random.random((len(scene.geometry.triangles), 3, 2)).astype(np.float32) * 3 - 1
+    glass = prepare(replace(scene, geometry=replace(scene.geometry, uvs=uvs)), ("Combined",)).glass
+    triangle = random.integers(0, len(uvs), 3000).astype(np.int32)
+    u, v = (random.random((2, 3000)) / 2).astype(np.float32)
+    found = glass.factor(triangle, u, v)
+    np.testing.assert_array_equal(found, glass._factor_of(triangle, u, v))
+    assert (len(np.unique(found)) > 100) == (channels == 4 or extension == "CLIP")

@@ -44,19 +44,21 @@ static void unit_normal(const Axes *s, int flipped, f64 *N) {
     for (int j = 0; j < 3; j++) N[j] /= length;
 }
 
-/* Fills where the grid points with these keys are, their normals and how far apart they are. */
+/* Fills where the grid points with these keys are, their normals and how far apart they are. Points at a border are moved
+   inwards by `inset` of a cell's edge. */
 KERNEL(grids_places,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  coarse f64  "
-       "keys u64[n]  P f64[n,3]!  N f64[n,3]!  spacing f64[n]!")
+       "inset f64  keys u64[n]  P f64[n,3]!  N f64[n,3]!  spacing f64[n]!")
 i64 grids_places(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
-                 const i32 *other, const u8 *flipped, f64 coarse, const u64 *keys, f64 *P, f64 *N, f64 *spacing) {
+                 const i32 *other, const u8 *flipped, f64 coarse, f64 inset, const u64 *keys, f64 *P, f64 *N,
+                 f64 *spacing) {
     (void)V, (void)T;
     for (i64 k = 0; k < n; k++) {
         Key key = key_of(keys[k]);
         f64 size = edge(coarse, key.level), place[3];
         Grid g = grid_of(vertices, triangles, other, scale, key.triangle, size);
         i64 t = place_on(vertices, triangles, other, scale, &g, (f64)key.i / (f64)g.m, (f64)key.j / (f64)g.n,
-                         INSET * size, place);
+                         inset * size, place);
         Axes s = axes_of(vertices, triangles, other, scale, t);
         unit_normal(&s, (int)flipped[t] == key.front, N + 3 * k);
         for (int j = 0; j < 3; j++) P[3 * k + j] = centre[j] + scale * place[j];
@@ -127,27 +129,6 @@ i64 grids_wider(i64 V, i64 T, i64 s, i64 n, f64 scale, const f32 *vertices, cons
         g = grid_of(vertices, triangles, other, scale, key.triangle, ldexp(top, 1 - level));
         cell_of(&g, xy, &i, &j);
         wider[k] = key_at(key.triangle, key.front, level, i, j);
-    }
-    return 0;
-}
-
-/* Fills the places in the world at barycentrics u, v of triangles, and their unit normals to the side to which rays
-   along `direction` go on. */
-KERNEL(grids_behind,
-       "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  triangle i32[n]  u f32[n]  v f32[n]  "
-       "direction f64[n,3]  P f64[n,3]!  N f64[n,3]!")
-i64 grids_behind(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
-                 const i32 *triangle, const f32 *u, const f32 *v, const f64 *direction, f64 *P, f64 *N) {
-    (void)V, (void)T;
-    for (i64 k = 0; k < n; k++) {
-        Edges s = edges_of(vertices, triangles + 3 * (i64)triangle[k]);
-        f64 *normal = N + 3 * k;
-        cross(s.e, s.f, normal);
-        f64 length = sqrt(dot(normal, normal)) * (dot(normal, direction + 3 * k) < 0.0 ? -1.0 : 1.0);
-        for (int j = 0; j < 3; j++) {
-            normal[j] /= length;
-            P[3 * k + j] = centre[j] + scale * (s.a[j] + u[k] * s.e[j] + v[k] * s.f[j]);
-        }
     }
     return 0;
 }

@@ -17,7 +17,7 @@ from ..rays.geometry import Surfaces
 from ..support.native import kernel
 
 _places, _inside = kernel("grids_places"), kernel("grids_inside")
-_wider, _behind = kernel("grids_wider"), kernel("grids_behind")
+_wider = kernel("grids_wider")
 _longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
 _CORNER = np.uint64(1 << 63)
 INSET = 0.012  # as in grids.h
@@ -76,7 +76,8 @@ class Grids:
         self._class_spacing, self._class_own = np.zeros(0), np.zeros(0, np.int32)
         if not len(small):
             return
-        normal = self.corner_normals(small)
+        facet = self.normals(small)
+        normal = self._corner_normals(small, facet)
         vertex = s.triangles[small].astype(np.int64)
         steps = np.rint(normal * 64).astype(np.int64) + 64
         key = ((vertex * 129 + steps[..., 0]) * 129 + steps[..., 1]) * 129 + steps[..., 2]
@@ -90,7 +91,7 @@ class Grids:
         self._class_N = normal.reshape(-1, 3)[first]
         self._class_own = s.instance[small[first // 3]]
         # only corners within a plane move: elsewhere they would move into the surface
-        slope = np.abs(np.repeat(self.normals(small), 3, axis=0) - self._class_N[number]).max(1)
+        slope = np.abs(np.repeat(facet, 3, axis=0) - self._class_N[number]).max(1)
         flat = np.bincount(number, slope > 1e-3, len(first)) == 0
         self._class_P = place.reshape(-1, 3)[first]
         self._class_P[flat] += INSET * mean[flat] + INSET / 3 * inward[first][flat]
@@ -105,22 +106,24 @@ class Grids:
         normal *= np.where(self.flipped[triangle], -1, 1)[:, None]
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
-    def corner_normals(self, triangle: NDArray) -> NDArray[np.float64]:
-        """Return the unit shading normals (n,3,3) at the corners of triangles (n,); the triangle's own normal where
-        they cannot be used.
+    def _corner_normals(self, triangle: NDArray, facet: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the unit shading normals (n,3,3) at the corners of triangles (n,); the triangle's own normal, facet
+        (n,3), where they cannot be used.
         """
         s = self.surfaces
         local = s.at_corners(s.corner_normals, triangle)
         normal = np.einsum("nij,nkj->nki", s.normal_matrix[s.instance[triangle]], local)
-        own = np.broadcast_to(self.normals(triangle)[:, None], normal.shape)
+        own = np.broadcast_to(facet[:, None], normal.shape)
         length = np.linalg.norm(normal, axis=2, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             normal = normal / length
         good = np.isfinite(normal).all(2, keepdims=True) & ((normal * own).sum(2, keepdims=True) > 0.3)
         return np.where(good, normal, own)
 
-    def places(self, keys: NDArray[np.uint64]) -> Places:
-        """Return where the grid points with these keys (n,) are."""
+    def places(self, keys: NDArray[np.uint64], inset: float = INSET) -> Places:
+        """Return where the grid points with these keys (n,) are. inset: the share of a cell's edge by which those at a
+        border are moved inwards.
+        """
         n = len(keys)
         P, N, spacing, instance = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.full(n, -1, np.int32)
         shared = (keys & _CORNER) != 0
@@ -130,18 +133,9 @@ class Grids:
         N[shared] = self._class_N[of] * (2 * front - 1)[:, None]
         own = np.flatnonzero(~shared)
         found = np.empty((len(own), 3)), np.empty((len(own), 3)), np.empty(len(own))
-        _places(*self.shape, self.other, self.flipped, self.coarse, keys[own], *found)
+        _places(*self.shape, self.other, self.flipped, self.coarse, inset, keys[own], *found)
         P[own], N[own], spacing[own] = found
         return Places(P, N, spacing, instance)
-
-    def behind(self, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],
-               direction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the places (n,3) at barycentrics u, v (n,) of triangles (n,), and their normals to the side to which
-        rays along `direction` (n,3) go on.
-        """
-        P, N = np.empty((len(u), 3)), np.empty((len(u), 3))
-        _behind(*self.shape, triangle, u, v, direction, P, N)
-        return P, N
 
     def inside(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
         """Return the triangles (4n,), places and normals (4n,3) of four points that stand for each of the cells with

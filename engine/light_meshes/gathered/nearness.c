@@ -1,5 +1,5 @@
 /* Where edges of triangles are, in cells, and how near records are to what rises above their plane (nearness.py). */
-#include "native.h"
+#include "../rays/triangles.h"
 
 #define PIECES 65536  /* an edge is looked at in up to so many places */
 
@@ -24,43 +24,125 @@ static u64 entry_of(const u64 *keys, const i32 *of, u64 mask, u64 key, i32 insta
     return at;
 }
 
-/* Enters the edges of triangles in the table of cells: keys (0: free), whose they are, and boxes around what is in each.
-   Returns 1 if the table gets too full: begin again with a larger one. */
+/* The table of cells: keys (0: free), whose edges are in them, boxes around these, and how many entries there are. */
+typedef struct {
+    u64 *keys;
+    i32 *of;
+    f32 *boxes;
+    i64 m, size;
+} Boxes;
+
+/* Makes the box of an instance in cell c hold x. Returns 0 if the table gets too full. */
+static int enter_place(Boxes *b, const i64 *c, i32 instance, const f64 *x) {
+    u64 key = cell_key(c) + 1, at = entry_of(b->keys, b->of, (u64)b->m - 1, key, instance);
+    f32 *box = b->boxes + 6 * at;
+    if (!b->keys[at]) {
+        if (2 * ++b->size > b->m) return 0;
+        b->keys[at] = key, b->of[at] = instance;
+        for (int j = 0; j < 3; j++) box[j] = box[3 + j] = (f32)x[j];
+    }
+    for (int j = 0; j < 3; j++) {
+        if ((f32)x[j] < box[j]) box[j] = (f32)x[j];
+        if ((f32)x[j] > box[3 + j]) box[3 + j] = (f32)x[j];
+    }
+    return 1;
+}
+
+/* Enters the edge between two places: in each cell that it goes through, both ends of what is in it. A very long one is
+   looked at in PIECES places. Returns 0 if the table gets too full. */
+static int enter_edge(Boxes *b, f64 cell, i32 instance, const f64 *from, const f64 *to) {
+    f64 way[3], next[3], by[3], x[3], s = 0.0, length = sqrt(squared_distance(from, to));
+    i64 c[3];
+    int whole = length < PIECES * 0.5 * cell;
+    for (int j = 0; j < 3; j++) {
+        way[j] = to[j] - from[j], c[j] = (i64)floor(from[j] / cell);
+        by[j] = way[j] != 0.0 ? fabs(cell / way[j]) : INFINITY;
+        next[j] = way[j] != 0.0 ? ((f64)(c[j] + (way[j] > 0.0)) * cell - from[j]) / way[j] : INFINITY;
+    }
+    for (i64 p = 0; !whole && p < PIECES; p++) {
+        for (int j = 0; j < 3; j++) x[j] = from[j] + (f64)p / PIECES * way[j], c[j] = (i64)floor(x[j] / cell);
+        if (!enter_place(b, c, instance, x)) return 0;
+    }
+    while (whole) {
+        int first = next[0] < next[1] ? 0 : 1;
+        if (next[2] < next[first]) first = 2;
+        f64 until = next[first] < 1.0 ? next[first] : 1.0;
+        for (int end = 0; end < 2; end++, s = until) {
+            for (int j = 0; j < 3; j++) x[j] = from[j] + s * way[j];
+            if (!enter_place(b, c, instance, x)) return 0;
+        }
+        if (until >= 1.0) break;
+        c[first] += way[first] > 0.0 ? 1 : -1, next[first] += by[first];
+    }
+    return 1;
+}
+
+/* Enters the edges of triangles in the table of cells. Returns 1 if it gets too full: begin again with a larger one. */
 KERNEL(nearness_enter,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  instance i32[T]  there bool[T]  cell f64  "
        "keys u64[m]!  of i32[m]!  boxes f32[m,6]!")
 i64 nearness_enter(i64 V, i64 T, i64 m, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
                    const i32 *instance, const u8 *there, f64 cell, u64 *keys, i32 *of, f32 *boxes) {
-    i64 size = 0;
+    Boxes table = {keys, of, boxes, m, 0};
     (void)V;
     for (i64 t = 0; t < T; t++) {
+        f64 place[3][3];
         if (!there[t]) continue;
-        for (int e = 0; e < 3; e++) {
-            const f32 *from = vertices + 3 * (i64)triangles[3 * t + e], *to = vertices + 3 * (i64)triangles[3 * t + (e + 1) % 3];
-            f64 length = 0.0;
-            for (int j = 0; j < 3; j++) length += square((f64)to[j] - from[j]);
-            length = scale * sqrt(length);
-            i64 pieces = length < PIECES * 0.5 * cell ? (i64)ceil(2.0 * length / cell) : PIECES;
-            for (i64 p = 0; p < pieces; p++) {
-                f64 x[3], s = (f64)p / (f64)pieces;
-                i64 c[3];
-                for (int j = 0; j < 3; j++) {
-                    x[j] = centre[j] + scale * (from[j] + s * ((f64)to[j] - from[j]));
-                    c[j] = (i64)floor(x[j] / cell);
-                }
-                u64 key = cell_key(c) + 1, at = entry_of(keys, of, (u64)m - 1, key, instance[t]);
-                f32 *box = boxes + 6 * at;
-                if (!keys[at]) {
-                    if (2 * ++size > m) return 1;
-                    keys[at] = key, of[at] = instance[t];
-                    for (int j = 0; j < 3; j++) box[j] = box[3 + j] = (f32)x[j];
-                }
-                for (int j = 0; j < 3; j++) {
-                    if ((f32)x[j] < box[j]) box[j] = (f32)x[j];
-                    if ((f32)x[j] > box[3 + j]) box[3 + j] = (f32)x[j];
-                }
-            }
+        for (int e = 0; e < 3; e++)
+            for (int j = 0; j < 3; j++)
+                place[e][j] = centre[j] + scale * vertices[3 * (i64)triangles[3 * t + e] + j];
+        for (int e = 0; e < 3; e++)
+            if (!enter_edge(&table, cell, instance[t], place[e], place[(e + 1) % 3])) return 1;
+    }
+    return 0;
+}
+
+/* How high above a plane with normal N, through P, a box begins and ends. */
+static inline void heights(const f32 *box, const f64 *P, const f64 *N, f64 *least, f64 *most) {
+    *least = *most = 0.0;
+    for (int j = 0; j < 3; j++) {
+        f64 low = N[j] * (box[j] - P[j]), top = N[j] * (box[3 + j] - P[j]);
+        *least += low < top ? low : top, *most += low < top ? top : low;
+    }
+}
+
+/* Tells (clear) where no edge comes near halves of cells: triangles with corners (n,3,3), made wider by `margin`, up to
+   heights (n,) above them, along their normals M. What rises less than a hundredth of a height does not count, nor does
+   what lies in the plane, as precisely as boxes tell. */
+KERNEL(nearness_clear,
+       "cell f64  keys u64[m]  boxes f32[m,6]  corners f64[n,3,3]  M f64[n,3]  margin f64[n]  height f64[n]  clear bool[n]!")
+i64 nearness_clear(i64 m, i64 n, f64 cell, const u64 *keys, const f32 *boxes, const f64 *corners, const f64 *M,
+                   const f64 *margin, const f64 *height, u8 *clear) {
+    for (i64 k = 0; k < n; k++) {
+        const f64 *A = corners + 9 * k, *N = M + 3 * k;
+        f64 out[3][3], middle[3];
+        i64 from[3], to[3], c[3];
+        for (int j = 0; j < 3; j++) {
+            f64 low = fmin(A[j], fmin(A[3 + j], A[6 + j])) - margin[k], top = fmax(A[j], fmax(A[3 + j], A[6 + j])) + margin[k];
+            from[j] = (i64)floor(low / cell), to[j] = (i64)floor(top / cell), middle[j] = (A[j] + A[3 + j] + A[6 + j]) / 3.0;
         }
+        for (int e = 0; e < 3; e++) {  /* directions out of the triangle */
+            f64 side[3], inward[3];
+            for (int j = 0; j < 3; j++) side[j] = A[3 * ((e + 1) % 3) + j] - A[3 * e + j], inward[j] = middle[j] - A[3 * e + j];
+            cross(side, N, out[e]);
+            f64 length = sqrt(dot(out[e], out[e])) * (dot(out[e], inward) > 0.0 ? -1.0 : 1.0);
+            for (int j = 0; j < 3; j++) out[e][j] = length != 0.0 ? out[e][j] / length : 0.0;
+        }
+        clear[k] = 1;
+        for (c[0] = from[0]; c[0] <= to[0]; c[0]++)
+            for (c[1] = from[1]; c[1] <= to[1]; c[1]++)
+                for (c[2] = from[2]; c[2] <= to[2]; c[2]++) {
+                    u64 key = cell_key(c) + 1, at = place_of_key(key) & ((u64)m - 1);
+                    for (; keys[at]; at = (at + 1) & ((u64)m - 1)) {
+                        const f32 *box = boxes + 6 * at;
+                        f64 least, most, low, top;
+                        if (keys[at] != key) continue;
+                        heights(box, A, N, &least, &most);
+                        int away = least > height[k] || most < 0.01 * height[k] + 1e-6 * cell;
+                        for (int e = 0; e < 3; e++) heights(box, A + 3 * e, out[e], &low, &top), away |= low > margin[k];
+                        if (!away) clear[k] = 0;
+                    }
+                }
     }
     return 0;
 }

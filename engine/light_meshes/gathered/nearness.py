@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..support.native import kernel
 from .grids import Grids
 
-_enter, _of = kernel("nearness_enter"), kernel("nearness_of")
+_enter, _of, _clear = kernel("nearness_enter"), kernel("nearness_of"), kernel("nearness_clear")
 RISE = 0.08  # what rises less, as a share of its distance, does not count: it takes hardly any light
 
 
@@ -32,7 +32,7 @@ class Nearness:
         the spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
         """
         near = np.full(len(P), 1e30, np.float32)
-        size = np.maximum(np.ceil(np.log2(spacing) - 1e-3), self._least).astype(np.int64)
+        size = self._sizes(spacing)
         for one in np.unique(size):
             rows = np.flatnonzero(size == one)
             found = np.empty(len(rows), np.float32)
@@ -40,6 +40,25 @@ class Nearness:
                 own[rows], found)
             near[rows] = found
         return near
+
+    def clear(self, corners: NDArray[np.float64], M: NDArray[np.float64], spacing: NDArray[np.float64], margin: float,
+              height: float) -> NDArray[np.bool_]:
+        """Return where no edge comes near triangles (n,3,3) with normals M (n,3), of grids with this spacing (n,):
+        nearer to their sides than `margin`, and lower above them than `height`, as shares of the spacing.
+        """
+        clear, size = np.empty(len(M), np.bool_), self._sizes(spacing)
+        for one in np.unique(size):
+            rows = np.flatnonzero(size == one)
+            found = np.empty(len(rows), np.bool_)
+            keys, _, boxes = self._table(int(one))
+            _clear(2.0**one, keys, boxes, np.ascontiguousarray(corners[rows]), np.ascontiguousarray(M[rows]),
+                   margin * spacing[rows], height * spacing[rows], found)
+            clear[rows] = found
+        return clear
+
+    def _sizes(self, spacing: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the size (n,) of cells where grids have this spacing (n,), as a power of two."""
+        return np.maximum(np.ceil(np.log2(spacing) - 1e-3), self._least).astype(np.int64)
 
     def _table(self, size: int) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]:
         """Return the table of cells with edges of 2^size."""

@@ -18,11 +18,12 @@ from ..support.statistics import Statistics
 from ..surface.sky import Sky
 from .grids import Grids
 
-_met, _met_by, _stand_ins = kernel("rays_met"), kernel("rays_met_by"), kernel("rays_stand_ins")
+_met, _passed, _stand_ins = kernel("rays_met"), kernel("rays_passed"), kernel("rays_stand_ins")
 _at = kernel("patches_at")
 SHARE = 0.35  # patches are up to this share of the way to them
 STEPS = 8  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
+LEAST = 1e-3  # of a ray's light goes on
 LAST_KEY = np.uint64(2**64 - 3)  # larger ones are no patches (rays.c)
 _NOTHING, _CLEAR = np.uint64(2**64 - 1), np.uint64(2**64 - 2)
 
@@ -82,6 +83,7 @@ class Gatherer:
         material = s.materials[s.source]
         passes = field.glass.passes
         self._clear = passes if field.glass.transparent else None
+        self._lets = np.append(passes, False)  # (T+1,)
         every = np.ones(len(material), np.bool_)
         self.solid = np.append(closed(s, every) & ~passes, False)  # (T+1,) of closed meshes; the last: no hit
         self.for_small = self._stand_ins(material)
@@ -141,13 +143,6 @@ class Gatherer:
             found.u, found.v)
         return found
 
-    def _keys(self, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], larger: float) -> Met:
-        """Return the keys of the patches that rays (m,3) meet."""
-        g, keys = self._field.grids, np.empty(len(origin), np.uint64)
-        _met_by(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, *hit, origin, direction,
-                keys)
-        return Met(keys, *hit)
-
     def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None,
                  width: NDArray[np.float64]) -> None:
         """Add the sky's light along `direction` (m,3) to these rows of `light`. width: the solid angle of each row's
@@ -163,31 +158,36 @@ class Gatherer:
         """Follow rays (m,) with the numbers `row`, which met surfaces that let light pass, straight on, as shadow rays
         go. layers: the list that gets the surfaces that they meet; None: only the sky's light is needed.
         """
-        f, g, glass = self._field, self._field.grids, self._field.glass
-        weight = np.ones((len(row), 3))
-        assert self._clear is not None
-        for _ in range(THROUGH):
-            triangle, u, v = hit
-            clear = self._clear[triangle]
-            passed = np.zeros((len(row), 3))
-            passed[clear] = glass.factor(triangle[clear], u[clear], v[clear])
-            if layers is not None:
-                own = weight * (1 - passed)
-                some = np.flatnonzero(own.any(1))
-                layers.append(Layer(row[some], self._keys(origin[some], direction[some], tuple(a[some] for a in hit),
-                                                          larger), own[some]))
-            go = np.flatnonzero((weight * passed).max(1, initial=0) > 1e-3)
-            if not len(go):
+        f, g, m, clear = self._field, self._field.grids, len(row), self._clear
+        assert clear is not None
+        row, weight, N, state = row.astype(np.int64), np.ones((m, 3)), np.empty((m, 3)), np.zeros(3, np.int64)
+        out = np.empty(m, np.int64), np.empty((m, 3)), np.empty((m, 3))
+        for step in range(THROUGH + 1):
+            n = len(hit[0])
+            before, keys, at, counts = row[:n].copy(), np.empty(n, np.uint64), np.empty(n, np.int64), np.empty((n, 3))
+            _passed(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, clear, LEAST,
+                    step == THROUGH, self._factor(*hit), *hit, row, weight, origin, direction, N, keys, at, counts,
+                    *out, state)
+            met = slice(int(state[1]))
+            if layers is not None and state[1]:
+                layers.append(Layer(before[at[met]], Met(keys[met], *(a[at[met]] for a in hit)), counts[met]))
+            n = int(state[0])
+            if not n:
                 break
-            row, weight, direction = row[go], weight[go] * passed[go], direction[go]
-            origin, N = g.behind(triangle[go], u[go], v[go], direction)
-            hit = f.tracer.closest("diffuse", origin, direction, N)
-            f.stats.add(gathered_rays=len(go))
-            there = hit[0] >= 0
-            if not there.all():
-                self._add_sky(light, row[~there], direction[~there], weight[~there], width)
-                row, weight, origin, direction = row[there], weight[there], origin[there], direction[there]
-                hit = tuple(a[there] for a in hit)
+            hit = f.tracer.closest("diffuse", origin[:n], direction[:n], N[:n])
+            f.stats.add(gathered_rays=n)
+        rows, directions_out, left = (a[:state[2]] for a in out)
+        self._add_sky(light, rows, directions_out, left, width)
+
+    def _factor(self, triangle: NDArray[np.int32], u: NDArray[np.float32],
+                v: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return how much light (n,3) triangles (n,), some −1, let through; 0 for those that let none pass."""
+        rows = np.flatnonzero(self._lets[triangle])  # the last is that of −1
+        if len(rows) == len(triangle):
+            return self._field.glass.factor(triangle, u, v)
+        factor = np.zeros((len(triangle), 3), np.float32)
+        factor[rows] = self._field.glass.factor(triangle[rows], u[rows], v[rows])
+        return factor
 
 
 Check = Callable[[], None]

@@ -21,14 +21,14 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from ..support.statistics import Statistics
 from .directions import directions, tilted
-from .grids import LAST, Places
+from .grids import INSET, LAST, Places
 from .nearness import Nearness
 from .patches import Patches, SharedRecordsError, light_of
 from .rays import Check, Field, Gatherer
 from .table import Table
 
 _sum, _asked = kernel("records_sum"), kernel("records_asked")
-NEW, WANTED, SIGHT = 1, 2, 3  # why a receiver waits, as in records.c
+NEW, WANTED, CELL, SIGHT = 1, 2, 3, 4  # why a receiver waits, as in asked.c
 # Rays of a record, by how far apart records are, in finest distances: each record of a coarse grid counts for a large
 # part of a surface, and there are few.
 RAYS = ((6.0, 1024), (3.0, 512), (0.0, 256))
@@ -37,6 +37,7 @@ WITHIN = 0.35  # records are trusted up to this share of the mean distance of wh
 STRICT = 0.2  # or up to this where they are far apart
 APART = 1.0  # and up to this multiple of the distance of edges
 BEYOND = 3  # levels finer than the finest, where no record can be seen from a receiver
+EDGE = 1e-3  # what stands in a cell less far from the triangle's border does not count, as a share of the cell's edge
 LIFT = 1e-3  # how far above their surface records are looked at, as a share of the distance between them
 KEPT = 2_000_000  # more records or patches are not kept for the next picture
 _ARRAYS = ("_placed", "_claimed", "_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open")
@@ -62,6 +63,8 @@ class Records:
         self._fine, self._bounces = fine, bounces
         self._kinds = [(at_least * fine, local, tilted(local)) for at_least, n in RAYS for local in [directions(n)]]
         self._table = Table()
+        self._cells = Table()  # halves of cells; 1: all places there see each other; 2: perhaps not
+        self._clear = np.zeros(0, np.uint8)
         self._lock = threading.Condition()
         self._broken = False
         # where it is and how near edges are is known; a thread computes it; it is known
@@ -96,7 +99,7 @@ class Records:
         n, g, stats = len(hits.P), self._field.grids, self._field.stats
         ask = _Asked(np.zeros(n, np.int32), np.ones(n), np.zeros((n, 3)), np.zeros(n), np.empty((n, 3), np.uint64),
                      np.empty((n, 3), np.int32), np.empty((n, 3)), np.ones((n, 3), np.bool_), np.zeros(n, np.int32),
-                     np.zeros(n, np.uint8))
+                     np.zeros(n, np.uint8), np.zeros(n, np.uint64))
         todo, state = np.arange(n, dtype=np.int32), np.array([n, 0])
         while state[0]:
             check()
@@ -106,8 +109,10 @@ class Records:
                        todo, state)
                 state[0] = state[1]
                 waiting = todo[:state[0]]
-                new, wanted, sight = (waiting[ask.why[waiting] == why] for why in (NEW, WANTED, SIGHT))
+                why = ask.why[waiting]
+                new, wanted, cells, sight = (waiting[why == one] for one in (NEW, WANTED, CELL, SIGHT))
                 self._enter(ask.keys[new].ravel())
+                self._find_clear(ask.half[cells], ask.keys[cells])
                 self._look(hits, ask, sight)
             self._ready(ask.number[wanted].ravel(), check)
         whole = 1 - ask.share  # what is left out counts as the rest does
@@ -135,6 +140,31 @@ class Records:
         ask.seen[rows] = ask.level[rows] + 1
         self._field.stats.add(gathered_short_rays=len(row))
 
+    def _find_clear(self, half: NDArray[np.uint64], keys: NDArray[np.uint64]) -> None:
+        """Find out in which halves of cells (n,) nothing stands between places there and the records (n,3) around them,
+        so that receivers need not ask each for itself.
+
+        That is so where no edge comes into what lies between the surface and the lifted records, and nothing cuts
+        through all of it: then it would cut one of three lines around it.
+        """
+        if not len(half):
+            return
+        half, first = np.unique(half, return_index=True)
+        corners = self._field.grids.places(keys[first].ravel(), EDGE)
+        P, N, spacing = corners.P.reshape(-1, 3, 3), corners.N[::3], corners.spacing[::3]
+        start = np.arange(3 * len(half), dtype=np.int32)
+        end = start.reshape(-1, 3)[:, [1, 2, 0]].ravel()
+        up = corners.P + LIFT * corners.spacing[:, None] * corners.N
+        blocked = self._field.tracer.occluded(corners.P, start, points(up), end, corners.N, False, kind="diffuse")
+        clear = ~blocked.reshape(-1, 3).any(1) & self._nearness.clear(P, N, spacing, 2 * INSET, 1.5 * LIFT)
+        self._field.stats.add(gathered_short_rays=len(start))
+        with self._lock:
+            number = self._cells.numbers(half)
+            if len(self._cells) > len(self._clear):
+                more = max(len(self._cells), 2 * len(self._clear), 4096) - len(self._clear)
+                self._clear = np.concatenate([self._clear, np.zeros(more, np.uint8)])
+            self._clear[number] = np.where(clear, 1, 2)
+
     def _enter(self, keys: NDArray[np.uint64]) -> None:
         """Enter records with these keys (n,), and find out how near edges are to them."""
         if not len(keys):
@@ -159,7 +189,8 @@ class Records:
         that nothing is near.
         """
         with self._lock:
-            return (*self._table.arrays[:2], self._inverse, self._nearest, self._done, self._M, self._mean, self._open)
+            return (*self._table.arrays[:2], self._inverse, self._nearest, self._done, self._M, self._mean, self._open,
+                    *self._cells.arrays[:2], self._clear)
 
     def _ready(self, number: NDArray[np.int32], check: Check) -> None:
         """Make sure that records (n,) are computed, by this thread or another one."""
@@ -241,3 +272,4 @@ class _Asked(NamedTuple):
     visible: NDArray[np.bool_]  # (n,3)
     seen: NDArray[np.int32]  # (n,)
     why: NDArray[np.uint8]  # (n,)
+    half: NDArray[np.uint64]  # (n,)

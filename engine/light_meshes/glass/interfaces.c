@@ -1,4 +1,5 @@
 /* What happens at a surface that lets light through (interfaces.py). */
+#include "../surface/texels.h"
 #include "../rays/triangles.h"
 
 /* Returns the reflectance for unpolarised light at an interface with relative index eta = n2/n1; 1 at total
@@ -111,4 +112,35 @@ i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const
         }
     }
     return 0;
+}
+
+/* Fills the share of light that one straight crossing of each triangle lets through: 1 − α + α·kt. images: see
+   Texture.alpha_texels; none of the materials here may need one that is ASKED. Sets `left` where triangles are pieces of
+   larger ones, or materials are `asked`: these are not done. */
+KERNEL(interfaces_factor,
+       "source i32[T]  materials i32[s]  piece i32[p]  uvs f32[x,3,2]  alpha f64[m]  kt f64[m,3]  image i32[m]  "
+       "asked bool[m]  images i64[i,j]  triangle i32[n]  u f32[n]  v f32[n]  factor f32[n,3]!  left bool[n]!")
+i64 interfaces_factor(i64 T, i64 s, i64 p, i64 x, i64 m, i64 i, i64 j, i64 n, const i32 *source, const i32 *materials,
+                      const i32 *piece, const f32 *uvs, const f64 *alpha, const f64 *kt, const i32 *image, const u8 *asked,
+                      const i64 *images, const i32 *triangle, const f32 *u, const f32 *v, f32 *factor, u8 *left) {
+    i64 count = 0;
+    (void)T, (void)s, (void)m, (void)i;
+    for (i64 k = 0; k < n; k++) {
+        i64 t = triangle[k], material = materials[source[t]];
+        left[k] = asked[material] || (p && piece[t] >= 0);
+        if (left[k]) {
+            count++;
+            continue;
+        }
+        f64 there = alpha[material];
+        f32 uv[2] = {0}, w = 1.0f - u[k] - v[k];
+        if (x)
+            for (int c = 0; c < 2; c++) {
+                const f32 *at = uvs + 6 * (i64)source[t] + c;
+                uv[c] = at[0] * w + at[2] * u[k] + at[4] * v[k];
+            }
+        if (image[material] >= 0) there *= alpha_at(images + j * image[material], uv);
+        for (int c = 0; c < 3; c++) factor[3 * k + c] = (f32)(1.0 - there + there * kt[3 * material + c]);
+    }
+    return count;
 }

@@ -12,11 +12,11 @@ from ..rays.stacks import stacks
 from ..scene.description import Scene
 from ..support.native import kernel
 from ..surface.looks import Looks
-from ..surface.textures import Texture
+from ..surface.textures import Texture, alpha_images
 from .bodies import around, bodies, facets
 from .media import Media, closed
 
-_cross = kernel("interfaces_cross")
+_cross, _factor = kernel("interfaces_cross"), kernel("interfaces_factor")
 MEDIA = 32  # the largest number of bodies that a ray can be in at once; further bodies are ignored
 
 
@@ -51,7 +51,10 @@ class Interfaces:
         cut = (self._alpha < 1) | (self._image >= 0)
         passes = cut | (self._kt > 0).any(1)
         shadow = np.array([x.transparent_shadow for x in m], np.bool_)
-        self._by_uv = bool((self._image >= 0).any()) or looks.cuts  # whether holes differ from place to place
+        self._by_uv = bool((self._image >= 0).any() or looks.cuts.any())  # whether holes differ from place to place
+        self._images, asked = alpha_images(textures)
+        # (M,) materials of which kernels cannot tell how much they let through
+        self._asked = looks.cuts | (asked[self._image] & (self._image >= 0) if len(asked) else False)
         self.passes = passes[material]  # (T,) whether rays pass, all or in part
         self.lets_through = self.passes & shadow[material]  # (T,) whether shadow rays do
         # A body of index 1 is air if there is glass of lower priority around it. Otherwise it is no medium; Transparent
@@ -101,6 +104,17 @@ class Interfaces:
     def factor(self, triangle: NDArray[np.int32], u: NDArray[np.float32],
                v: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the factor (n,3) for light at one straight crossing: 1 − α + α·kt."""
+        s, n = self._surfaces, len(triangle)
+        factor, left = np.empty((n, 3), np.float32), np.empty(n, np.bool_)
+        if _factor(s.source, s.materials, s.piece, s.uvs, self._alpha, self._kt, self._image, self._asked, self._images,
+                   triangle, u, v, factor, left):
+            rows = np.flatnonzero(left)
+            factor[rows] = self._factor_of(triangle[rows], u[rows], v[rows])
+        return factor
+
+    def _factor_of(self, triangle: NDArray[np.int32], u: NDArray[np.float32],
+                   v: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the same, for any material."""
         s = self._surfaces
         material = s.materials[s.source[triangle]]
         uv: NDArray = np.zeros((len(triangle), 2), np.float32)

@@ -40,7 +40,7 @@ PART = 0.05  # lamps that together give a patch at most this share of its light 
 NARROW = 0.02  # one, too, where all are small: suns up to this angle, radians, others up to the smallest patches' size
 AHEAD = 1 << 16  # points of the picture, about, for which light is gathered before it is drawn
 ASKED = 1 << 16  # of them at once
-LAYERS = 4  # of cut-outs through which they are looked for
+LAYERS = 64  # of cut-outs through which they are looked for
 PATCH = 2.0  # the size of the smallest patches, in finest distances
 
 
@@ -163,8 +163,8 @@ def ahead(world: World, records: Records, camera: Camera, offsets: NDArray[np.fl
     offsets (S,2): of the samples in a pixel. part: of `parts` bands of the picture, which threads do side by side.
     """
     x0, y0, x1, y1 = crop = camera.crop or (0, 0, camera.width, camera.height)
-    share = (x1 - x0) * (y1 - y0) / AHEAD
-    every, samples = max(1, round(share**0.5)), offsets[:max(1, int(1 / share))]
+    part_of = (x1 - x0) * (y1 - y0) / AHEAD
+    every, samples = max(1, round(part_of**0.5)), offsets[:max(1, int(1 / part_of))]
     left, low, right, top = (i // every for i in crop)
     rows = np.linspace(low, max(top, low + 1), parts + 1).astype(int)
     small = replace(camera, width=max(camera.width // every, right), height=max(camera.height // every, top), crop=None)
@@ -172,13 +172,23 @@ def ahead(world: World, records: Records, camera: Camera, offsets: NDArray[np.fl
     origin, direction, reach = camera_rays(small, box, samples)
     normal: NDArray | None = None
     ends: NDArray | None = reach
-    for _ in range(LAYERS):
+    share = np.ones(len(origin))  # of a ray's light
+    waiting, count = list[tuple[NDArray, ...]](), 0  # places, and how many
+    for layer in range(1, LAYERS + 1):
         met, hits = world.closest("camera", origin, direction, normal, ends)
-        alpha, direction = world.glass.alpha(hits), direction[met]
+        alpha, direction, share = world.glass.alpha(hits), direction[met], share[met]
         matt = np.flatnonzero((world.materials.kd[hits.material] > 0) & (alpha > 0))
-        for i in range(0, len(matt), ASKED):
-            records(hits.at(matt[i:i + ASKED]), check)
-        on = np.flatnonzero(alpha < 1)  # straight on, through cut-outs
-        if not len(on):
+        waiting.append(tuple(a[matt] for a in hits[:8]))
+        count += len(matt)
+        share *= 1 - alpha
+        on = np.flatnonzero(share > world.scene.settings.cutoff)  # straight on, through cut-outs
+        last = not len(on) or layer == LAYERS
+        if count > ASKED or last:
+            found = Hits._make([*(np.concatenate(a) for a in zip(*waiting, strict=True)), hits.table,
+                                *5 * [None]])
+            for i in range(0, count, ASKED):
+                records(found.at(np.arange(i, min(i + ASKED, count))), check)
+            waiting, count = [], 0
+        if last:
             break
-        origin, direction, normal, ends = hits.P[on], direction[on], -hits.Ng[on], None
+        origin, direction, normal, ends, share = hits.P[on], direction[on], -hits.Ng[on], None, share[on]

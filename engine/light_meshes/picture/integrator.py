@@ -163,9 +163,12 @@ def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box
     if ready.plan.reflections or ready.plan.blurred:
         # If no light passes, light does not divide further, and only mirrors count for the depth.
         events = np.where(passed.any(1), rays.depth, mirrored)
-        bounced = rays._replace(clear=np.zeros_like(rays.clear))
-        children += reflected(ready, bounced, hits, share, face.mirror, events, tile)
-        for rows, layer in further(hits) if ready.plan.layers else ():
+        bounced, some, mirror = rays._replace(clear=np.zeros_like(rays.clear)), hits, face.mirror
+        if len(solid) < len(share):  # what is not there reflects nothing
+            bounced, some, (share, mirror, events) = bounced.at(solid), hits.at(solid), (
+                taken(a, solid) for a in (share, mirror, events))
+        children += reflected(ready, bounced, some, share, mirror, events, tile)
+        for rows, layer in further(some) if ready.plan.layers else ():
             children += reflected(ready, bounced.at(rows), layer, share[rows], layer.table.mirror[layer.row],
                                   events[rows], tile)
     return children

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
 
@@ -11,15 +12,19 @@ from numpy.typing import NDArray
 
 from ..lights.registry import KINDS
 from ..rays.camera import depth
-from ..scene.description import same
+from ..rays.geometry import Hits
+from ..scene.description import Light, same
 from ..shadows import lamp_points
 from ..shadows.radius import magnified, radius
 from ..shadows.registry import KINDS as METHODS
+from ..support import processors
 from ..support.bits import has
 from ..surface import shading
 from .world import World
 
 SMALL = 4  # pixels
+PAIRS = 1 << 18  # of a light and a point at once
+SPARSE = 32  # so many points of the coarse view one stands for, where lamps are sought that hardly blur anything
 ACROSS = 200  # steps in the picture's width, at the median depth
 
 
@@ -75,8 +80,11 @@ class Measured:
         wide = 2 * lamp_points.reaches(lamp_points.shapes(lights))
         small = [i for i in sized if 0 < wide[i] * (
             2 * world.surfaces.scale if KINDS[lights[i].type].directional else 1) < SMALL * pixel]
-        found = zip(small, _magnifications(world, small, most=True) if small else [], strict=True)
-        return {i: width for i, most in found if (width := wide[i] * (most or 0.0) / pixel) < 1}
+        for every in (SPARSE, 1):  # a few points already tell that most lamps blur more than a pixel
+            found = zip(small, _magnifications(world, small, True, every) if small else [], strict=True)
+            widths = {i: width for i, most in found if (width := wide[i] * (most or 0.0) / pixel) < 1}
+            small = [*widths]
+        return widths
 
 
 def _same_view(world: World, old: World) -> bool:
@@ -107,42 +115,71 @@ def step(world: World) -> float:
     return float(f"{max(width / ACROSS, 1e-30):.1e}")
 
 
-def _magnifications(world: World, numbers: list[int], most: bool = False) -> list[float | None]:
+def _magnifications(world: World, numbers: list[int], most: bool = False, every: int = 1) -> list[float | None]:
     """Return the median (or the largest) of a/(L − a) over a coarse grid of the camera's view; for a SUN that of a;
     None if it cannot be measured.
 
     With a reference distance, a is this distance and L the median way to the surfaces on which the light shines.
-    Otherwise both are measured where something blocks the light.
+    Otherwise both are measured where something blocks the light. every: the number of the grid's points of which one
+    is looked at.
     """
     lights = tuple(world.scene.lights[i] for i in numbers)
     if most:
         lights = tuple(replace(light, reference_distance=0.0) for light in lights)
     arrays = shading.light_arrays(lights)
-    targets = arrays.targets()
     direction, hits = world.coarse_view()
+    if every > 1:
+        direction, hits = np.ascontiguousarray(direction[::every]), hits.at(np.arange(0, len(hits.P), every))
     n, owner = len(hits.P), world.owner(hits.triangle)
     shines = np.zeros((n, (len(lights) + 63) // 64), np.uint64)
     shading.reaching(shading.Lit(arrays, world.materials, hits, direction, np.zeros((n, 3))), True, shines)
-    found: list[float | None] = []
-    for k, light in enumerate(lights):
-        on = has(shines.T, k)
-        if light.receivers is not None:
-            on &= np.isin(owner, light.receivers)
+    step = max(1, PAIRS // max(1, n))
+
+    def several(first: int) -> list[NDArray[np.float64]]:
+        some = lights[first:first + step]
+        on = np.stack([has(shines.T, first + k) for k in range(len(some))])
+        for k, light in enumerate(some):
+            if light.receivers is not None:
+                on[k] &= np.isin(owner, light.receivers)
         if world.casters.receives is not None:
             on &= world.casters.receives[hits.triangle]
-        P, N = hits.P[on], hits.Ng[on]
-        way = np.broadcast_to(targets.position[k], P.shape) - (0 if targets.directional[k] else P)
-        length = np.sqrt((way * way).sum(1))
+        return _magnified(world, hits, numbers[first:first + step], some, on)
+
+    with ThreadPoolExecutor(processors.count()) as pool:
+        blocks = list(pool.map(several, range(0, len(lights), step)))
+    return [float(np.max(values) if most else np.median(values)) if len(values) else None
+            for block in blocks for values in block]
+
+
+def _magnified(world: World, hits: Hits, numbers: list[int], lights: tuple[Light, ...],
+               on: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+    """Return the values of which `_magnifications` takes the median, for each of these lights. on (L,n): whether a
+    light shines on a hit.
+    """
+    targets = shading.light_arrays(lights).targets()
+    of, row = np.nonzero(on)
+    P, N = hits.P[row], hits.Ng[row]
+    way = targets.position[of] - np.where(targets.directional[of, None], 0, P)
+    length = np.sqrt((way * way).sum(1))
+    blockers = [_blockers(world, i) for i in numbers]
+    values, known = np.zeros(len(of)), np.zeros(len(of), np.bool_)
+    measured = np.array([light.reference_distance == 0 for light in lights], np.bool_)
+    for casters in {one for one in blockers if one is not None}:
+        rows = np.flatnonzero(np.array([one == casters for one in blockers], np.bool_)[of] & measured[of])
+        sun, far = targets.directional[of[rows]], length[rows]
+        hit, blocker = world.closest("opaque", P[rows], way[rows] / far[:, None], N[rows], np.where(sun, np.inf, far),
+                                     casters)
+        a: NDArray = np.sqrt(((blocker.P - P[rows][hit]) ** 2).sum(1))
+        values[rows[hit]], known[rows[hit]] = np.where(sun[hit], a, magnified(a, far[hit])), True
+    end = np.cumsum(np.bincount(of, minlength=len(lights)))
+    found = []
+    for k, light in enumerate(lights):
+        mine = slice(end[k - 1] if k else 0, end[k])
         if light.reference_distance > 0:
-            values = np.array([magnified(light.reference_distance, np.median(length))] if len(P) else [])
-        elif (casters := _blockers(world, numbers[k])) is None:
-            values = np.zeros(0)
+            lit = mine.stop > mine.start
+            found.append(np.array([magnified(light.reference_distance, np.median(length[mine]))] if lit else []))
         else:
-            hit, blocker = world.closest("opaque", P, way / length[:, None], N,
-                                         None if targets.directional[k] else length, casters)
-            a: NDArray = np.sqrt(((blocker.P - P[hit]) ** 2).sum(1))
-            values = a if targets.directional[k] else magnified(a, length[hit])
-        found.append(float(np.max(values) if most else np.median(values)) if len(values) else None)
+            found.append(values[mine][known[mine]])
     return found
 
 

@@ -33,8 +33,9 @@ class Looks:
         self._programs: tuple[Program, ...] = tuple(m.program for m in scene.materials)
         self._surfaces, self._textures = surfaces, textures
         self._varies = np.array([bool(p) for p in self._programs], np.bool_)
-        self._cuts = np.array([bool(_LETS_THROUGH & set(p.values)) for p in self._programs], np.bool_)
-        self.any, self.cuts = bool(self._varies.any()), bool(self._cuts.any())
+        # (M,) whether a program says how much light gets through
+        self.cuts = np.array([bool(_LETS_THROUGH & set(p.values)) for p in self._programs], np.bool_)
+        self.any = bool(self._varies.any())
         # Materials with equal programs, and as many layers, are one group.
         groups: dict[tuple[Program, int], int] = {}
         self._group = np.array([groups.setdefault((m.program, len(m.layers)), len(groups)) for m in scene.materials])
@@ -97,7 +98,7 @@ class Looks:
     def let_through(self, material: NDArray[np.int32], triangle: NDArray[np.int32], u: NDArray, v: NDArray,
                     uv: NDArray[np.float32], alpha: NDArray[np.float64], kt: NDArray[np.float64]) -> None:
         """Set alpha (n,) and kt (n,3) where shadow rays cross materials whose programs say them."""
-        rows = np.flatnonzero(self._cuts[material]) if self.any else np.zeros(0, np.int64)
+        rows = np.flatnonzero(self.cuts[material]) if self.any else np.zeros(0, np.int64)
         if not len(rows):
             return
         s, of = self._surfaces, triangle[rows]

@@ -23,6 +23,8 @@ _EXTENSIONS = ("REPEAT", "EXTEND", "CLIP", "MIRROR")  # as in textures.c
 _INTERPOLATIONS = ("LINEAR", "CLOSEST", "CUBIC")
 _LOOK = {np.dtype(kind): kernel(f"textures_look_{name}")
          for kind, name in ((np.uint8, "u8"), (np.uint16, "u16"), (np.float32, "f32"))}
+_OPAQUE, _CLIPPED, _ASKED = 0, 1, 5  # as in texels.h
+_TEXELS = {np.dtype(np.uint8): 2, np.dtype(np.uint16): 3, np.dtype(np.float32): 4}
 _coverage, _needed = kernel("textures_coverage"), kernel("textures_needed")
 _SYSTEM = ("/proc", "/sys", "/dev")  # files there are not real files
 LIMIT = 2 << 30  # bytes of all images' texels in memory; beyond that OpenImageIO's cache has them, and holds so many
@@ -161,6 +163,20 @@ class Texture:
         return alpha[:, 0]
 
 
+    def alpha_texels(self) -> tuple[int, ...]:
+        """Return where kernels find its alpha, as texels.h has it: a kind, the address of its texels, their layout, and
+        the address and the length of the table that makes their numbers alpha. The kind ASKED: `alpha` must tell.
+        """
+        layout = self._height, self.width, 0, self._alpha, self._interpolation, self._extension
+        if self._alpha < 0:
+            clipped = self._step and self._extension == _EXTENSIONS.index("CLIP")
+            return (_CLIPPED if clipped else _OPAQUE, 0, *layout, 0, 0)
+        if self._texels is None:
+            return (_ASKED, 0, *layout, 0, 0)
+        layout = *layout[:2], self._texels.shape[2], *layout[3:]
+        return (_TEXELS[self._kind], self._texels.ctypes.data, *layout, self._straight.ctypes.data, len(self._straight))
+
+
 _Change = Callable[[NDArray, NDArray], NDArray]  # of colours (n,w,3 or 1) and alpha (n,w,1)
 
 
@@ -180,6 +196,15 @@ def _read(source: Any, layout: Layout) -> NDArray:
     if texels is None:
         raise OSError(source.geterror() or "cannot be read")
     return np.ascontiguousarray(np.atleast_3d(texels))
+
+
+def alpha_images(textures: Sequence[Texture | None]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return where kernels find the alpha of textures, (n,10), see `Texture.alpha_texels`; and which of them (n,) they
+    do not find. Those that cannot be read are opaque.
+    """
+    rows = [texture.alpha_texels() if texture else (_OPAQUE,) + 9 * (0,) for texture in textures]
+    found = np.array(rows, np.int64).reshape(len(rows), 10)
+    return found, found[:, 0] == _ASKED
 
 
 def alphas(scene: Scene) -> set[int]:
