@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..film.passes import shadow_number
 from ..gathered.records import Gathered, Records
 from ..rays.geometry import Hits
-from ..shadows import pairs
+from ..shadows import blocks, pairs
 from ..shadows.method import Check, Lobes, Method, Receivers
 from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
@@ -193,10 +193,12 @@ class Lighting:
         another method than the plan's. narrow: see `Receivers`. layers: further ones, whose lights count, too.
         """
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
-        step = even(n, max(64, SHADED // max(1, count)))
-        for i in range(0, n if count else 0, step):
+        most = max(64, SHADED // max(1, count))
+        block = surfaces.hits.block
+        step = even(n, most)
+        parts = [slice(i, min(i + step, n)) for i in range(0, n, step)] if block is None else blocks.slices(block, most)
+        for part in parts if count else ():
             check()
-            part = slice(i, min(i + step, n))
             lit = surfaces.at(part)
             some = lit.hits
             active = np.empty((len(some.P), (count + 63) // 64), np.uint64)
@@ -221,7 +223,7 @@ class Lighting:
             rows = None if narrow is None else narrow[part]
             weight, shown = self._weights(lit, active, method.weighs)
             S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows, some.apart, weight, shown,
-                                 some.sample), check, probe)
+                                 some.sample, some.block), check, probe)
             if visibility is None and method.highlights is not None and lit.materials.ggx.any():
                 lobes = Lobes(some.Ns, lit.direction, shading.alphas(lit.materials, some.row))
                 receivers = Receivers(some.P, some.Ng, active, some.triangle, lift, sample=some.sample)

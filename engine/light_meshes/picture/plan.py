@@ -47,6 +47,7 @@ class Plan:
     certificate: bool = False  # no short rays are traced where nothing else is near
     threshold: bool = False  # one lamp of a group stands for the shadows of all
     shares: bool = False  # nodes hold shares of lamps with a size
+    blocks: bool = False  # of many such lamps the blocks of the picture find out where they are seen in part
     certifies_lamps: bool = False  # the same for lamps with a size, which it spares more rays
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
@@ -229,6 +230,7 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
                f"{rays.first} rays where it is narrower than r, up to {rays.most} where something is near")
             + (", or where light comes through surfaces" if p.channels else ""))
         p.shares = not p.paths
+        p.blocks = p.shares and ray_counts.many(len(lamps)) and p.shadow_rate <= 1
         if p.paths:
             how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")

@@ -29,14 +29,21 @@ static const f64 sixteenth[16] = {1.0,  R8,  R4,  R16,  0.0, -R16, -R4, -R8, -1.
 
 static f64 part(f64 x) { return x - floor(x); }
 
+/* Which point of a pattern is the j-th of one of `sharers` that have the pattern in common: each round of points has one
+   for each of them, and who has which of these changes from round to round, so that also the points of one spread. */
+static i64 in_pattern(i64 j, i64 share, i64 sharers) {
+    int even = (sharers & (sharers - 1)) == 0;
+    return sharers * j + (even ? share ^ (j & (sharers - 1)) : (share + j) % sharers);
+}
+
 /* Points first..first+count of the lamp of each pair, as origin[row] has them: its pattern is turned (on the torus) by
-   turn[row], and for each lamp in another way, by `own`. skip: how many points come before the first, by origin. shape: FREE a sphere or a sun, of which the origin sees a disc
-   of radius `size`; else half-axes u, v. */
+   turn[row], and for each lamp in another way, by `own`. share (by origin), sharers: see `in_pattern`. shape: FREE a sphere
+   or a sun, of which the origin sees a disc of radius `size`; else half-axes u, v. */
 KERNEL(lamp_points,
-       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  skip i64[m]?  row i32[k]  light i32[k]  position f64[L,3]  "
+       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  share i64[m]?  sharers i64  row i32[k]  light i32[k]  position f64[L,3]  "
        "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!")
-i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i64 *skip,
-                const i32 *row, const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
+i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i64 *share,
+                i64 sharers, const i32 *row, const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
                 const f64 *u, const f64 *v, const u64 *own, f64 *out) {
     (void)m, (void)L;
     if (p != k * count) return 1;
@@ -62,9 +69,9 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
         key = mixed(key + own[i]);
         f64 shift = mine[0] + random_of(own[i]), turned = 0.0, cosine = 1.0, sine = 0.0;
         i64 set = -1;
-        i64 begin = first + (skip ? skip[row[at]] : 0);
-        for (i64 n = begin; n < begin + count; n++) {
-            f64 *point = out + 3 * (at * count + n - begin);
+        for (i64 q = 0; q < count; q++) {
+            i64 n = share ? in_pattern(first + q, share[row[at]], sharers) : first + q;
+            f64 *point = out + 3 * (at * count + q);
             i64 j = stratum(n & 15) ^ (i64)(mixed(key + (u64)(n >> 4)) & 15);
             if (n >> 4 != set) {  /* the next 16 */
                 set = n >> 4, turned = shift + 0.5698402909980532 * (f64)set;

@@ -75,14 +75,14 @@ def reaches(shapes: Shapes) -> NDArray[np.float64]:
 
 def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: NDArray[np.float64],
            row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
-           skip: NDArray[np.int64] | None = None) -> Targets:
+           share: NDArray[np.int64] | None = None, sharers: int = 1) -> Targets:
     """Points first..first+count (k·count,3) of light[k] as origin[row[k]] has them, pair after pair.
 
-    origin (m,3): who looks, world; turn (m,2): how its pattern is turned; skip (m,): how many points of its pattern
-    come before the first, which others have.
+    origin (m,3): who looks, world; turn (m,2): how its pattern is turned; share (m,): which it is, from 0 on, of the
+    `sharers` that have a pattern in common; None: it is alone.
     """
     out = np.empty((len(row) * count, 3))
-    _points(first, count, origin, turn, skip, row, light, *targets, *shapes, out)
+    _points(first, count, origin, turn, share, sharers, row, light, *targets, *shapes, out)
     return Targets(out, np.repeat(targets.directional[light], count))
 
 

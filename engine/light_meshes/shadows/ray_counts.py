@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..support.native import kernel
+from .blocks import BALANCED as QUICK
+from .blocks import BEST as CAREFUL
 
 _counts = kernel("lamp_ray_counts")
 # Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
@@ -43,6 +45,8 @@ class Shared(NamedTuple):
 
 # As near as 4 and as 16 rays to each lamp
 BALANCED, BEST = Shared(7.5, (2.0, 4.0, 8.0), 16), Shared(43.0, (4.0, 8.0, 16.0), 16)
+# The same where blocks of the picture find out which pairs are worth more than a ray
+BALANCED_BLOCKS, BEST_BLOCKS = Shared(7.5, (2.0, 4.0, 8.0), 8), Shared(30.0, (4.0, 8.0, 16.0), 16)
 SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many times the rays of each are as near
 
 
@@ -68,7 +72,9 @@ class RayCounts:
     def __init__(self, kI: float, lamps: int, samples: int) -> None:
         """lamps: how many have a size. samples: of a pixel."""
         self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
-        self._mean = self._of.mean * (FEWER if samples >= SEVERAL else 1.0)
+        self._fewer = FEWER if samples >= SEVERAL else 1.0
+        self._mean = self._of.mean * self._fewer
+        self._in_blocks, self.stages = (BALANCED_BLOCKS, QUICK) if kI < FINE else (BEST_BLOCKS, CAREFUL)
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,
                  shown: NDArray[np.float64] | None) -> NDArray[np.uint8]:
@@ -90,6 +96,12 @@ class RayCounts:
             _counts(active[some], e[some], shown[some], self._mean if self.shared else float(first),
                     np.array([n for n in BLURRED if n <= first]), found)
             out[some] = found
+        return out
+
+    def in_blocks(self, active: NDArray[np.uint64], e: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """How many rays (n,L) go at last where blocks do not agree, of lamps that are shared out."""
+        out, of = np.empty(e.shape, np.uint8), self._in_blocks
+        _counts(active, e, np.zeros(len(e)), of.mean * self._fewer, np.array(of.counts), out)
         return out
 
     def kind(self, count: int) -> Rays:

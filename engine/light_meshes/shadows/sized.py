@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..rays.tracer import points as places
 from ..support.bits import has
 from ..support.native import kernel
-from . import lobe_points, pairs
+from . import blocks, lobe_points, pairs
 from .casters import union
 from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
 from .method import Check, Lobes, Method, Receivers, Setup
@@ -98,17 +98,21 @@ class SizedLamps(Method):
         soft = at.active & self._soft
         if at.triangle is not None and self._receives is not None:
             soft[~self._receives[at.triangle]] = 0
-        asked, lifted = soft.copy(), np.zeros_like(soft)
+        by_nodes, lifted = soft.copy(), np.zeros_like(soft)
         if at.lift is not None:
-            touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, asked, lifted)
-        asked &= ~lifted
+            touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, by_nodes, lifted)
+        by_blocks, partly = np.zeros_like(soft), np.zeros_like(soft)
+        if self._rays.shared and at.block is not None and at.weight is not None:
+            by_blocks = soft if at.several is None else soft & ~at.several
+            partly = self._ask_blocks(at, by_blocks, lifted, self._rays.in_blocks(soft, at.weight), S, check)
+        asked = by_nodes & ~lifted & ~by_blocks
         if at.apart is not None:  # where few receivers are, rays from them are fewer than rays from nodes
             asked[DENSE * at.apart > self.levels[0].h] = 0
         if at.several is not None:  # which lamp it is differs from receiver to receiver
             asked &= ~at.several
         if at.narrow is not None:
             at.narrow[:] |= soft & ~asked
-        by_rays, rest = soft & ~asked, np.ones(S.shape[:2], np.float32)
+        by_rays, rest = soft & ~asked & ~by_blocks, np.ones(S.shape[:2], np.float32)
         own = None if probe is None else np.zeros_like(probe)
         lit = np.flatnonzero(asked.any(1))
         for i in range(0, len(lit), BATCH):
@@ -117,7 +121,7 @@ class SizedLamps(Method):
             on = None if at.triangle is None else at.triangle[rows]
             some = Receivers(at.P[rows], at.normals()[rows], asked[rows], on)
             by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow, own))
-        for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays)):
+        for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays | partly)):
             self._stats.add_each(name, _each(pairs_of, self._count))
         if by_rays.any():
             counts = self._rays(soft, at.weight, at.shown)
@@ -131,9 +135,31 @@ class SizedLamps(Method):
         if left.any():
             S += self._others(at._replace(active=left), check, probe)  # S is 0 there so far
         if probe is not None and own is not None:
-            own[:, 2] = by_rays.any(1)
+            own[:, 2] = (by_rays | partly).any(1)
             probe += own
         return S
+
+    def _ask_blocks(self, at: Receivers, asked: NDArray[np.uint64], lifted: NDArray[np.uint64],
+                    counts: NDArray[np.uint8], S: NDArray[np.float32], check: Check) -> NDArray[np.uint64]:
+        """Set S of lights asked for (n,W), see `blocks.ask`, which needs at.block; lifted (n,W): of these those whose rays
+        are lifted. Returns the lights that are seen in part.
+        """
+        assert at.block is not None and at.sample is not None
+
+        def clear(row: NDArray[np.int32], light: NDArray[np.int32], first: int,
+                  count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+            lifts = (lifted[row, light >> 6] >> (light & 63).astype(np.uint64) & np.uint64(1)) != 0
+            if not lifts.any():
+                return self._clear(at, None, row, light, first, count, check)
+            if lifts.all():
+                return self._clear(at, at.lift, row, light, first, count, check)
+            found, whole = np.empty((len(row), self._channels)), np.empty(len(row))
+            for lift, some in ((None, np.flatnonzero(~lifts)), (at.lift, np.flatnonzero(lifts))):
+                found[some], whole[some] = self._clear(at, lift, row[some], light[some], first, count, check)
+            return found, whole
+
+        with self._stats.stage("rays of blocks"):
+            return blocks.ask(asked, at.block, at.sample, self._rays.stages, counts, clear, S)
 
     def _add_rays(self, at: Receivers, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
                   S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
@@ -289,33 +315,33 @@ class SizedLamps(Method):
                  alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
         """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         with self._stats.stage("rays near contact"):
-            skip = None if at.sample is None else at.sample[:, 1] * rays.most
-            clear, whole = self._clear(at, lift, row, light, 0, rays.first, check, skip)
+            clear, whole = self._clear(at, lift, row, light, 0, rays.first, check)
             if rays.most > rays.first:
                 disagree = ((clear > 0) & (clear < whole[:, None])).any(1)
                 more = np.flatnonzero(disagree & alone if rays.alone else disagree)
                 found, further = self._clear(at, lift, row[more], light[more], rays.first,
-                                             rays.most - rays.first, check, skip)
+                                             rays.most - rays.first, check)
                 clear[more] += found
                 whole[more] += further
         return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
     def _clear(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], first: int,
-               count: int, check: Check,
-               skip: NDArray[np.int64] | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+               count: int, check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what points first..first+count of light[k] give P[row[k]], added up: what gets through (k,C), and what
         would if nothing stood between (k,). Ω is that of the lamp above the horizon, so the points below do not count.
-        lift: of receivers that rays are lifted from. skip (n,): of each receiver, see `points`.
+        lift: of receivers that rays are lifted from.
         """
         clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
         facing = at.normals() if at.lift is None else at.lift.side
         turn, targets, shapes = turns_of_points(at.P, at.sample), self._lamps.targets, self._lamps.shapes
+        share = None if at.sample is None else np.ascontiguousarray(at.sample[:, 1])
         for group in self._groups:
             mine = np.flatnonzero(_in(group.lights, light))
             for i in range(0, len(mine), RAYS_AT_ONCE // count):
                 check()
                 part = mine[i:i + RAYS_AT_ONCE // count]
-                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count, skip)
+                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count, share,
+                            self._samples)
                 order = np.arange(len(to.position), dtype=np.int32)
                 origin, normal, of = starts(lift, at.P, at.N, to, np.repeat(row[part], count), order)
                 visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
