@@ -23,11 +23,12 @@ from . import pairs
 RECEIVERS = 64  # about as many are in a small block; a large one is twice as wide
 FEWEST = 8  # receivers that can agree
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
-# What points first, … of light[k] give receiver row[k], added up: clear (k,C), whole (k). Arguments: row, light, first,
-# how many, lifted
-Clear = Callable[[NDArray[np.int32], NDArray[np.int32], int, int], tuple[NDArray[np.float64], NDArray[np.float64]]]
+# Adds what points of light[k] give receiver row[k]. Arguments: row, light, of which pairs k, whether their rays are lifted,
+# the first point, how many, and where it is added: what gets through (k,C), and what would if nothing stood between (k)
+Add = Callable[[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], bool, int, int, NDArray[np.float64],
+                NDArray[np.float64]], None]
 
-_voted, _agreed = kernel("blocks_voted"), kernel("blocks_agreed")
+_todo, _voted, _agreed, _said = (kernel(f"blocks_{name}") for name in ("todo", "voted", "agreed", "said"))
 
 
 def edge(samples: int) -> int:
@@ -86,48 +87,48 @@ class Found(NamedTuple):
 
     row: NDArray[np.int32]  # (k,)
     light: NDArray[np.int32]
-    have: NDArray[np.int64]  # (k,) rays that were traced
+    lifted: NDArray[np.uint64]  # (n,W) lights whose rays are lifted, by receivers
+    have: NDArray[np.uint8]  # (k,) rays that were traced
     clear: NDArray[np.float64]  # (k,C) what they brought,
     whole: NDArray[np.float64]  # (k,) and what they would have if nothing stood between
 
-    def trace(self, some: NDArray[np.int64], rays: int, by: Clear) -> None:
-        """Trace so many rays of these pairs in all, where they are not yet."""
-        have = self.have[some]
-        for first in np.unique(have[have < rays]):
-            those = some[have == first]
-            clear, whole = by(self.row[those], self.light[those], int(first), rays - int(first))
-            self.clear[those] += clear
-            self.whole[those] += whole
-            self.have[those] = rays
+    def trace(self, left: NDArray[np.int32], rays: int, add: Add, chosen: NDArray[np.bool_] | None = None,
+              counts: NDArray[np.uint8] | None = None) -> None:
+        """Trace so many rays of pairs `left` in all, where they are not yet. chosen (n,): of which receivers; counts (n,L):
+        only where these are as many as `rays`.
+        """
+        todo = np.empty(len(left), np.int32)
+        for first in range(rays):
+            for lifts in (False, True):
+                count = _todo(first, rays, lifts, self.row, self.light, left, self.lifted, chosen, counts, self.have,
+                              todo)
+                if count:
+                    add(self.row, self.light, todo[:count], lifts, first, rays - first, self.clear, self.whole)
 
 
-def ask(asked: NDArray[np.uint64], block: NDArray[np.int64], sample: NDArray[np.int64], stages: tuple[Stage, ...],
-        counts: NDArray[np.uint8], by: Clear, S: NDArray[np.float32]) -> NDArray[np.uint64]:
+def ask(asked: NDArray[np.uint64], block: NDArray[np.int64], sample: NDArray[np.int64], lifted: NDArray[np.uint64],
+        stages: tuple[Stage, ...], counts: NDArray[np.uint8], add: Add, S: NDArray[np.float32]) -> NDArray[np.uint64]:
     """Set S (n,L,C) of lights asked for (n,W), and return those of which blocks do not agree (n,W).
 
-    block (n,): `numbers`, ascending; sample (n,2): see `Hits`; counts (n,L): how many rays are traced at last.
+    block (n,): `numbers`, ascending; sample (n,2): see `Hits`; lifted (n,W): lights whose rays are lifted; counts (n,L): how
+    many rays are traced at last.
     """
     partly, lights, channels = np.zeros_like(asked), S.shape[1], S.shape[2]
     of = {large: np.cumsum(np.diff(block >> 2 * large, prepend=block[:1] >> 2 * large) != 0, dtype=np.int32)
           for large in (False, True)}
     turned = (sample[:, 0].astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(63)).astype(np.int64)
     chosen = (turned ^ sample[:, 1]) & 1 == 0
+    most = np.unique(counts)
     for row, light in pairs.blocks(asked, lights):
         k = len(row)
-        pair = Found(row, light, np.zeros(k, np.int64), np.zeros((k, channels)), np.zeros(k))
-        left = np.arange(k)
+        pair = Found(row, light, lifted, np.zeros(k, np.uint8), np.zeros((k, channels)), np.zeros(k))
+        left = np.arange(k, dtype=np.int32)
         for stage in stages:
-            pair.trace(left[chosen[row[left]]] if stage.half else left, stage.rays, by)
+            pair.trace(left, stage.rays, add, chosen if stage.half else None)
             mine, votes = of[stage.large], np.zeros((int(of[stage.large][-1]) + 1, lights), np.uint16)
-            state = np.empty(len(left), np.uint8)
             _voted(mine, row, light, left, pair.have, pair.clear, pair.whole, votes)
-            _agreed(FEWEST, mine, row, light, left, votes, state)
-            seen = left[state == 2]
-            S[row[seen], light[seen]] = 1
-            left = left[state == 0]
-        count = counts[row[left], light[left]]
-        for n in np.unique(count):
-            pair.trace(left[count == n], int(n), by)
-        S[row[left], light[left]] = pair.clear[left] / np.maximum(pair.whole[left], 1e-300)[:, None]
-        np.bitwise_or.at(partly, (row[left], light[left] >> 6), np.uint64(1) << (light[left] & 63).astype(np.uint64))
+            left = left[:_agreed(FEWEST, mine, row, light, votes, left, S)].copy()
+        for n in most:
+            pair.trace(left, int(n), add, counts=counts)
+        _said(row, light, left, pair.clear, pair.whole, S, partly)
     return partly

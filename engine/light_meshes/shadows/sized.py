@@ -146,20 +146,12 @@ class SizedLamps(Method):
         """
         assert at.block is not None and at.sample is not None
 
-        def clear(row: NDArray[np.int32], light: NDArray[np.int32], first: int,
-                  count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            lifts = (lifted[row, light >> 6] >> (light & 63).astype(np.uint64) & np.uint64(1)) != 0
-            if not lifts.any():
-                return self._clear(at, None, row, light, first, count, check)
-            if lifts.all():
-                return self._clear(at, at.lift, row, light, first, count, check)
-            found, whole = np.empty((len(row), self._channels)), np.empty(len(row))
-            for lift, some in ((None, np.flatnonzero(~lifts)), (at.lift, np.flatnonzero(lifts))):
-                found[some], whole[some] = self._clear(at, lift, row[some], light[some], first, count, check)
-            return found, whole
+        def add(row: NDArray[np.int32], light: NDArray[np.int32], some: NDArray[np.int32], lifts: bool, first: int,
+                count: int, clear: NDArray[np.float64], whole: NDArray[np.float64]) -> None:
+            self._add_clear(at, at.lift if lifts else None, row, light, some, first, count, clear, whole, check)
 
         with self._stats.stage("rays of blocks"):
-            return blocks.ask(asked, at.block, at.sample, self._rays.stages, counts, clear, S)
+            return blocks.ask(asked, at.block, at.sample, lifted, self._rays.stages, counts, add, S)
 
     def _add_rays(self, at: Receivers, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
                   S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
@@ -332,25 +324,29 @@ class SizedLamps(Method):
         lift: of receivers that rays are lifted from.
         """
         clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
+        self._add_clear(at, lift, row, light, np.arange(len(row), dtype=np.int32), first, count, clear, whole, check)
+        return clear, whole
+
+    def _add_clear(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32],
+                   some: NDArray[np.int32], first: int, count: int, clear: NDArray[np.float64],
+                   whole: NDArray[np.float64], check: Check) -> None:
+        """Add it to clear (k,C) and whole (k) of `some` pairs."""
         facing = at.normals() if at.lift is None else at.lift.side
         turn, targets, shapes = turns_of_points(at.P, at.sample), self._lamps.targets, self._lamps.shapes
         share = None if at.sample is None else np.ascontiguousarray(at.sample[:, 1])
         for group in self._groups:
-            mine = np.flatnonzero(_in(group.lights, light))
+            mine = some if len(self._groups) == 1 else some[_in(group.lights, light[some])]
             for i in range(0, len(mine), RAYS_AT_ONCE // count):
                 check()
                 part = mine[i:i + RAYS_AT_ONCE // count]
-                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count, share,
-                            self._samples)
+                rows, lights = row[part], light[part]
+                to = points(shapes, targets, at.P, turn, rows, lights, first, count, share, self._samples)
                 order = np.arange(len(to.position), dtype=np.int32)
-                origin, normal, of = starts(lift, at.P, at.N, to, np.repeat(row[part], count), order)
+                origin, normal, of = starts(lift, at.P, at.N, to, rows if count == 1 else np.repeat(rows, count), order)
                 visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
-                some, all_of_it = np.zeros((len(part), self._channels)), np.zeros(len(part))
-                _sums(count, at.P, facing, row[part], light[part], targets.directional, shapes.shape,
-                      self._lamps.facing, to.position, visible.astype(np.float32), some, all_of_it)
-                clear[part], whole[part] = some, all_of_it
-        self._stats.add(shadow_rays=len(row) * count)
-        return clear, whole
+                _sums(count, at.P, facing, rows, lights, targets.directional, shapes.shape, self._lamps.facing,
+                      to.position, visible.astype(np.float32), part, clear, whole)
+        self._stats.add(shadow_rays=len(some) * count)
 
 
 def lamps(setup: Setup) -> Lamps:
