@@ -17,6 +17,7 @@ from ..film.passes import DEBUG
 from ..glass.interfaces import Interfaces
 from ..scene.description import Light, Material, Scene
 from ..shadows import ray_counts
+from ..shadows.blocks import edge
 from ..shadows.casters import Casters, smooth_lights, union
 from ..shadows.method import Kind
 from ..shadows.radius import extent
@@ -222,15 +223,21 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
                  f"{names(small)}: one ray says all, the edges in view are {max(pinpoints.values()):.2g} pixels wide")
     if lamps:
         kI = scene.settings.kI
-        rays, least = ray_counts.most(kI, len(lamps)), int(ray_counts.shared(kI).counts[0])
+        rays, many = ray_counts.most(kI, len(lamps)), ray_counts.many(len(lamps))
+        p.shares = not p.paths
+        p.blocks = p.shares and many and scene.settings.shadow_rate <= 1
         how, why = "shares at nodes", (
             f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; "
-            + (f"{least} to {rays.most} rays, by what the lamp gives, where it is narrower than r"
-               if ray_counts.many(len(lamps)) else
+            + (f"{int(ray_counts.shared(kI).counts[0])} to {rays.most} rays, by what the lamp gives, where it is "
+               "narrower than r" if many else
                f"{rays.first} rays where it is narrower than r, up to {rays.most} where something is near")
             + (", or where light comes through surfaces" if p.channels else ""))
-        p.shares = not p.paths
-        p.blocks = p.shares and ray_counts.many(len(lamps)) and p.shadow_rate <= 1
+        if p.blocks:
+            few, last = (int(ray_counts.in_blocks(kI).counts[k]) for k in (0, -1))
+            wide = 2 * edge(scene.settings.samples)
+            how, why = "blocks of the picture, and rays", (
+                f"{wide}² pixels find out together what they see of each lamp; {few} to {last} rays, by what the lamp "
+                f"gives, where they do not agree; in mirrors and behind glass {how}")
         if p.paths:
             how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")

@@ -22,9 +22,11 @@ from . import pairs
 
 RECEIVERS = 64  # about as many are in a small block; a large one is twice as wide
 FEWEST = 8  # receivers that can agree
+SIDES = 6  # to which surfaces may look
 Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
-# Adds what points of light[k] give receiver row[k]. Arguments: row, light, of which pairs k, whether their rays are lifted,
-# the first point, how many, and where it is added: what gets through (k,C), and what would if nothing stood between (k)
+# Adds what points of light[k] give receiver row[k]. Arguments: row, light, of which pairs k, whether their rays are
+# lifted, the first point, how many, and where it is added: what gets through (k,C), and what would if nothing stood
+# between (k)
 Add = Callable[[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], bool, int, int, NDArray[np.float64],
                 NDArray[np.float64]], None]
 
@@ -94,8 +96,9 @@ class Found(NamedTuple):
 
     def trace(self, left: NDArray[np.int32], rays: int, add: Add, chosen: NDArray[np.bool_] | None = None,
               counts: NDArray[np.uint8] | None = None) -> None:
-        """Trace so many rays of pairs `left` in all, where they are not yet. chosen (n,): of which receivers; counts (n,L):
-        only where these are as many as `rays`.
+        """Trace so many rays of pairs `left` in all, where they are not yet.
+
+        chosen (n,): of which receivers; counts (n,L): only where these are as many as `rays`.
         """
         todo = np.empty(len(left), np.int32)
         for first in range(rays):
@@ -106,16 +109,18 @@ class Found(NamedTuple):
                     add(self.row, self.light, todo[:count], lifts, first, rays - first, self.clear, self.whole)
 
 
-def ask(asked: NDArray[np.uint64], block: NDArray[np.int64], sample: NDArray[np.int64], lifted: NDArray[np.uint64],
-        stages: tuple[Stage, ...], counts: NDArray[np.uint8], add: Add, S: NDArray[np.float32]) -> NDArray[np.uint64]:
+def ask(asked: NDArray[np.uint64], N: NDArray[np.float64], block: NDArray[np.int64], sample: NDArray[np.int64],
+        lifted: NDArray[np.uint64], stages: tuple[Stage, ...], counts: NDArray[np.uint8], add: Add,
+        S: NDArray[np.float32]) -> NDArray[np.uint64]:
     """Set S (n,L,C) of lights asked for (n,W), and return those of which blocks do not agree (n,W).
 
-    block (n,): `numbers`, ascending; sample (n,2): see `Hits`; lifted (n,W): lights whose rays are lifted; counts (n,L): how
-    many rays are traced at last.
+    N (n,3): the receivers' normals; block (n,): `numbers`, ascending; sample (n,2): see `Hits`; lifted (n,W): lights
+    whose rays are lifted; counts (n,L): how many rays are traced at last.
     """
     partly, lights, channels = np.zeros_like(asked), S.shape[1], S.shape[2]
-    of = {large: np.cumsum(np.diff(block >> 2 * large, prepend=block[:1] >> 2 * large) != 0, dtype=np.int32)
-          for large in (False, True)}
+    side = np.abs(N).argmax(1).astype(np.int32)  # where surfaces meet, each speaks for itself
+    side = 2 * side + (N[np.arange(len(N)), side] < 0)
+    of = {large: SIDES * _counted(block >> 2 * large) + side for large in (False, True)}
     turned = (sample[:, 0].astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(63)).astype(np.int64)
     chosen = (turned ^ sample[:, 1]) & 1 == 0
     most = np.unique(counts)
@@ -125,10 +130,15 @@ def ask(asked: NDArray[np.uint64], block: NDArray[np.int64], sample: NDArray[np.
         left = np.arange(k, dtype=np.int32)
         for stage in stages:
             pair.trace(left, stage.rays, add, chosen if stage.half else None)
-            mine, votes = of[stage.large], np.zeros((int(of[stage.large][-1]) + 1, lights), np.uint16)
+            mine, votes = of[stage.large], np.zeros((int(of[stage.large][-1]) + SIDES, lights), np.uint16)
             _voted(mine, row, light, left, pair.have, pair.clear, pair.whole, votes)
             left = left[:_agreed(FEWEST, mine, row, light, votes, left, S)].copy()
         for n in most:
             pair.trace(left, int(n), add, counts=counts)
         _said(row, light, left, pair.clear, pair.whole, S, partly)
     return partly
+
+
+def _counted(block: NDArray[np.int64]) -> NDArray[np.int32]:
+    """How many other blocks come before each (n,)."""
+    return np.cumsum(np.diff(block, prepend=block[:1]) != 0, dtype=np.int32)

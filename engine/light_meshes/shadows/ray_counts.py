@@ -46,7 +46,7 @@ class Shared(NamedTuple):
 # As near as 4 and as 16 rays to each lamp
 BALANCED, BEST = Shared(7.5, (2.0, 4.0, 8.0), 16), Shared(43.0, (4.0, 8.0, 16.0), 16)
 # The same where blocks of the picture find out which pairs are worth more than a ray
-BALANCED_BLOCKS, BEST_BLOCKS = Shared(7.5, (2.0, 4.0, 8.0), 8), Shared(30.0, (4.0, 8.0, 16.0), 16)
+BALANCED_BLOCKS, BEST_BLOCKS = Shared(7.5, (2.0, 4.0, 8.0), 8), Shared(43.0, (4.0, 8.0, 16.0), 16)
 SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many times the rays of each are as near
 
 
@@ -58,6 +58,11 @@ def many(lamps: int) -> bool:
 def shared(kI: float) -> Shared:
     """How they are shared out, from kI = FINE on more to each."""
     return BEST if kI >= FINE else BALANCED
+
+
+def in_blocks(kI: float) -> Shared:
+    """How they are shared out where blocks of the picture do not agree."""
+    return BEST_BLOCKS if kI >= FINE else BALANCED_BLOCKS
 
 
 def most(kI: float, lamps: int) -> Rays:
@@ -74,7 +79,7 @@ class RayCounts:
         self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
         self._fewer = FEWER if samples >= SEVERAL else 1.0
         self._mean = self._of.mean * self._fewer
-        self._in_blocks, self.stages = (BALANCED_BLOCKS, QUICK) if kI < FINE else (BEST_BLOCKS, CAREFUL)
+        self._in_blocks, self.stages = in_blocks(kI), QUICK if kI < FINE else CAREFUL
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,
                  shown: NDArray[np.float64] | None) -> NDArray[np.uint8]:

@@ -121,7 +121,7 @@ class SizedLamps(Method):
             on = None if at.triangle is None else at.triangle[rows]
             some = Receivers(at.P[rows], at.normals()[rows], asked[rows], on)
             by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow, own))
-        for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays | partly)):
+        for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", np.bitwise_or(by_rays, partly))):
             self._stats.add_each(name, _each(pairs_of, self._count))
         if by_rays.any():
             counts = self._rays(soft, at.weight, at.shown)
@@ -141,8 +141,9 @@ class SizedLamps(Method):
 
     def _ask_blocks(self, at: Receivers, asked: NDArray[np.uint64], lifted: NDArray[np.uint64],
                     counts: NDArray[np.uint8], S: NDArray[np.float32], check: Check) -> NDArray[np.uint64]:
-        """Set S of lights asked for (n,W), see `blocks.ask`, which needs at.block; lifted (n,W): of these those whose rays
-        are lifted. Returns the lights that are seen in part.
+        """Set S of lights asked for (n,W), see `blocks.ask`, which needs at.block. Returns those that are seen in part.
+
+        lifted (n,W): of which rays are lifted. counts (n,L): how many rays there are at last.
         """
         assert at.block is not None and at.sample is not None
 
@@ -151,7 +152,7 @@ class SizedLamps(Method):
             self._add_clear(at, at.lift if lifts else None, row, light, some, first, count, clear, whole, check)
 
         with self._stats.stage("rays of blocks"):
-            return blocks.ask(asked, at.block, at.sample, lifted, self._rays.stages, counts, add, S)
+            return blocks.ask(asked, at.normals(), at.block, at.sample, lifted, self._rays.stages, counts, add, S)
 
     def _add_rays(self, at: Receivers, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
                   S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
