@@ -4,17 +4,19 @@
 enum { LIT = 1, DIM = 2, VOTER = 4, MOST = 1 << 12 };
 
 /* Lists in out those of the pairs left that have `first` rays, and sets that they have `rays`: lifted ones or not (lifts).
-   chosen: of which receivers; counts: only where these are `rays`. Returns how many. */
+   chosen: of receivers with 0, and for lamps of which `counts` is more than `few`, of those with 1; without it only where
+   counts is `rays`, unless this is 0: then everywhere. Returns how many. */
 KERNEL(blocks_todo,
-       "first i64  rays i64  lifts i64  row i32[k]  light i32[k]  left i32[m]  lifted u64[n,W]  chosen bool[n]?  counts u8[n,L]?  "
-       "have u8[k]!  out i32[m]!")
-i64 blocks_todo(i64 k, i64 m, i64 n, i64 W, i64 L, i64 first, i64 rays, i64 lifts, const i32 *row, const i32 *light,
+       "first i64  rays i64  few i64  lifts i64  row i32[k]  light i32[k]  left i32[m]  lifted u64[n,W]  chosen u8[n]?  "
+       "counts u8[n,L]  have u8[k]!  out i32[m]!")
+i64 blocks_todo(i64 k, i64 m, i64 n, i64 W, i64 L, i64 first, i64 rays, i64 few, i64 lifts, const i32 *row, const i32 *light,
                 const i32 *left, const u64 *lifted, const u8 *chosen, const u8 *counts, u8 *have, i32 *out) {
     i64 count = 0;
     (void)k, (void)n;
     for (i64 q = 0; q < m; q++) {
         i64 at = left[q], p = row[at], i = light[at];
-        if (have[at] != first || (chosen && !chosen[p]) || (counts && counts[L * p + i] != rays)) continue;
+        if (have[at] != first) continue;
+        if (chosen ? chosen[p] > (counts[L * p + i] > few) : few && counts[L * p + i] != rays) continue;
         if (has(lifted + W * p, i) != (lifts != 0)) continue;
         have[at] = (u8)rays, out[count++] = (i32)at;
     }

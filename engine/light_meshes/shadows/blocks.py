@@ -90,51 +90,54 @@ class Found(NamedTuple):
     row: NDArray[np.int32]  # (k,)
     light: NDArray[np.int32]
     lifted: NDArray[np.uint64]  # (n,W) lights whose rays are lifted, by receivers
+    counts: NDArray[np.uint8]  # (n,L) how many rays they get at last
     have: NDArray[np.uint8]  # (k,) rays that were traced
     clear: NDArray[np.float64]  # (k,C) what they brought,
     whole: NDArray[np.float64]  # (k,) and what they would have if nothing stood between
 
-    def trace(self, left: NDArray[np.int32], rays: int, add: Add, chosen: NDArray[np.bool_] | None = None,
-              counts: NDArray[np.uint8] | None = None) -> None:
+    def trace(self, left: NDArray[np.int32], rays: int, add: Add, few: int = 0,
+              chosen: NDArray[np.uint8] | None = None) -> None:
         """Trace so many rays of pairs `left` in all, where they are not yet.
 
-        chosen (n,): of which receivers; counts (n,L): only where these are as many as `rays`.
+        chosen (n,): only of receivers with 0, and of those with 1 where the lamp gets more than `few` rays at last. Without
+        it, but with `few`: only of pairs with so many rays at last.
         """
         todo = np.empty(len(left), np.int32)
         for first in range(rays):
             for lifts in (False, True):
-                count = _todo(first, rays, lifts, self.row, self.light, left, self.lifted, chosen, counts, self.have,
-                              todo)
+                count = _todo(first, rays, few, lifts, self.row, self.light, left, self.lifted, chosen, self.counts,
+                              self.have, todo)
                 if count:
                     add(self.row, self.light, todo[:count], lifts, first, rays - first, self.clear, self.whole)
 
 
 def ask(asked: NDArray[np.uint64], N: NDArray[np.float64], block: NDArray[np.int64], sample: NDArray[np.int64],
-        lifted: NDArray[np.uint64], stages: tuple[Stage, ...], counts: NDArray[np.uint8], add: Add,
+        lifted: NDArray[np.uint64], stages: tuple[Stage, ...], counts: NDArray[np.uint8], steps: tuple[int, ...], add: Add,
         S: NDArray[np.float32]) -> NDArray[np.uint64]:
     """Set S (n,L,C) of lights asked for (n,W), and return those of which blocks do not agree (n,W).
 
     N (n,3): the receivers' normals; block (n,): `numbers`, ascending; sample (n,2): see `Hits`; lifted (n,W): lights
-    whose rays are lifted; counts (n,L): how many rays are traced at last.
+    whose rays are lifted; counts (n,L): how many rays are traced at last,
+    one of `steps`.
     """
     partly, lights, channels = np.zeros_like(asked), S.shape[1], S.shape[2]
     side = np.abs(N).argmax(1).astype(np.int32)  # where surfaces meet, each speaks for itself
     side = 2 * side + (N[np.arange(len(N)), side] < 0)
     of = {large: SIDES * _counted(block >> 2 * large) + side for large in (False, True)}
     turned = (sample[:, 0].astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(63)).astype(np.int64)
-    chosen = (turned ^ sample[:, 1]) & 1 == 0
-    most = np.unique(counts)
+    chosen = ((turned ^ sample[:, 1]) & 1) * 2 + (turned ^ sample[:, 1]) // 2 % 2
+    chosen = np.minimum(chosen, 2).astype(np.uint8)
     for row, light in pairs.blocks(asked, lights):
         k = len(row)
-        pair = Found(row, light, lifted, np.zeros(k, np.uint8), np.zeros((k, channels)), np.zeros(k))
+        pair = Found(row, light, lifted, counts, np.zeros(k, np.uint8), np.zeros((k, channels)), np.zeros(k))
         left = np.arange(k, dtype=np.int32)
         for stage in stages:
-            pair.trace(left, stage.rays, add, chosen if stage.half else None)
+            pair.trace(left, stage.rays, add, *((steps[0], chosen) if stage.half else ()))
             mine, votes = of[stage.large], np.zeros((int(of[stage.large][-1]) + SIDES, lights), np.uint16)
             _voted(mine, row, light, left, pair.have, pair.clear, pair.whole, votes)
             left = left[:_agreed(FEWEST, mine, row, light, votes, left, S)].copy()
-        for n in most:
-            pair.trace(left, int(n), add, counts=counts)
+        for n in steps:
+            pair.trace(left, n, add, n)
         _said(row, light, left, pair.clear, pair.whole, S, partly)
     return partly
 

@@ -80,6 +80,7 @@ class RayCounts:
         self._fewer = FEWER if samples >= SEVERAL else 1.0
         self._mean = self._of.mean * self._fewer
         self._in_blocks, self.stages = in_blocks(kI), QUICK if kI < FINE else CAREFUL
+        self.steps = tuple(int(n) for n in self._in_blocks.counts)
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,
                  shown: NDArray[np.float64] | None) -> NDArray[np.uint8]:

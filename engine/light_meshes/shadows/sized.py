@@ -152,7 +152,8 @@ class SizedLamps(Method):
             self._add_clear(at, at.lift if lifts else None, row, light, some, first, count, clear, whole, check)
 
         with self._stats.stage("rays of blocks"):
-            return blocks.ask(asked, at.normals(), at.block, at.sample, lifted, self._rays.stages, counts, add, S)
+            return blocks.ask(asked, at.normals(), at.block, at.sample, lifted, self._rays.stages, counts,
+                              self._rays.steps, add, S)
 
     def _add_rays(self, at: Receivers, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
                   S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
