@@ -1,6 +1,7 @@
 """Blocks of the picture that find out together which of many lamps with a size they see in part."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -105,5 +106,5 @@ def test_no_large_block_is_cut(numbers, most):
     block = np.sort(np.array(numbers, np.int64))
     parts = blocks.slices(block, most)
     assert [i for part in parts for i in range(part.start, part.stop)] == list(range(len(block)))
-    for a, b in zip(parts, parts[1:], strict=False):
+    for a, b in pairwise(parts):
         assert block[a.stop - 1] >> 2 != block[b.start] >> 2

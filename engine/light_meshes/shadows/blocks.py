@@ -1,6 +1,6 @@
 """Blocks of the picture, whose receivers find out together which of many lamps they see in part.
 
-A ray of each receiver, or of every second one, goes to a point of the lamp; the points of all of a block's receivers
+A ray of each receiver, or of some of them, goes to a point of the lamp; the points of all of a block's receivers
 spread over the lamp. If all of the rays arrive, or none, then all of the block sees the lamp, or nothing of it. Else
 the lamp is asked about again in a block of half the size, and at last only those receivers have all their rays whose
 smallest block does not agree.
@@ -99,8 +99,8 @@ class Found(NamedTuple):
               chosen: NDArray[np.uint8] | None = None) -> None:
         """Trace so many rays of pairs `left` in all, where they are not yet.
 
-        chosen (n,): only of receivers with 0, and of those with 1 where the lamp gets more than `few` rays at last. Without
-        it, but with `few`: only of pairs with so many rays at last.
+        chosen (n,): only of receivers with 0, and of those with 1 where the lamp gets more than `few` rays at last.
+        Without it, but with `few`: only of pairs with so many rays at last.
         """
         todo = np.empty(len(left), np.int32)
         for first in range(rays):
@@ -112,8 +112,8 @@ class Found(NamedTuple):
 
 
 def ask(asked: NDArray[np.uint64], N: NDArray[np.float64], block: NDArray[np.int64], sample: NDArray[np.int64],
-        lifted: NDArray[np.uint64], stages: tuple[Stage, ...], counts: NDArray[np.uint8], steps: tuple[int, ...], add: Add,
-        S: NDArray[np.float32]) -> NDArray[np.uint64]:
+        lifted: NDArray[np.uint64], stages: tuple[Stage, ...], counts: NDArray[np.uint8], steps: tuple[int, ...],
+        add: Add, S: NDArray[np.float32]) -> NDArray[np.uint64]:
     """Set S (n,L,C) of lights asked for (n,W), and return those of which blocks do not agree (n,W).
 
     N (n,3): the receivers' normals; block (n,): `numbers`, ascending; sample (n,2): see `Hits`; lifted (n,W): lights
