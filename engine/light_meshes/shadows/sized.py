@@ -7,6 +7,9 @@ lamp is seen through something, S is the share of points of the lamp that rays f
 
 So it is also where receivers are few: in small pictures, and where rough surfaces see them. Rays of their own are fewer
 there than those of the nodes around them.
+
+With many such lamps what the camera sees first asks no nodes: `blocks` of the picture find out where rays are worth
+while. Of few lamps nodes leave less grain, and a step between pixels would be seen.
 """
 
 from __future__ import annotations
