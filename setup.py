@@ -20,7 +20,7 @@ from setuptools.command.build_py import build_py
 HERE = Path(__file__).resolve().parent
 PACKAGE = HERE / "engine" / "light_meshes"
 sys.path.insert(0, str(PACKAGE / "support"))  # a module that imports nothing of the package, which is not built yet
-from sources import TARGETS, Target, digest, library, sources  # noqa: E402
+from sources import TARGETS, Target, calls, digest, included, library, sources  # noqa: E402
 
 FLAGS = [
     "-fPIC", "-O3", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden",
@@ -62,13 +62,16 @@ class Kernels(build_ext):
         zig = [sys.executable, "-m", "ziglang", "cc", "-target", target().zig]
         compiler = [*zig, *target().levels[level], *FLAGS, f'-DSOURCES="{digest(PACKAGE)}"', f"-I{PACKAGE / 'support'}"]
 
-        def compiled(source: str) -> str:
+        def compiled(source: str | Path) -> str:
             name = Path(source).stem + ".o"
             subprocess.run([*compiler, "-c", "-o", name, str(HERE / source)], check=True, cwd=objects)
             return name
 
+        expanded = subprocess.run([*compiler, "-w", "-E", "-x", "c", "-"], check=True, cwd=objects,
+                                  stdout=subprocess.PIPE, input=included(PACKAGE).encode()).stdout
+        (objects / "slots.c").write_text(calls(expanded.decode()))
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            names = sorted(pool.map(compiled, extension.sources))
+            names = sorted(pool.map(compiled, [*extension.sources, objects / "slots.c"]))
         subprocess.run([*zig, *LINKING, "-o", str(out), *names, *([] if target().system == "win32" else ["-lm"])],
                        check=True, cwd=objects)
         for extra in out.parent.glob("*.pdb"), out.parent.glob("*.lib"):  # what Windows' linker leaves

@@ -2,13 +2,17 @@
 code.
 """
 
+import gc
+import itertools
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+import weakref
 from pathlib import Path
+from types import BuiltinFunctionType
 
 import numpy as np
 import pytest
@@ -67,15 +71,48 @@ P = np.zeros((4, 3))
     ((P, P, P, None), TypeError, "NoneType"),
     ((P, P, P, "out"), TypeError, "str"),
 ])
-@pytest.mark.parametrize("calls", [0, native.SEVERAL])
-def test_a_wrong_call_is_an_error(arguments, error, says, calls):
-    """Also after some right ones, when the checks are compiled."""
+@pytest.mark.parametrize("how", ["__call__", "checked"])
+def test_a_wrong_call_is_an_error(arguments, error, says, how):
+    """By the checks in C, and by those in Python."""
     kernel = native.kernel("shading_mirrored")
-    for _ in range(calls):
-        kernel(P, P, P, P.copy())
-    assert (kernel.fast == kernel._first) == (calls == 0)
+    kernel(P, P, P, P.copy())
+    assert isinstance(kernel.fast, BuiltinFunctionType)
     with pytest.raises(error, match=says):
-        kernel(*arguments)
+        getattr(kernel, how)(*arguments)
+
+
+def test_numbers_of_any_type_are_the_same():
+    """Whole numbers, real numbers and truth values, of Python and of numpy; what none can be is an error."""
+    kernel, S = native.kernel("pairs_set"), np.zeros((2, 3), np.float32)
+    for three, one in itertools.product([3, np.int32(3), np.uint8(3), 3.0], [1, 1.0, np.float32(1), True, np.True_]):
+        S[:] = 0
+        kernel(np.full((2, 1), 5, np.uint64), three, one, S)
+        assert (S == [1, 0, 1]).all()
+    for wrong in ("three", None, P):
+        with pytest.raises((TypeError, ValueError)):
+            kernel(np.full((2, 1), 5, np.uint64), wrong, 1.0, S)
+
+
+def test_given_arguments_live_as_long_as_the_function_and_no_longer():
+    N = P.copy()
+    alive = weakref.ref(N)
+    function = native.kernel("shading_mirrored").of(P, N)
+    del N
+    gc.collect()
+    assert alive() is not None
+    function(P + 1, P.copy())
+    del function
+    gc.collect()
+    assert alive() is None
+
+
+def test_declarations_in_pieces_are_joined():
+    """As macros leave them: a type in a text of its own, and lengths after it."""
+    expanded = ('const char some_takes[] = "P f64[n,3]  texels "\n "u8" "[h,n]  h f64  k u64  "; '
+                'const char no_takes[] = "";')
+    text = sources.calls(expanded)
+    assert "i64 some(i64, i64, const void *, const void *, f64, u64);" in text and "i64 no(void);" in text
+    assert "return some(s[0].integer, s[1].integer, s[2].place, s[3].place, s[4].real, s[5].whole);" in text
 
 
 def test_an_unknown_kernel_is_an_error():

@@ -11,7 +11,7 @@ from light_meshes import Camera, Mesh, Scene, Shape, rectangle, rotate_z, scale,
 from light_meshes.picture.render import Prepared, render_image
 from light_meshes.scene import snapshot
 from light_meshes.scene.description import Material
-from light_meshes.shadows.terminator import starts
+from light_meshes.shadows.terminator import merge, split, starts
 from scenes import GREY, IDENTITY, WHITE, all_objects, look_down, point, settings, sun, tabletop
 
 HONOURED = {"shadow_terminator_geometry_offset": 0.1}
@@ -170,6 +170,48 @@ def test_the_lift_reaches_the_ball_and_not_much_higher(seed, size, flipped):
     lifted = np.linalg.norm(hits.P + lift.above - matrix[:3, 3], axis=1) / size
     assert (lifted >= 1 - 2e-3).all()  # half a parabola is a little flatter than a ball
     assert (lifted <= 1 + 3 * (1 - facet) + 1e-5).all()
+
+
+def how_far(P, N, side, cutoff, end, is_sun):
+    """The formula of terminator.c for one receiver and one light, as it is written there."""
+    way = end - (0.0 if is_sun else 1.0) * P
+    length, toward, over = np.sqrt((way[0] * way[0] + way[1] * way[1]) + way[2] * way[2]), *(
+        (way[0] * v[0] + way[1] * v[1]) + way[2] * v[2] for v in (N, side))
+    if toward < 0:
+        return 1.0
+    facet, smooth = toward / length, over / length
+    return np.clip(2 - (facet + smooth) / cutoff if smooth < cutoff else 1 - facet / cutoff, 0, 1)
+
+
+@given(st.integers(0, 2**31), st.sampled_from([0.0, 3.0, 1e5]))
+@hypothesis_settings(max_examples=30, deadline=None)
+def test_lights_are_sorted_as_one_by_one(seed, away):
+    """Many lights are told apart in single precision first: none is missed, also where that is much too coarse."""
+    rng = np.random.default_rng(seed)
+    n, lights = 12, 70
+    unit = lambda a: a / np.linalg.norm(a, axis=1, keepdims=True)  # noqa: E731
+    P, N = rng.normal(size=(n, 3)) + away, unit(rng.normal(size=(n, 3)))
+    side, cutoff = unit(N + 0.3 * rng.normal(size=(n, 3))), rng.choice([0.0, 0.05, 0.3], n)
+    is_sun = rng.random(lights) < 0.2
+    end = rng.normal(size=(lights, 3)) * rng.choice([0.3, 3, 30], (lights, 1)) + away
+    end[is_sun] = unit(rng.normal(size=(int(is_sun.sum()), 3)))
+    near = rng.random(lights) < 0.3  # ways that are almost at the cutoff of some receiver
+    across = unit(np.cross(N[0], rng.normal(size=(lights, 3))))
+    way = across + rng.choice([0.05, 0.3], (lights, 1)) * (1 + 1e-5 * rng.normal(size=(lights, 1))) * N[0]
+    end[near & ~is_sun] = (P[0] + 3 * way)[near & ~is_sun]
+    asked = rng.integers(0, 2**63, (n, 2), np.uint64)
+    asked[:, 1] &= np.uint64(63)
+    soft, lifted = asked.copy(), np.zeros_like(asked)
+    lift = np.zeros((n, 3)), side, cutoff
+    assert split(*lift, P, N, end, is_sun, soft, lifted) == 0
+    S, above, known = np.zeros((n, lights, 1), np.float32), np.ones((n, lights, 1), np.float32), asked.copy()
+    merge(*lift, P, N, end, is_sun, np.arange(n), lifted, lifted, above, known, S)
+    for p in range(n):
+        for i in range(lights):
+            has = lambda bits, p=p, i=i: bool(bits[p, i // 64] >> np.uint64(i % 64) & np.uint64(1))  # noqa: E731
+            share = how_far(P[p], N[p], side[p], cutoff[p], end[i], is_sun[i]) if cutoff[p] and has(asked) else 0.0
+            assert (has(lifted), has(soft)) == (share > 0, has(asked) and share < 1)
+            assert S[p, i, 0] == np.float32(share)
 
 
 def test_how_far_follows_cycles():

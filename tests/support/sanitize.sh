@@ -4,15 +4,21 @@
 # Not for test_fuzz.py, whose fuzzer brings a sanitizer of its own, nor for test_memory.py, which would count this one's.
 set -eu
 library=engine/light_meshes/kernels-sanitized.so
-trap 'rm -f "$library"' EXIT
-# shellcheck disable=SC2046
-gcc -shared -fPIC -g -O1 -std=gnu11 -ffp-contract=off -fno-omit-frame-pointer -fsanitize=address,undefined \
-  -fno-sanitize-recover=all -fvisibility=hidden -Iengine/light_meshes/support \
-  -DSOURCES="\"$(.venv/bin/python -c '
+slots=$(mktemp --suffix .c)
+trap 'rm -f "$library" "$slots"' EXIT
+flags="-std=gnu11 -Iengine/light_meshes/support"
+from_sources() { .venv/bin/python -c "
+import sys
 from pathlib import Path
-from light_meshes.support.sources import digest
-print(digest(Path("engine/light_meshes").resolve()))')\"" \
-  -o "$library" $(find engine/light_meshes -name '*.c') -lm
+from light_meshes.support.sources import calls, digest, included
+package = Path('engine/light_meshes').resolve()
+print($1)"; }
+# shellcheck disable=SC2086
+from_sources 'included(package)' | gcc $flags -w -E -x c - | from_sources 'calls(sys.stdin.read())' > "$slots"
+# shellcheck disable=SC2046,SC2086
+gcc -shared -fPIC -g -O1 $flags -ffp-contract=off -fno-omit-frame-pointer -fsanitize=address,undefined \
+  -fno-sanitize-recover=all -fvisibility=hidden -DSOURCES="\"$(from_sources 'digest(package)')\"" \
+  -o "$library" $(find engine/light_meshes -name '*.c') "$slots" -lm
 [ $# -gt 0 ] || set -- tests/engine/test_native.py tests/engine/test_psi.py tests/engine/test_node_store.py tests/engine/test_same_picture.py \
   tests/engine/test_refraction.py tests/engine/test_terminator.py tests/engine/test_broken_scenes.py
 export LIGHT_MESHES_KERNELS=kernels-sanitized ASAN_OPTIONS=detect_leaks=0

@@ -119,7 +119,7 @@ class LightMeshes(Method):
         only = None if probe is None else ~soft[rows].any(1)
         facet = None if at.triangle is None else Facet(*(taken(a, rows) for a in (at.P, at.normals(), at.triangle)))
         self._ask(Receivers(places, taken(lift.side, rows), answered, facet=facet), above, check, work)
-        merge(*lift, at.P, at.N, *self._targets, rows, lifted, answered, above, soft, S)
+        needs_memory(merge(*lift, at.P, at.N, *self._targets, rows, lifted, answered, above, soft, S))
         if probe is not None and work is not None and only is not None:
             probe[rows[only]] = work[only]
 

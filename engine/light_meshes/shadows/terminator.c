@@ -119,40 +119,64 @@ static f64 amount(const Lifts *l, i64 p, i64 i) {
     return clamped(most, 0.0, 1.0);
 }
 
-/* The lights' positions, x of all, then y, then z, then 1, or 0 for directional ones: (4, 64·W), the last lights 0. */
+/* The lights' positions, x of all, then y, then z, then 1, or 0 for directional ones: (4, 64·W), the last lights 0; and
+   the same in single precision. largest: no coordinate is further from 0. */
 typedef struct {
     i64 W;
-    f64 *xyz, *places;
+    f64 *exact, largest;
+    f32 *rough;
 } Columns;
 
 /* Returns whether there is memory for them. */
 static int columns_of(const Targets *t, i64 L, Columns *c) {
     i64 n = 64 * ((L + 63) / 64);
-    c->W = n / 64, c->xyz = calloc((size_t)(4 * n + 1), sizeof *c->xyz), c->places = c->xyz + 3 * n;
-    if (!c->xyz) return 0;
+    *c = (Columns){n / 64, calloc((size_t)(6 * n + 1), sizeof *c->exact), 0.0, 0};
+    if (!c->exact) return 0;
+    c->rough = (f32 *)(c->exact + 4 * n);
     for (i64 i = 0; i < L; i++) {
-        for (int j = 0; j < 3; j++) c->xyz[j * n + i] = t->position[3 * i + j];
-        c->places[i] = t->directional[i] ? 0.0 : 1.0;
+        for (int j = 0; j < 3; j++) {
+            c->exact[j * n + i] = t->position[3 * i + j];
+            c->largest = fmax(c->largest, fabs(t->position[3 * i + j]));
+        }
+        c->exact[3 * n + i] = t->directional[i] ? 0.0 : 1.0;
     }
+    for (i64 i = 0; i < 4 * n; i++) c->rough[i] = (f32)c->exact[i];
     return 1;
 }
 
-/* Returns the lights of word w for which `amount` at receiver p may be above 0: all but those for which its first test
-   says that both cosines are above the cutoff. away: those from which its facet turns away, for which it is 1. */
-static u64 grazed(const Lifts *l, const Columns *c, i64 p, i64 w, u64 *away) {
-    const f64 *P = l->P + 3 * p, *N = l->N + 3 * p, *side = l->side + 3 * p;
-    const f64 *x = c->xyz + 64 * w, *y = x + 64 * c->W, *z = y + 64 * c->W, *place = c->places + 64 * w;
-    f64 beyond = l->cutoff[p] * l->cutoff[p];
-    u64 clear = 0, behind = 0;
-    for (int i = 0; i < 64; i += 4) {
-        Four here = four_of(place + i);
-        Four d0 = four_of(x + i) - here * P[0], d1 = four_of(y + i) - here * P[1], d2 = four_of(z + i) - here * P[2];
-        Four most = beyond * (d0 * d0 + d1 * d1 + d2 * d2) * 1.000001;
-        Four toward = d0 * N[0] + d1 * N[1] + d2 * N[2], over = d0 * side[0] + d1 * side[1] + d2 * side[2];
-        clear |= (u64)bits_of((toward > 0.0) & (over > 0.0) & (toward * toward > most) & (over * over > most)) << i;
-        behind |= (u64)bits_of(toward < 0.0) << i;
+/* Computes `amount` at receiver p for four lights from `first` on, with the same bits. */
+static Four amounts(const Lifts *l, const Columns *c, i64 p, i64 first) {
+    const f64 *P = l->P + 3 * p, *N = l->N + 3 * p, *side = l->side + 3 * p, cutoff = l->cutoff[p];
+    const f64 *x = c->exact + first, *y = x + 64 * c->W, *z = y + 64 * c->W;
+    Four here = four_of(z + 64 * c->W), one = {1.0, 1.0, 1.0, 1.0};
+    Four d0 = four_of(x) - here * P[0], d1 = four_of(y) - here * P[1], d2 = four_of(z) - here * P[2];
+    Four square_of = d0 * d0 + d1 * d1 + d2 * d2, length = four_roots(square_of);
+    Four toward = d0 * N[0] + d1 * N[1] + d2 * N[2], over = d0 * side[0] + d1 * side[1] + d2 * side[2];
+    Four beyond = cutoff * cutoff * square_of * 1.000001, facet = toward / length, smooth = over / length;
+    Four most = four_where(smooth < cutoff, 2.0 - (facet + smooth) / cutoff, 1.0 - facet / cutoff);
+    FourTests clear = (toward > 0.0) & (over > 0.0) & (toward * toward > beyond) & (over * over > beyond);
+    most = four_where(most > 1.0, one, four_where(most < 0.0, 0.0 * one, most));
+    return four_where(clear, 0.0 * one, four_where(toward < 0.0, one, most));
+}
+
+/* Returns the lights of word w for which `amount` at receiver p may be above 0. For all others both cosines are certainly
+   above the cutoff, although the way d to a light is known in single precision only: `off` is more than the errors of
+   d and of the products with it, so |d|² is at most 1.001·d² + 1001·off². */
+static u64 grazed(const Lifts *l, const Columns *c, i64 p, i64 w) {
+    const f64 *at = l->P + 3 * p, *n = l->N + 3 * p, *s = l->side + 3 * p;
+    const f32 *x = c->rough + 64 * w, *y = x + 64 * c->W, *z = y + 64 * c->W, *place = z + 64 * c->W;
+    const f32 P[3] = {(f32)at[0], (f32)at[1], (f32)at[2]}, N[3] = {(f32)n[0], (f32)n[1], (f32)n[2]};
+    const f32 side[3] = {(f32)s[0], (f32)s[1], (f32)s[2]};
+    const f32 off = (f32)(0x1p-20 * (c->largest + fabs(at[0]) + fabs(at[1]) + fabs(at[2])));
+    const f32 beyond = (f32)(l->cutoff[p] * l->cutoff[p] * 1.0011), added = 1001.0f * beyond * off * off;
+    u64 clear = 0;
+    for (int i = 0; i < 64; i += 8) {
+        Eight here = eight_of(place + i);
+        Eight d0 = eight_of(x + i) - here * P[0], d1 = eight_of(y + i) - here * P[1], d2 = eight_of(z + i) - here * P[2];
+        Eight most = beyond * (d0 * d0 + d1 * d1 + d2 * d2) + added;
+        Eight toward = d0 * N[0] + d1 * N[1] + d2 * N[2] - off, over = d0 * side[0] + d1 * side[1] + d2 * side[2] - off;
+        clear |= (u64)eight_bits((toward > 0.0f) & (over > 0.0f) & (toward * toward > most) & (over * over > most)) << i;
     }
-    *away = behind;
     return ~clear;
 }
 
@@ -182,15 +206,14 @@ i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, c
     for (i64 p = 0; p < n; p++) {
         int some = 0;
         for (i64 w = 0; cutoff[p] > 0.0 && w < W && !some; w++) {
-            u64 left = active[p * W + w], away = 0;
-            if (left && !sized) left &= grazed(&lifts, &columns, p, w, &away);
-            some = (left & away) != 0;
+            u64 left = active[p * W + w];
+            if (left && !sized) left &= grazed(&lifts, &columns, p, w);
             for (; left && !some; left &= left - 1)
                 some = may_lift(&lifts, p, 64 * w + lowest(left), size[64 * w + lowest(left)]);
         }
         if (some) rows[count++] = p;
     }
-    free(columns.xyz);
+    free(columns.exact);
     return count;
 }
 
@@ -237,36 +260,41 @@ i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, con
     if (!columns_of(&lifts.targets, L, &columns)) return 1;
     for (i64 p = 0; p < n; p++)
         for (i64 w = 0; cutoff[p] > 0.0 && w < W; w++) {
-            u64 left = soft[p * W + w], away = 0;
-            if (left) left &= grazed(&lifts, &columns, p, w, &away);
-            lifted[p * W + w] |= left & away, soft[p * W + w] &= ~(left & away);
-            for (left &= ~away; left; left &= left - 1) {
-                i64 i = 64 * w + lowest(left);
-                f64 share = amount(&lifts, p, i);
-                if (share > 0.0) set_bit(lifted + p * W, i);
-                if (share == 1.0) clear_bit(soft + p * W, i);
+            u64 left = soft[p * W + w];
+            if (left) left &= grazed(&lifts, &columns, p, w);
+            for (int at = 0; at < 64; at += 4) {
+                u64 wanted = left >> at & 15;
+                if (!wanted) continue;
+                Four share = amounts(&lifts, &columns, p, 64 * w + at);
+                lifted[p * W + w] |= (bits_of(share > 0.0) & wanted) << at;
+                soft[p * W + w] &= ~((bits_of(share == 1.0) & wanted) << at);
             }
         }
-    free(columns.xyz);
+    free(columns.exact);
     return 0;
 }
 
 /* Combines the S at P and the S at the lifted P, for the lights in lifted of the receivers `rows`. answered: where
-   S_lifted is known. soft: where S is known; updated for the result. */
+   S_lifted is known. soft: where S is known; updated for the result. Returns 1 if there is not enough memory. */
 KERNEL(terminator_merge,
        LIFT "rows i64[m]  lifted u64[m,W]  answered u64[m,W]  S_lifted f32[m,L,C]  soft u64[n,W]!  S f32[n,L,C]!")
 i64 terminator_merge(i64 n, i64 L, i64 m, i64 W, i64 C, const f64 *above, const f64 *side, const f64 *cutoff,
                      const f64 *P, const f64 *N, const f64 *position, const u8 *directional, const i64 *rows,
                      const u64 *lifted, const u64 *answered, const f32 *S_lifted, u64 *soft, f32 *S) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
+    Columns columns;
     (void)n, (void)above;
+    if (!columns_of(&lifts.targets, L, &columns)) return 1;
     for (i64 at = 0; at < m; at++) {
         i64 p = rows[at];
         u64 *own = soft + p * W;
-        for (i64 w = 0; w < W; w++)
+        for (i64 w = 0; w < W; w++) {
+            Four shares = {0.0};
+            int from = -1;  /* of which lights these are */
             for (u64 left = lifted[at * W + w]; left; left &= left - 1) {
                 i64 i = 64 * w + lowest(left);
-                f64 share = amount(&lifts, p, i);
+                if (from != lowest(left) / 4) from = lowest(left) / 4, shares = amounts(&lifts, &columns, p, i & ~(i64)3);
+                f64 share = shares[i & 3];
                 int known = has(answered + at * W, i) && (share == 1.0 || has(own, i));
                 for (i64 c = 0; c < C; c++) {
                     f32 *value = S + (p * L + i) * C + c;
@@ -275,7 +303,9 @@ i64 terminator_merge(i64 n, i64 L, i64 m, i64 W, i64 C, const f64 *above, const 
                 if (known) own[w] |= bit(i);
                 else own[w] &= ~bit(i);
             }
+        }
     }
+    free(columns.exact);
     return 0;
 }
 

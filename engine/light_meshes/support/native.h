@@ -1,7 +1,7 @@
 /* Definitions for all kernels: short names of types, and the declaration of a kernel's arguments for Python.
 
-   KERNEL(name, "P f64[n,3] h f64 S f32[n,L]!") precedes i64 name(…). native.py reads this text from the library and
-   checks every call against it: names, types and shapes (a letter is the same length wherever it occurs). ! marks an
+   KERNEL(name, "P f64[n,3] h f64 S f32[n,L]!") precedes i64 name(…). native.py reads this text from the library, and
+   every call is checked against it (calls.c): names, types and shapes (a letter is the same length wherever it occurs). ! marks an
    array that is written, ? an array that may be None. The function takes first the lengths, as i64, in the order in
    which their letters first appear, and then the arguments in order, arrays as pointers to contiguous memory. It
    returns an i64. */

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import re
 import sys
 from collections.abc import Sequence
 from functools import cache, partial
@@ -18,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from .sources import KernelError, digest, library, sources
+from .sources import ARGUMENT, KernelError, digest, library, sources
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _TYPES: dict[str, Any] = {
@@ -26,7 +25,6 @@ _TYPES: dict[str, Any] = {
     "u64": np.uint64, "f32": np.float32, "f64": np.float64, "bool": np.bool_,
 }
 _SCALARS = {"i64": (ctypes.c_int64, int), "u64": (ctypes.c_uint64, int), "f64": (ctypes.c_double, float)}
-_ARGUMENT = re.compile(r"(\w+) (\w+)(?:\[([\w,]+)\])?([!?]*)")
 
 
 def _load() -> ctypes.CDLL:
@@ -55,21 +53,59 @@ def _open(level: str) -> ctypes.CDLL:
 
 _LIBRARY = _load()
 
-_DATA = object.__basicsize__  # where an array's address stands in it (PyArrayObject.data, numpy's C interface)
-SEVERAL = 8  # calls after which a kernel's checks are compiled
+_ARRAY, _INTEGER, _UNSIGNED, _REAL = range(4)  # kinds of arguments, as in calls.c
+_KINDS = {"i64": _INTEGER, "u64": _UNSIGNED, "f64": _REAL}
+_MOST, _DIMENSIONS, _FASTCALL = 64, 4, 0x80
 _NEEDED, _WRITTEN = 0x101, 0x501  # of flags.num: contiguous and aligned; writable, too
 
 
-@cache
-def _code(text: str) -> Any:
-    return compile(text, "<kernel>", "exec")
+class _Array(ctypes.Structure):
+    """The beginning of an array in memory, by numpy's C interface (PyArrayObject)."""
+
+    _fields_ = (("references", ctypes.c_int64), ("class_", ctypes.c_void_p), ("data", ctypes.c_void_p),
+                ("axes", ctypes.c_int), ("shape", ctypes.POINTER(ctypes.c_int64)), ("strides", ctypes.c_void_p),
+                ("base", ctypes.c_void_p), ("type", ctypes.c_void_p), ("flags", ctypes.c_int))
+
+
+class _Definition(ctypes.Structure):
+    """How Python describes a function that is written in C (PyMethodDef)."""
+
+    _fields_ = (("name", ctypes.c_char_p), ("function", ctypes.c_void_p), ("flags", ctypes.c_int),
+                ("text", ctypes.c_char_p))
+
+
+class _Called(np.ndarray):
+    """What calls.c knows of a kernel, and what must stay in memory as long as that."""
+
+    kept: tuple[Any, ...] = ()
+
+
+def _address(function: Any) -> int:
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
 @cache
-def _knows_arrays() -> bool:
-    """Return whether arrays have the memory layout that all releases of numpy so far have."""
-    some = np.zeros(3)
-    return all(ctypes.c_void_p.from_address(id(a) + _DATA).value == a.ctypes.data for a in (some, some[1:], some[2:]))
+def _calls() -> Any:
+    """Return the function that makes Python functions of kernels, by calls.c; None where arrays do not lie in memory as
+    they do with all releases of numpy and Python so far.
+    """
+    some = np.zeros((3, 5))
+    for a in (some, some[1:], some.T, np.frombuffer(bytes(8)), some.astype(np.uint16)):
+        seen = _Array.from_address(id(a))
+        if (seen.class_, seen.data, seen.axes, seen.type, seen.flags) != (
+                id(np.ndarray), a.ctypes.data, a.ndim, id(a.dtype), a.flags.num) or (
+                tuple(seen.shape[:a.ndim]) != a.shape):
+            return None
+    api = ctypes.pythonapi
+    functions = (api.PyLong_AsLongLong, api.PyLong_AsUnsignedLongLongMask, api.PyFloat_AsDouble, api.PyErr_Occurred,
+                 api.PyErr_Clear, api.PyEval_SaveThread, api.PyEval_RestoreThread, api.PyLong_FromLongLong,
+                 api.PyObject_Vectorcall)
+    places = np.array([*map(_address, functions), id(None), id(np.ndarray)], np.uint64)
+    if Kernel("calls_know").checked(places):
+        return None
+    make = api.PyCFunction_NewEx
+    make.argtypes, make.restype = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p], ctypes.py_object
+    return make
 
 
 class Kernel:
@@ -77,41 +113,55 @@ class Kernel:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self._call = getattr(_LIBRARY, name)
+        self._call, self._slots = getattr(_LIBRARY, name), getattr(_LIBRARY, f"{name}_slots")
         text = ctypes.c_char.in_dll(_LIBRARY, f"{name}_takes")
         self.takes = ctypes.string_at(ctypes.addressof(text)).decode()
         self._lengths: list[str] = []
-        self._arguments = [self._argument(*match) for match in _ARGUMENT.findall(self.takes)]
+        self._arguments = [self._argument(*match) for match in ARGUMENT.findall(self.takes)]
         scalars = [_SCALARS[kind][0] if shape is None else ctypes.c_void_p for _, kind, shape, *_ in self._arguments]
         self._call.argtypes = [ctypes.c_int64] * len(self._lengths) + scalars
         self._call.restype = ctypes.c_int64
-        self._calls = 0
         self.fast = self._first
 
     def _first(self, *arguments: Any) -> int:
-        """Do the same as `checked`, until there have been so many calls that it pays to compile the checks: a process
-        that renders one small picture would else compile for longer than it renders.
-        """
-        self._calls = calls = self._calls + 1
-        if calls >= SEVERAL:
-            self.fast = self._compiled() if _knows_arrays() else self.checked
-        return self.checked(*arguments)
+        """Make the function for all calls, and call it."""
+        self.fast = self._function()
+        return self.fast(*arguments)  # type: ignore[no-any-return]
 
     def of(self, *first: Any) -> Any:
         """Return a function that calls the kernel with these first arguments, which are checked once, here.
 
         It is for arrays that do not change their place as long as the function is in use, such as those of a scene.
         """
-        if not _knows_arrays():
-            return partial(self, *first)
         known = [-1] * len(self._lengths)
-        passed = self._passed(first, known)
-        fast, names = self._compiled(first, passed, known), len(self._arguments) - len(first)
+        return self._function(first, self._passed(first, known), known)
 
-        def call(*rest: Any) -> int:
-            return fast(*rest) if len(rest) == names else self.checked(*first, *rest)
+    def _function(self, first: tuple = (), passed: Sequence[Any] = (), known: Sequence[int] = ()) -> Any:
+        """Return a Python function that makes the checks of `checked` in C, and calls `checked` where something is not
+        as expected. It takes what follows the arguments `first`; passed and known: what `_passed` said of these.
+        """
+        otherwise, make = partial(self.checked, *first) if first else self.checked, _calls()
+        if make is None or max(len(self._lengths), len(self._arguments)) > _MOST:
+            return otherwise
+        values = np.zeros(_MOST, np.int64)
+        for n, (value, (_, kind, shape, *_)) in enumerate(zip(passed, self._arguments, strict=False)):
+            values[n:n + 1].view(np.float64 if shape is None and kind == "f64" else np.int64)[:] = value or 0
+        lengths = [*(known or [-1] * len(self._lengths)), *[0] * (_MOST - len(self._lengths))]
+        head = [_address(self._slots), id(otherwise), len(self._lengths), len(self._arguments), len(first)]
+        words = [w for argument in self._arguments for w in self._words(*argument)]
+        called = np.array([*head, *lengths, *values.tolist(), *words], np.int64).view(_Called)
+        definition = _Definition(self.name.encode(), _address(_LIBRARY.calls_kernel), _FASTCALL, None)
+        called.kept = otherwise, definition, first
+        return make(ctypes.addressof(definition), called, None)
 
-        return call
+    @staticmethod
+    def _words(_: str, kind: str, shape: Any, dtype: Any, written: bool, optional: bool) -> list[int]:
+        """Return the description of an argument for calls.c."""
+        if shape is None:
+            return [_KINDS[kind], *[0] * (4 + _DIMENSIONS)]
+        lengths = [-1 - wanted if free else wanted for free, wanted in shape]
+        return [_ARRAY, id(dtype), len(shape), _WRITTEN if written else _NEEDED, int(optional), *lengths,
+                *[0] * (_DIMENSIONS - len(shape))]
 
     def _argument(self, name: str, kind: str, shape: str, marks: str) -> tuple:
         """Parse the declaration of one argument into (name, kind, lengths, dtype, written, optional). A length is a
@@ -133,49 +183,7 @@ class Kernel:
         """Call the kernel and return its result. Arrays are passed without copies, and the kernel may write into
         them.
         """
-        try:
-            return self.fast(*arguments)  # type: ignore[no-any-return]
-        except TypeError:  # the number of arguments
-            return self.checked(*arguments)
-
-    def _compiled(self, first: tuple = (), given: Sequence[Any] = (), known: Sequence[int] = ()) -> Any:
-        """Return a function that makes the same checks as `checked`, unrolled for this kernel's arguments, in a third
-        of the time. It calls `checked` for all that is not as expected, which raises the error.
-
-        first: arguments that are not to be passed any more; given, known: what `_passed` said of them.
-        """
-        names = [f"a{n}" for n in range(len(self._arguments))]
-        otherwise = f"return checked({', '.join(names)})"
-        known = known or [-1] * len(self._lengths)
-        lines = [f"x{n} = n{n}" for n in range(len(known))]
-        passed, bound = [f"g{n}" for n in range(len(first))], {n for n, length in enumerate(known) if length >= 0}
-        space: dict[str, Any] = {f"g{n}": value for n, value in enumerate(given)}
-        space |= {f"n{n}": length for n, length in enumerate(known)}
-        for n, (_, kind, shape, dtype, written, optional) in list(enumerate(self._arguments))[len(first):]:
-            a = names[n]
-            if shape is None:
-                passed.append(f"{_SCALARS[kind][1].__name__}({a})")
-                continue
-            passed.append(f"p{n}")
-            space[f"t{n}"] = dtype
-            needed = _WRITTEN if written else _NEEDED
-            lines += [f"if {a} is None: p{n} = None", "else:"] if optional else ["if True:"]
-            lines += [f" if type({a}) is not ndarray or {a}.dtype is not t{n} or {a}.ndim != {len(shape)} or "
-                      f"{a}.flags.num & {needed} != {needed}: {otherwise}",
-                      f" s = {a}.shape", f" p{n} = at(id({a}) + {_DATA}).value"]
-            for axis, (free, wanted) in enumerate(shape):
-                if free and wanted not in bound:
-                    lines.append(f" if x{wanted} < 0: x{wanted} = s[{axis}]")
-                lines.append(f" if s[{axis}] != {f'x{wanted}' if free else wanted}: {otherwise}")
-            if not optional:
-                bound |= {wanted for free, wanted in shape if free}
-        lengths = [f"x{n}" if n in bound else f"max(x{n}, 0)" for n in range(len(self._lengths))]
-        text = [f"def fast({', '.join(names[len(first):])}):", *(f" {line}" for line in lines),
-                f" return call({', '.join(lengths + passed)})"]
-        space |= {"checked": self.checked, "call": self._call, "ndarray": np.ndarray,
-                  "at": ctypes.c_void_p.from_address, **dict(zip(names, first, strict=False))}
-        exec(_code("\n".join(text)), space)
-        return space["fast"]
+        return self.fast(*arguments)  # type: ignore[no-any-return]
 
     def checked(self, *arguments: Any) -> int:
         """Do the same as a call, in a loop over the arguments. A wrong call raises TypeError or ValueError."""
