@@ -60,7 +60,7 @@ FEET = {"sphere": Light("lamp", "POINT", ONE, position=(-2.0, 0.3, 2.5), radius=
 @pytest.mark.parametrize("lamp", FEET)
 def test_a_boxs_foot(lamp, kI, most, share):
     """From the corner where a box stands on the floor, its shadow's edge begins with no width: 10, 50 and 90 % lie
-    within two pixels of the truth, along eight columns. In the umbra S is 0, but near its border up to .03, at kI 2 .04.
+    within two pixels of the truth, along eight columns. In the umbra S is 0, near its border up to .03, at kI 2 .04.
     """
     shapes = [Shape(rectangle((-4, -4), (4, 4), 0.0), WHITE, "floor"),
               Shape(box((-0.4, -0.4, 0), (0, 0.4, 0.8)), WHITE, "box")]

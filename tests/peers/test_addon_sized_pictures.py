@@ -1,5 +1,5 @@
-"""Whole matt pictures under lamps with a size against Cycles, at a new scene's defaults: at most 1.1 times as far off as
-area sampling with 16 rays.
+"""Whole matt pictures under lamps with a size against Cycles, at a new scene's defaults: at most 1.1 times as far off
+as area sampling with 16 rays.
 
 Each scene of `sized_lamps` under one lamp here; `LIGHT_MESHES_ALL_PICTURES=1 pytest -s` of this file tries all lamps.
 """
