@@ -94,17 +94,31 @@ def test_each_point_of_a_lamp_counts_by_the_glass_on_its_way(refraction):
     assert through[0, 0] < 0.01 and through[-1, 0] > 0.99 and (np.abs(through[:, 0] - 0.5) < 0.4).sum() > 5
 
 
-def test_where_shadow_paths_bend_a_lamp_has_one_width_and_the_plan_says_so():
-    """M3: as a lamp of softness SCENE, whose light is that of a point, but for Ω."""
-    scene = pane("FULL")
-    reasons = render_image(scene).statistics["plan"]
-    assert reasons["refracted shadow paths"].startswith("yes")
-    assert reasons["lamps with a size"].startswith("one width: 'light': shadow paths bend") or (
-        "shadow paths bend, and are followed from a lamp's centre only" in reasons["lamps with a size"])
-    one = all_lights(scene, softness="SCENE")
-    P = np.stack([np.linspace(-0.5, 0.9, 40), np.full(40, 0.1), np.zeros(40)], 1)
-    N = np.tile([0.0, 0.0, 1.0], (40, 1))
-    assert np.array_equal(*(Prepared(s).lighting.light_visibility(P, N) for s in (scene, one)))
+def test_where_shadow_paths_bend_a_lamp_keeps_its_shape_and_the_plan_says_so():
+    """M3: the shadow is that of a ball that lets nothing through, as by very many rays; what it bends is added."""
+    scene = pane("FULL", caustics="FOCUS")
+    told = render_image(scene).statistics
+    assert told["plan"]["refracted shadow paths"].startswith("yes") and told["refracted_paths"] > 0
+    assert "light that glass bends comes from the lamp's centre" in told["plan"]["lamps with a size"]
+    x, y = np.meshgrid(np.linspace(0.2, 1.8, 40), np.linspace(0.2, 1.8, 40))
+    P = np.stack([x.ravel(), y.ravel(), np.zeros(1600)], 1)
+    N = np.tile([0.0, 0.0, 1.0], (1600, 1))
+    dark = replace(scene, materials=tuple(replace(m, kt=(0.0,) * 3, ior=1.0) if m.name == "ball" else m
+                                          for m in scene.materials))
+
+    def seen(of, **values):
+        return Prepared(of.with_settings(**values)).lighting.light_visibility(P, N)[:, 0].astype(float)
+
+    bent, opaque = seen(scene), seen(dark)
+    truth = seen(dark, shadows="AREA_SAMPLING", light_samples=1024)
+    assert rmse(opaque, truth) <= rmse(seen(dark, shadows="AREA_SAMPLING", light_samples=16), truth)
+    more = bent - opaque
+    assert more.min() > -1e-6 and more.max() > 2  # a focus, and nowhere less light
+    centre = seen(scene, shadows="SHARP") - seen(dark, shadows="SHARP")  # the paths alone, from the lamp's centre
+    assert np.allclose(more, centre, atol=1e-5)
+    assert (np.abs(more) < 1e-6).all(1).mean() > 0.3  # far from the ball: the same shadows
+    middle = (opaque[:, 0] > 0.1) & (opaque[:, 0] < 0.9)
+    assert middle.sum() > 50  # the edge is as soft as the lamp is large
 
 
 def test_a_snapshot_renders_the_same(tmp_path):

@@ -173,6 +173,10 @@ class RefractedPaths:
         _straight(*self.glass[1:], *s, local, beyond or 1 << 30, out)
         return out
 
+    def goes_on(self, light: int) -> bool:
+        """Return whether `straight_on` may find light."""
+        return bool(self._hollow or self.beams(light).cut)
+
     def straight_on(self, light: int, x: NDArray[np.float64], normal: NDArray[np.float64] | None,
                     ) -> NDArray[np.float64] | None:
         """Return the light that reaches points x (n,3) straight although surfaces that bend stand in the way; None if
@@ -182,9 +186,9 @@ class RefractedPaths:
         index 1 outside of other glass), and light that was not followed through all of the surfaces because there are
         too many.
         """
-        beams = self.beams(light)
-        if not beams.cut and not self._hollow:
+        if not self.goes_on(light):
             return None
+        beams = self.beams(light)
         through = self.straight(light, x, normal, beams.most + 1 if beams.cut else 0)
         lit = np.flatnonzero(through.any(1)).astype(np.int32)
         blocked = self._opaque.occluded(x, lit, self._lights, np.full(len(lit), light, np.int32), normal,

@@ -224,8 +224,8 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
     if lamps:
         kI = scene.settings.kI
         rays, many = ray_counts.most(kI, len(lamps)), ray_counts.many(len(lamps))
-        p.shares = not p.paths
-        p.blocks = p.shares and many and scene.settings.shadow_rate <= 1
+        p.shares = True
+        p.blocks = many and not p.paths and scene.settings.shadow_rate <= 1
         how, why = "shares at nodes", (
             f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; "
             + (f"{int(ray_counts.shared(kI).counts[0])} to {rays.most} rays, by what the lamp gives, where it is "
@@ -239,7 +239,7 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
                 f"{wide}² pixels find out together what they see of each lamp; {few} to {last} rays, by what the lamp "
                 f"gives, where they do not agree; in mirrors and behind glass {how}")
         if p.paths:
-            how, why = "one width", "shadow paths bend, and are followed from a lamp's centre only"
+            why += "; light that glass bends comes from the lamp's centre"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")
 
 

@@ -16,11 +16,12 @@ from .sized import SizedLamps
 def make(setup: Setup) -> Method:
     """Light meshes with bits at the nodes, or numbers where surfaces let light through; with shares for lamps of SIZE.
 
-    Where shadow paths bend, lamps of SIZE have the shadow of one width, h·kI, like all others.
+    Where shadow paths bend, lamps of SIZE have the shadow of their own shape, in which what bends light is opaque, and
+    the refracted paths from their centres.
     """
     count = len(setup.lights)
     sized = mask_of((i for i, light in enumerate(setup.lights) if light.softness == "SIZE"), count)
-    if setup.through.refraction is not None or not (sized & union(setup.casters.soft, count)).any():
+    if not (sized & union(setup.casters.soft, count)).any():
         return _one_width(setup)
     others = setup._replace(casters=kept(setup.casters, ~sized))
     rest = _one_width(others) if others.casters.soft else sharp(others, others.casters.whole)

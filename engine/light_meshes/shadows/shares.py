@@ -93,7 +93,9 @@ class Shares:
         self._lamps, self._tracer, self._stats = lamps, setup.tracer, setup.stats
         self._surfaces = setup.lattice.surfaces
         self._casters = setup.casters.soft
-        self._through = {g.casters for g in self._casters if setup.tracer.has("glass", g.casters)} if (
+        # What bends light stops it here: refracted paths bring it (`through`).
+        self._stops, self._sheets = ("opaque", "glass") if setup.through.refraction is None else ("stops", "sheets")
+        self._through = {g.casters for g in self._casters if setup.tracer.has(self._sheets, g.casters)} if (
             setup.through.channels) else set()
         self._first, self._all = (LampNodes(self.lattice, lamps.shapes, *kind)
                                   for kind in ((FIRST, 1), (enough, 2)))
@@ -230,8 +232,8 @@ class Shares:
         target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, 0, count)
         order = np.flatnonzero(~blocked).astype(np.int32)
         self._stats.add(long_rays=len(order))
-        met = self._tracer.occluded(x, np.repeat(row, count)[order], target, order, None, closed=False, kind="glass",
-                                    casters=casters)
+        met = self._tracer.occluded(x, np.repeat(row, count)[order], target, order, None, closed=False,
+                                    kind=self._sheets, casters=casters)
         return np.unique(order[met] // count)
 
     def _blocked(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
@@ -240,7 +242,7 @@ class Shares:
         target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, first, count)
         order = np.arange(len(row) * count, dtype=np.int32)
         self._stats.add(long_rays=len(order))
-        return self._tracer.occluded(x, np.repeat(row, count), target, order, None, closed=False, kind="opaque",
+        return self._tracer.occluded(x, np.repeat(row, count), target, order, None, closed=False, kind=self._stops,
                                      casters=casters).reshape(-1, count)
 
     def _nearest(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
@@ -261,7 +263,7 @@ class Shares:
         s, directional, out = self._surfaces, targets.directional[target], np.empty(len(origin), np.uint8)
         way = targets.position[target] - np.where(directional[:, None], 0.0, origin)
         length = np.sqrt((way * way).sum(1))
-        triangle, u, v = self._tracer.closest("opaque", origin, way / length[:, None], None,
+        triangle, u, v = self._tracer.closest(self._stops, origin, way / length[:, None], None,
                                               np.where(directional, 1e300, length), casters)
         _distances(s.centre, s.scale, s.vertices, s.triangles, self.h, origin, triangle, u, v, out)
         return out

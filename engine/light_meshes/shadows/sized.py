@@ -30,6 +30,7 @@ from .ray_counts import FINE, RayCounts, Rays, many
 from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
 from .terminator import Lift, starts, touched
+from .through import Straight
 
 LEVELS = 4  # lattices, each of twice the step of the one before
 WIDE = 0.8  # the finest level counts where the penumbra is wider than so many r,
@@ -77,6 +78,7 @@ class SizedLamps(Method):
         self._receives = casters.receives
         self._sharp = sharp(setup, casters.whole)
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
+        self._bent = Straight(setup, casters.soft) if setup.through.refraction else None
         self._lamps = lamps(setup)
         self._reaches, self._samples = reaches(self._lamps.shapes), setup.settings.samples
         self.highlights = self._highlights if self._channels == 1 else None
@@ -131,6 +133,8 @@ class SizedLamps(Method):
             self._add_rays(at, None, np.bitwise_and(by_rays, ~lifted), counts, S, rest, check)
             if lifted.any():
                 self._add_rays(at, at.lift, np.bitwise_and(by_rays, lifted), counts, S, rest, check)
+        if self._bent is not None:
+            S += self._bent.bent(at._replace(active=soft), check)
         dim(S, self._edges, at._replace(active=soft), check)
         if probe is not None:
             probe[:] = 0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..glass.refraction import RefractedPaths
 from ..rays.tracer import Targets
-from ..support.bits import has
+from ..support.bits import has, mask_of
 from ..support.native import kernel
 from . import pairs
 from .casters import Group, union
@@ -48,15 +48,35 @@ class Straight:
     def whole(self, at: Receivers, check: Check) -> NDArray[np.float32]:
         """Return S (n,L,C): the straight segments and the refracted paths together."""
         S = self.straight(at, check)
+        self._add_bent(at, S, check)
+        return S
+
+    def bent(self, at: Receivers, check: Check) -> NDArray[np.float32]:
+        """Return what `whole` has more than the straight segments that nothing bends: (n,L,C)."""
+        S = np.zeros((len(at.P), self._count, self._channels), np.float32)
+        with self._stats.stage("refracted paths"):
+            on = [i for i in range(self._count) if has(self._casting, i) and (s := self._solver(i)) and s.goes_on(i)]
+            if on:  # where light goes straight on although something that bends is in the way
+                some = at._replace(active=at.active & mask_of(on, self._count))
+                direct = self._direct(some, check)
+                S += self._gone_on(some, direct.copy(), check) - direct
+            self._add_bent(at, S, check)
+        return S
+
+    def _add_bent(self, at: Receivers, S: NDArray[np.float32], check: Check) -> None:
+        """Add the refracted paths."""
         focus = self._refraction is not None and self._refraction.footprint is not None
         normal = at.P if at.N is None else at.N if at.lift is None else at.lift.side
         for found in self.paths(at, check):
             _add_paths(found.row, found.start, found.alpha, found.ends, found.light, focus and at.N is not None, at.P,
                        normal, *self._targets, S)
-        return S
 
     def straight(self, at: Receivers, check: Check) -> NDArray[np.float32]:
         """Return V (n,L,C): Π t of the straight segments; in FULL only where nothing bends them."""
+        return self._gone_on(at, self._direct(at, check), check)
+
+    def _direct(self, at: Receivers, check: Check) -> NDArray[np.float32]:
+        """Return Π t (n,L,C) of the straight segments that meet nothing that bends; else 0."""
         S = pairs.seen(at.active & ~self._casting, self._count, self._channels)
         for group in self._groups:
             for row, light in pairs.blocks(at.active & group.lights, self._count):
@@ -65,6 +85,12 @@ class Straight:
                 on = at.triangle if at.triangle is None or of is row else at.triangle[row]
                 S[row, light] = self.segments(origin, of, self._targets, light, normal, group.casters, on)
                 self._stats.add(**{"shadow_rays" if at.N is not None else "long_rays": len(row)})
+        return S
+
+    def _gone_on(self, at: Receivers, S: NDArray[np.float32], check: Check) -> NDArray[np.float32]:
+        """Return S (n,L,C) of `_direct`, filled in where light goes straight on although something that bends is in the
+        way.
+        """
         for i in range(self._count if self._refraction else 0):
             solver = self._solver(i)
             dark = np.flatnonzero(has(at.active.T, i) & ~S[:, i].any(1))
