@@ -131,10 +131,10 @@ def build_wheel(target: str, folder: Path) -> tuple[Path, str]:
 
 
 def _without_isolation() -> list[str]:
-    """The arguments that have pip build with the compiler of this Python, where it has one.
+    """Return the arguments that make pip build with the compiler of this Python, if it has one.
 
-    Else pip installs one for each build in another folder, and the compiler makes the C libraries of other systems
-    anew each time, as it keeps them by folder.
+    Otherwise pip installs a compiler for each build in another folder, and each of them makes the C libraries of other
+    systems again, because it keeps them by folder.
     """
     here = all(importlib.util.find_spec(name) for name in ("setuptools.command.bdist_wheel", "ziglang"))
     return ["--no-build-isolation"] if here else []
@@ -164,7 +164,7 @@ def write_zip(platform: str, wheels: list[Path], path: Path, website: str = "") 
 
 
 def version() -> str:
-    """The version of the add-on and the engine, as `light_meshes/__init__.py` says it.
+    """Return the version of the add-on and the engine, as `light_meshes/__init__.py` says it.
 
     blender_manifest.toml repeats it, because Blender reads that file as it is, from a checkout too. Raises BuildError
     where the two differ.
@@ -188,7 +188,7 @@ def manifest(platform: str, wheels: list[str], website: str = "") -> str:
 
 
 def download(platform: str, folder: Path, pythons: tuple[str, ...] = PYTHONS) -> list[Path]:
-    """The wheels of wheels.txt for one platform and these Pythons, downloaded into `folder`."""
+    """Return the wheels of wheels.txt for one platform and these Pythons, downloaded into `folder`."""
     places = [word for tag in PLATFORMS[platform].tags for word in ("--platform", tag)]
     packages = folder / "packages"
     for python in pythons:
@@ -204,7 +204,9 @@ def download(platform: str, folder: Path, pythons: tuple[str, ...] = PYTHONS) ->
 
 
 def validate(path: Path) -> str:
-    """What Blender's own check says of a zip, or that there is no Blender to ask. Raises BuildError if it complains."""
+    """Return what Blender's own check says of a zip, or that there is no Blender to ask. Raises BuildError if it
+    complains.
+    """
     found = importlib.util.find_spec("bpy")
     origin = found.origin if found else None
     scripts = list(Path(origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")) if origin else []

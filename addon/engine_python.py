@@ -3,7 +3,10 @@
 Nothing in the current folder is run or searched, because a scene's folder may come from anywhere.
 """
 
+import compileall
 import errno
+import importlib.machinery
+import importlib.util
 import os
 import re
 import shutil
@@ -41,6 +44,24 @@ def set_installed(installed: bool) -> None:
     _installed = installed
 
 
+def compile_modules() -> None:
+    """Compile the engine's modules, if they came with the add-on and are not compiled yet.
+
+    It takes about a third of a second, once after the installation. Otherwise Python would do the same while the first
+    picture is rendered, which would take longer than all others.
+    """
+    if not _installed or chosen() != sys.executable or sys.dont_write_bytecode:
+        return
+    for name in ("light_meshes", "embreex"):
+        found = importlib.machinery.PathFinder.find_spec(name, _paths())
+        if not found or not found.origin:
+            continue  # an engine that cannot start says so when it is asked for
+        source, compiled = Path(found.origin), Path(importlib.util.cache_from_source(found.origin))
+        fresh = compiled.exists() and compiled.stat().st_mtime >= source.stat().st_mtime
+        if not fresh and os.access(source.parent, os.W_OK):
+            compileall.compile_dir(source.parent, quiet=2)
+
+
 def temporary() -> str:
     """Return the folder in which new engines make their folders; an empty string means the system's."""
     return _temporary
@@ -55,9 +76,16 @@ def set_temporary(folder: str) -> None:
 def command(python: str) -> list[str]:
     if python != sys.executable:
         return [_program(python), "-c", _START]
+    return [python, "-I", "-c", _OWN_START, *_paths()]
+
+
+def _paths() -> list[str]:
+    """Return the folders in which Blender's own Python finds packages. The current one is left out, unless PYTHONPATH
+    names it.
+    """
     named, here = _python_path(), os.path.realpath(_current_folder())
     paths = [p for p in sys.path if p and Path(p).exists() and (p in named or os.path.realpath(p) != here)]
-    return [python, "-I", "-c", _OWN_START, *(str(Path(p).absolute()) for p in paths)]
+    return [str(Path(p).absolute()) for p in paths]
 
 
 def _program(name: str) -> str:

@@ -1,8 +1,9 @@
-"""How the world lights, bounces, and how bright reflections may be: scenes of earlier files keep what they had.
+"""The settings of the world's light, of bounces and of the limit of reflections: scenes of earlier files keep what they
+had.
 
-Releases before had only ambient light, and reflections without a limit. Blender saves only what was set, so a scene in
-which nothing was chosen says by `release` that it is of one of these, or by using Light Meshes at all where nothing
-says so. When a file is saved, what its scenes render with is set.
+Earlier releases had only ambient light, and no limit of reflections. Blender saves only values that were set. So a
+scene in which nothing was set comes from an earlier release if its `release` says so, or if it uses Light Meshes and
+has no `release`. When a file is saved, all values with which its scenes render are set.
 """
 
 import bpy

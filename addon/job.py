@@ -180,7 +180,9 @@ class Job:
         observers.notify(event=event, frame=self.depsgraph.scene.frame_current, fraction=fraction, stage=stage)
 
     def _remaining(self, fraction: float, stage: str) -> str:
-        """How long the render will still take, by the tiles that are done, as Blender shows times; empty at first."""
+        """Return how long the render will still take, by the tiles that are done, as Blender shows times; empty at
+        first.
+        """
         if "tiles" not in stage:  # it is still being prepared
             self._drawing = None
             return ""

@@ -25,7 +25,7 @@ class LibraryError(Exception):
 
 
 class Library(NamedTuple):
-    """What a compiled library says of itself."""
+    """The facts that a compiled library states about itself."""
 
     system: str  # as sys.platform
     machine: str  # x86_64 or arm64
@@ -35,10 +35,8 @@ class Library(NamedTuple):
 
 
 def check_wheel(path: Path, version: str, tag: str, names: set[str]) -> list[str]:
-    """What the libraries of the wheel at `path` are, one line each.
-
-    `tag` is the platform in the wheel's name, and `names` are the libraries that it must hold, as `kernels.so`. Raises
-    LibraryError where the wheel is not what these say, or could not be published as it is.
+    """Check the libraries of the wheel at `path`, and describe each in one line. `tag` is the platform in the wheel's
+    name, and `names` are the libraries that it must hold, such as `kernels.so`. Raises LibraryError.
     """
     if path.name != f"light_meshes-{version}-py3-none-{tag}.whl" or not re.fullmatch(r"\d+(\.\d+)*", version):
         raise LibraryError(f"{path.name} is not the name of version {version} for all Pythons on {tag}")
@@ -62,7 +60,7 @@ def check_wheel(path: Path, version: str, tag: str, names: set[str]) -> list[str
 
 
 def complaint(library: Library, tag: str) -> str:
-    """Why a library cannot be in a wheel with this platform tag, or nothing."""
+    """Return why a library cannot be in a wheel with this platform tag, or an empty string."""
     system, machine, oldest = promised(tag)
     if (library.system, library.machine) != (system, machine):
         return f"is for {library.system} {library.machine}"
@@ -76,7 +74,9 @@ def complaint(library: Library, tag: str) -> str:
 
 
 def promised(tag: str) -> tuple[str, str, tuple[int, ...]]:
-    """The system, the processor, and the oldest C library or system that a wheel's platform tag promises to need."""
+    """Return the system, the processor, and the oldest C library or system that a wheel's platform tag promises to
+    need.
+    """
     if tag == "win_amd64":
         return "win32", "x86_64", ()
     if found := re.fullmatch(r"macosx_(\d+)_(\d+)_(x86_64|arm64)", tag):
@@ -88,7 +88,9 @@ def promised(tag: str) -> tuple[str, str, tuple[int, ...]]:
 
 
 def read(data: bytes) -> Library:
-    """What the contents of a library's file say. Only 64-bit little-endian files are read, as all targets are."""
+    """Return a description of a library from the contents of its file. Only 64-bit little-endian files are read,
+    because all targets are such.
+    """
     try:
         if data[:6] == b"\x7fELF\x02\x01":
             return _read_elf(data)
@@ -102,7 +104,7 @@ def read(data: bytes) -> Library:
 
 
 def _text(data: bytes, at: int) -> str:
-    """The string that ends with a zero, at an offset."""
+    """Return the string that ends with a zero, at an offset."""
     return data[at:data.index(b"\0", at)].decode()
 
 

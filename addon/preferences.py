@@ -36,6 +36,7 @@ def register() -> None:
     addon = bpy.context.preferences.addons.get(__package__)
     if addon and addon.preferences:
         _python_changed(addon.preferences, None)
+    engine_python.compile_modules()
 
 
 def unregister() -> None:

@@ -1,8 +1,8 @@
 """The softness of lamps: new lamps cast the shadow of their own shape; those of earlier files keep what they had.
 
-Until release 0.1 every lamp of which nothing was set had the softness SCENE. Blender saves only what was set, so each
-scene keeps by which release the lamps of its file were made. Files that are saved without the add-on say nothing: they
-are of an earlier release if a scene in them uses Light Meshes or has any of its settings.
+Until release 0.1 a lamp whose softness was not set had the softness SCENE. Blender saves only values that were set, so
+each scene stores which release made the lamps of its file. Files that were saved without the add-on store nothing: they
+come from an earlier release if a scene in them uses Light Meshes or has any of its settings.
 """
 
 import bpy

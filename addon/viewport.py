@@ -250,7 +250,7 @@ class Viewport:
             self._say(stage)
 
     def _refused(self, message: str) -> None:
-        """The engine cannot make the picture that was asked for, but it goes on running."""
+        """Show why the engine cannot make the picture that was asked for. The engine goes on running."""
         self._picture.clear()
         if not (self._exporting or self._differs):
             self._failed = True

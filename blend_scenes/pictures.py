@@ -145,7 +145,8 @@ def light_size(folder):
 
 
 def limits(folder):
-    """The posts with Cycles, with light meshes, and with light meshes and sharp shadows of the three thin posts."""
+    """Return the posts with Cycles, with light meshes, and with light meshes and sharp shadows of the three thin posts.
+    """
     scene = exported(folder, "limits")
     sharp = {f"Post_{n}": {"cast_soft_shadows": False} for n in (3, 4, 5)}
     return side_by_side([[by_cycles(folder, "limits", (scene.camera.width, scene.camera.height), Lamp=None, Fill=None),
@@ -190,7 +191,7 @@ def shapes(folder):
 
 
 def window(folder):
-    """A room with a window, with bounced light. Above: this engine. Below: Cycles."""
+    """Return a room with a window, with bounced light. Above: this engine. Below: Cycles."""
     return beside_cycles(folder, "window")
 
 

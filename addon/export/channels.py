@@ -1,5 +1,5 @@
-"""What programs of materials ask of meshes and of instances, by channel: attributes, UV maps, tangents; random numbers,
-colours and properties of objects.
+"""Channels: the values of meshes and instances for which programs of materials ask: attributes, UV maps, tangents;
+random numbers, colours and properties of objects.
 
 A channel is one number at each corner of each triangle, or of each instance. It keeps its number for the session, so
 that meshes which are not read again keep theirs.
@@ -24,7 +24,7 @@ class Channels:
 
 
 class Asked:
-    """What one material's nodes ask for."""
+    """The values for which one material's nodes ask."""
 
     def __init__(self, channels: Channels | None = None) -> None:
         self._channels = channels or Channels()
@@ -32,7 +32,8 @@ class Asked:
         self.instances: set[Key] = set()
 
     def corner(self, *key: Any) -> Value:
-        """A channel of a mesh: ("attribute", "color" or "uv", name, component), or ("tangent", UV map, component).
+        """Return a channel of a mesh: ("attribute", "color" or "uv", name, component), or ("tangent", UV map,
+        component).
 
         Components of attributes: 0 to 2 the colour or vector, 3 alpha, 4 the number that stands for all.
         """
@@ -40,13 +41,13 @@ class Asked:
         return v.operation("attribute", float(self._channels.corners.setdefault(key, len(self._channels.corners))))
 
     def instance(self, *key: Any) -> Value:
-        """The channel of instances, see `instance_value`."""
+        """Return the channel of instances, see `instance_value`."""
         self.instances.add(key)
         return v.operation("instance", float(self._channels.instances.setdefault(key, len(self._channels.instances))))
 
 
 def instance_value(key: Key, instance: Any, ob: Any, source: Any, depsgraph: Any) -> float:
-    """What an instance of `ob` has in a channel."""
+    """Return the value of a channel for an instance of `ob`."""
     what, *rest = key
     if what == "random":
         return _random(instance, source)
@@ -65,7 +66,7 @@ def instance_value(key: Key, instance: Any, ob: Any, source: Any, depsgraph: Any
 
 
 def _random(instance: Any, source: Any) -> float:
-    """Cycles' random number of an instance, from 0 to 1."""
+    """Return Cycles' random number of an instance, from 0 to 1."""
     if instance.is_instance:
         word = instance.random_id & 0xFFFFFFFF
     else:
@@ -77,7 +78,7 @@ def _random(instance: Any, source: Any) -> float:
 
 
 def jenkins(*numbers: int) -> int:
-    """Bob Jenkins' hash (lookup3) of one word or two."""
+    """Return Bob Jenkins' hash (lookup3) of one word or two."""
     c = 0xdeadbeef + (len(numbers) << 2) + 13
     words = [(c + x) & 0xFFFFFFFF for x in (*numbers, 0, 0)[:3]]
     for i, j, k in (2, 1, 14), (0, 2, 11), (1, 0, 25), (2, 1, 16), (0, 2, 4), (1, 0, 14), (2, 1, 24):
@@ -87,7 +88,7 @@ def jenkins(*numbers: int) -> int:
 
 
 def _property(owners: list[Any], name: str) -> Any:
-    """The first property of that name: a custom one, or one of Blender's; None: there is none."""
+    """Return the first property of that name: a custom one, or one of Blender's; None: there is none."""
     for owner in owners:
         if owner is None:
             continue
@@ -101,7 +102,9 @@ def _property(owners: list[Any], name: str) -> Any:
 
 
 def _component(value: Any, component: int) -> float:
-    """A number of a property: of its colour (0 to 2), its alpha (3), or what stands for all (4); 0 if it is none."""
+    """Return a number of a property: of its colour (0 to 2), its alpha (3), or what stands for all (4); 0 if it is
+    none.
+    """
     if isinstance(value, bool | int | float):
         return 1.0 if component == 3 else float(value)
     try:

@@ -39,7 +39,7 @@ def to_rec709() -> list[list[float]]:
 
 
 def from_xyz() -> list[list[float]]:
-    """The matrix, rows, from CIE XYZ with white at D65 to the scene's linear light."""
+    """Return the matrix, rows, from CIE XYZ with white at D65 to the scene's linear light."""
     return _matrix("from_xyz_d65_to_scene_linear")
 
 
@@ -50,7 +50,7 @@ def working_space() -> str:
 
 
 def luminance_weights() -> tuple[float, float, float]:
-    """What each channel of the scene's linear light adds to the Y of a colour."""
+    """Return how much each channel of the scene's linear light adds to the Y of a colour."""
     red, green, blue = (Color(one).from_scene_linear_to_xyz_d65()[1] for one in IDENTITY)
     return red, green, blue
 

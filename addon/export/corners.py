@@ -1,4 +1,4 @@
-"""What a mesh has at the corners of its triangles: attributes on any domain, and tangents of UV maps."""
+"""Values at the corners of a mesh's triangles: attributes on any domain, and tangents of UV maps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PROPERTY = {'FLOAT': ("value", 1), 'INT': ("value", 1), 'INT8': ("value", 1), '
 
 def channels(mesh: Any, wanted: Mapping[Key, int], arrays: dict[str, np.ndarray],
              corners: np.ndarray) -> np.ndarray | None:
-    """The engine's attributes (T,3,A) of a mesh; None: nothing is wanted.
+    """Return the engine's attributes (T,3,A) of a mesh; None: nothing is wanted.
 
     arrays: its triangles and corner normals, as the engine has them; corners (T,3): of its triangles.
     """
@@ -35,7 +35,7 @@ def channels(mesh: Any, wanted: Mapping[Key, int], arrays: dict[str, np.ndarray]
 
 
 def _attribute(mesh: Any, kind: str, name: str, corners: np.ndarray) -> np.ndarray:
-    """(T,3,5): colour or vector, alpha, and the number that stands for all, as Cycles takes it; 0 without it."""
+    """Return (T,3,5): colour or vector, alpha, and the number that stands for all, as Cycles takes it; 0 without it."""
     out = np.zeros((len(corners), 3, 5), np.float32)
     if kind == "color" and not name:
         place = mesh.color_attributes.render_color_index
@@ -63,20 +63,20 @@ def _attribute(mesh: Any, kind: str, name: str, corners: np.ndarray) -> np.ndarr
 
 
 def _numbers(mesh: Any, values: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """A number for each vertex (V,), as attributes (T,3,5) have them."""
+    """Return a number for each vertex (V,), as attributes (T,3,5) have them."""
     return np.repeat(_at_corners(mesh, 'POINT', values.astype(np.float32)[:, None], corners), 5, axis=2)
 
 
 def _edges(mesh: Any) -> np.ndarray:
-    """The vertices (E,2) of edges."""
+    """Return the vertices (E,2) of edges."""
     edges = np.empty(2 * len(mesh.edges), np.int32)
     mesh.edges.foreach_get("vertices", edges)
     return edges.reshape(-1, 2)
 
 
 def _pointiness(mesh: Any) -> np.ndarray:
-    """(V,) the angle between the normal and the mean way to neighbours, over pi, and the mean of that over neighbours;
-    vertices at one place count as one.
+    """Return (V,) the angle between the normal and the mean way to neighbours, over pi, and the mean of that over
+    neighbours; vertices at one place count as one.
     """
     place = np.empty((len(mesh.vertices), 3), np.float32)
     mesh.vertices.foreach_get("co", place.ravel())
@@ -101,7 +101,7 @@ def _pointiness(mesh: Any) -> np.ndarray:
 
 
 def _islands(mesh: Any) -> np.ndarray:
-    """(V,) a random number for each part of the mesh that hangs together, which Cycles' way to find them says."""
+    """Return a random number (V,) for each connected part of the mesh, found in the same way as in Cycles."""
     parent, rank = list(range(len(mesh.vertices))), [0] * len(mesh.vertices)
 
     def root(x: int) -> int:
@@ -126,7 +126,7 @@ _OF_VERTICES = {"Pointiness": _pointiness, "Random Per Island": _islands}
 
 
 def _at_corners(mesh: Any, domain: str, values: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Values (n,k) of a domain at the corners of triangles (T,3,k)."""
+    """Return values (n,k) of a domain at the corners of triangles (T,3,k)."""
     if domain == 'CORNER':
         return values[corners]
     if domain == 'FACE':
@@ -144,7 +144,8 @@ def _at_corners(mesh: Any, domain: str, values: np.ndarray, corners: np.ndarray)
 
 
 def _tangents(mesh: Any, name: str, arrays: dict[str, np.ndarray], corners: np.ndarray) -> np.ndarray:
-    """(T,3,4): tangents and their signs, of a UV map (empty: that for renders), as MikkTSpace has them for triangles.
+    """Return (T,3,4): tangents and their signs, of a UV map (empty: that for renders), as MikkTSpace has them for
+    triangles.
 
     The tangent of a corner is the mean of those of all triangles that share its place, normal and UV and are not
     mirrored in the map, by their angles there (Mikkelsen, "Simulation of wrinkled surfaces revisited", 2008).
@@ -179,7 +180,7 @@ def _tangents(mesh: Any, name: str, arrays: dict[str, np.ndarray], corners: np.n
 
 
 def _flat(a: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Vectors without what they have along the normals."""
+    """Return vectors without their components along the normals."""
     return a - normal * (a * normal).sum(-1, keepdims=True)
 
 

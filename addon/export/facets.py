@@ -36,14 +36,16 @@ class Facets:
 
     @classmethod
     def glossy(cls, color: Triple, roughness: Value, compensation: Value = 1.0) -> Facets:
-        """Glossy BSDF: the same colour at all angles."""
+        """Return the lobe of the Glossy BSDF: the same colour at all angles."""
         weight = v.maximum(v.largest(color), 1.0)  # the engine takes no reflectance above 1
         shown = _held(v.divide(c, weight) for c in color)
         return cls(roughness=roughness, metal=weight, F0=shown, F90=shown, compensation=compensation)
 
     @classmethod
     def conductor(cls, n: Triple, k: Triple, roughness: Value, compensation: Value = 1.0) -> Facets:
-        """Metallic BSDF by a complex index of refraction n + ik, by its reflectance at 0° and 82°."""
+        """Return the lobe of the Metallic BSDF with a complex index of refraction n + ik, from its reflectance at 0°
+        and 82°.
+        """
         n, k = (tuple(v.maximum(c, 0.0) for c in triple) for triple in (n, k))
         pairs = list(zip(n, k, strict=True))
         F0 = _held(_conductor(1.0, *pair) for pair in pairs)
@@ -54,9 +56,8 @@ class Facets:
     @classmethod
     def principled(cls, color: Triple, metallic: Value, roughness: Value, level: Value, ior: Value,
                    tint: Triple = WHITE, compensation: Value = 1.0) -> Facets:
-        """Principled BSDF without its transmission, coat and sheen.
-
-        The specular level scales the reflectance that the index of refraction gives, and thereby that index.
+        """Return the lobes of the Principled BSDF without transmission, coat and sheen. The specular level scales the
+        reflectance that follows from the index of refraction, and so that index.
         """
         ior = v.maximum(ior, 1e-5)
         if not (v.is_constant(level) and level == 0.5):
@@ -70,34 +71,34 @@ class Facets:
 
     @classmethod
     def glass(cls, color: Triple, ior: Value, roughness: Value, compensation: Value = 1.0) -> Facets:
-        """The reflection of Glass BSDF."""
+        """Return the reflection of Glass BSDF."""
         weight = v.largest(color)
         return cls(roughness=roughness, dielectric=weight, ior=ior, tint=tuple(v.divide(c, weight) for c in color),
                    compensation=compensation)
 
     def coated(self, weight: Value, roughness: Value, ior: Value, tint: Triple) -> Facets:
-        """These facets below a clear coat."""
+        """Return these facets below a clear coat."""
         return replace(self, coat=v.clamp(weight), coat_roughness=v.clamp(roughness), coat_ior=v.maximum(ior, 1.0),
                        coat_tint=_held(tint))
 
     @classmethod
     def fibres(cls, color: Triple, roughness: Value) -> Facets:
-        """Sheen BSDF: fibres alone."""
+        """Return the lobe of the Sheen BSDF: fibres alone."""
         return cls().with_sheen(1.0, roughness, color)
 
     def with_sheen(self, weight: Value, roughness: Value, tint: Triple) -> Facets:
-        """These facets below fibres."""
+        """Return these facets below fibres."""
         tint = tuple(v.maximum(c, 0.0) for c in tint)  # type: ignore[assignment]
         most = v.maximum(v.largest(tint), 1.0)  # the engine takes no colour above 1
         return replace(self, sheen=v.maximum(weight, 0.0) * most, sheen_roughness=v.clamp(roughness),
                        sheen_tint=_held(v.divide(c, most) for c in tint))
 
     def times(self, share: Value) -> Facets:
-        """So much of what they reflect."""
+        """Return the facets with this share of their light."""
         return replace(self, metal=self.metal * share, dielectric=self.dielectric * share, share=self.share * share)
 
     def dims(self, color: Triple) -> Triple:
-        """What of a colour below the coat and the fibres is seen."""
+        """Return the share of a colour below the coat and the fibres that is seen."""
         if not self.covers:
             return color
         through = v.outputs("covered", 3, self.coat, self.coat_roughness, v.minimum(self.coat_ior, 1000.0),
@@ -105,25 +106,27 @@ class Facets:
         return tuple(c * t for c, t in zip(color, through, strict=True))  # type: ignore[return-value]
 
     def coat_reflectance(self) -> Value:
-        """What the coat reflects at normal incidence."""
+        """Return the reflectance of the coat at normal incidence."""
         return self.coat * squared((self.coat_ior - 1) / (self.coat_ior + 1))
 
     def above(self) -> Value:
-        """About how much light the fibres and the coat return."""
+        """Return about how much light the fibres and the coat return."""
         return self.share * (self.sheen + self.coat_reflectance())
 
     @property
     def covers(self) -> bool:
-        """Whether a coat or fibres lie over what is diffuse."""
+        """Return whether a coat or fibres lie over what is diffuse."""
         return not (v.is_constant(self.coat, self.sheen) and self.coat == self.sheen == 0)
 
     @property
     def shines(self) -> bool:
-        """Whether there is any lobe."""
+        """Return whether there is any lobe."""
         return self.covers or not (v.is_constant(self.metal, self.dielectric) and self.metal == self.dielectric == 0)
 
     def fits(self, other: Facets, matt: bool, others_matt: bool) -> bool:
-        """Whether one layer can have exactly the lobes of both. matt: whether there is something diffuse in each."""
+        """Return whether one layer can have exactly the lobes of both. matt: whether there is something diffuse in
+        each.
+        """
         a, b = self, other
         if (a.covers and (b.shines or others_matt)) or (b.covers and (a.shines or matt)):
             return False
@@ -141,7 +144,7 @@ class Facets:
         return all(same(getattr(a, name), getattr(b, name)) for name in names)
 
     def plus(self, other: Facets, below: tuple[Value, Value], mirrors: tuple[bool, bool]) -> Facets:
-        """The sum of two; where there can only be one value it is the mean.
+        """Return the sum of two; where there can only be one value it is the mean.
 
         below: how much of what is diffuse is each one's; mirrors: which of them Fresnel's equations of glass are for.
         """
@@ -165,7 +168,7 @@ class Facets:
                        **{name: getattr(above, name) for name in ABOVE})
 
     def _covered_by_both(self, a: Facets, b: Facets) -> Facets:
-        """These below the means of the coats and fibres of two others."""
+        """Return these below the means of the coats and fibres of two others."""
         coats, sheens = (a.coat * a.share, b.coat * b.share), (a.sheen * a.share, b.sheen * b.share)
         return replace(
             self, coat=coats[0] + coats[1], coat_tint=weighted(a.coat_tint, b.coat_tint, *coats),
@@ -175,7 +178,7 @@ class Facets:
             sheen_roughness=weighted((a.sheen_roughness,), (b.sheen_roughness,), *sheens)[0])
 
     def parameters(self) -> dict[str, Any]:
-        """What the engine's Material says of it; nothing where nothing shines."""
+        """Return the parameters of the engine's Material; none if there is no lobe."""
         if not self.shines:
             return {}
         return {
@@ -197,19 +200,19 @@ ABOVE = ("coat", "coat_roughness", "coat_ior", "coat_tint", "sheen", "sheen_roug
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two values or colours are the same number, or the same expression."""
+    """Return whether two values or colours are the same number, or the same expression."""
     if isinstance(a, tuple) and isinstance(b, tuple):
         return all(same(x, y) for x, y in zip(a, b, strict=True))
     return a is b or bool(v.is_constant(a, b) and a == b)
 
 
 def squared(a: Value) -> Value:
-    """The value times itself."""
+    """Return the value times itself."""
     return a * a
 
 
 def weighted(a: tuple, b: tuple, weight_a: Value, weight_b: Value) -> Any:
-    """The weighted mean of two colours or numbers; the first where both weights are 0."""
+    """Return the weighted mean of two colours or numbers; the first where both weights are 0."""
     for one, nothing in ((a, weight_b), (b, weight_a)):
         if v.is_constant(nothing) and nothing == 0:
             return one
@@ -220,12 +223,14 @@ def weighted(a: tuple, b: tuple, weight_a: Value, weight_b: Value) -> Any:
 
 
 def _held(color) -> Triple:
-    """A colour between 0 and 1."""
+    """Return a colour between 0 and 1."""
     return tuple(v.clamp(c) for c in color)  # type: ignore[return-value]
 
 
 def _conductor(c: float, n: Value, k: Value) -> Value:
-    """Fresnel's equations of a conductor in air at the cosine c (M. Born, E. Wolf: Principles of optics, 14.4.1)."""
+    """Return Fresnel's equations of a conductor in air at the cosine c (M. Born, E. Wolf: Principles of optics,
+    14.4.1).
+    """
     cc, ss = c * c, 1.0 - c * c
     real = n * n - k * k - ss
     both = v.square_root(real * real + 4.0 * (n * n) * (k * k))

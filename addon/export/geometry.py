@@ -22,10 +22,10 @@ _NOT_TRANSLATED = {
 
 
 class MeshStore(Protocol):
-    """What a Geometry hands its meshes to: `Meshes` of one snapshot, or `Blocks` that successive ones share."""
+    """Takes the meshes of a Geometry: `Meshes` of one snapshot, or `Blocks` that successive ones share."""
 
     def get(self, key: tuple, owners: set[int], read: Callable[[], Mesh | None]) -> Any:
-        """Something that stands for the mesh that `read` gives, or None where there is nothing to see."""
+        """Return an object that stands for the mesh that `read` returns, or None if there is nothing to see."""
 
 
 class Geometry:
@@ -93,7 +93,7 @@ class Geometry:
         }
 
     def _values(self) -> np.ndarray:
-        """The engine's instance_values: 0 where a material of the instance does not ask."""
+        """Return the engine's instance_values: 0 where a material of the instance does not ask."""
         count = max((number + 1 for values in self._instance_values for number in values), default=0)
         out = np.zeros((len(self._instance_values), count), np.float32)
         for row, values in zip(out, self._instance_values, strict=True):
@@ -191,7 +191,8 @@ def _terminator(ob) -> dict[str, float]:
 
 
 def _texture_space(mesh) -> dict[str, list[float]]:
-    """The box of a mesh over which Generated coordinates go from 0 to 1, where it is not the engine's default."""
+    """Return the box of a mesh over which Generated coordinates go from 0 to 1, where it is not the engine's default.
+    """
     place, size = list(mesh.texspace_location), list(mesh.texspace_size)
     if place == [0.0] * 3 and size == [1.0] * 3:
         return {}

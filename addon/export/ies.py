@@ -18,8 +18,8 @@ NEAR = 1e-4  # degrees: angles that are meant to be the same
 
 
 def parsed(text: str) -> dict[str, list[float]] | None:
-    """The grid of a file's text: angles `horizontal` and `vertical` in radians, and `values`, a row of all vertical
-    angles for each horizontal one; None where it is no such file.
+    """Return the grid of a file's text: angles `horizontal` and `vertical` in radians, and `values`, a row of all
+    vertical angles for each horizontal one; None where it is no such file.
     """
     found = _read(text)
     if found is None:
@@ -33,7 +33,7 @@ def parsed(text: str) -> dict[str, list[float]] | None:
 
 
 def _read(text: str) -> tuple[int, np.ndarray, np.ndarray, np.ndarray] | None:
-    """The kind of goniometer, vertical angles (v,), horizontal ones (h,), both in degrees, and watts (h,v)."""
+    """Return the kind of goniometer, vertical angles (v,), horizontal ones (h,), both in degrees, and watts (h,v)."""
     start = re.search(r"\nTILT=([^\n]*)", text.replace("\r\n", "\n").replace("\r", "\n"))
     if not start:
         return None
@@ -65,7 +65,7 @@ def _near(a: float, b: float) -> bool:
 
 
 def _type_c(up: np.ndarray, across: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertical axis: what is left out by symmetry is put back."""
+    """Convert angles around a vertical axis: add what the file leaves out by symmetry."""
     if _near(across[0], 90):
         across = across - 90
     if len(across) == 1:  # the same all around
@@ -82,7 +82,7 @@ def _type_c(up: np.ndarray, across: np.ndarray, values: np.ndarray) -> tuple[np.
 
 
 def _type_b(up: np.ndarray, across: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Horizontal axis: the angles change their places, as a lamp can be turned."""
+    """Convert angles around a horizontal axis: the two angles change their places, because a lamp can be turned."""
     across, up, values = up, across, values.T
     across, values = _both_sides(across, values)
     up, turned = _both_sides(up, values.T)
@@ -90,7 +90,7 @@ def _type_b(up: np.ndarray, across: np.ndarray, values: np.ndarray) -> tuple[np.
 
 
 def _both_sides(angles: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From −90 to 90°, or from 0 to 90° and mirrored, moved to 0 … 180°."""
+    """Return values from −90 to 90°, or from 0 to 90° and mirrored, moved to 0 … 180°."""
     if _near(angles[0], 0):
         angles = np.concatenate([-angles[:0:-1], angles])
         values = np.concatenate([values[:0:-1], values])
@@ -98,7 +98,7 @@ def _both_sides(angles: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _type_a(up: np.ndarray, across: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As for cars' headlights: from −90 to 90° across, which is 270 to 90°."""
+    """Convert angles as for headlights of cars: −90 to 90° across, which is 270 to 90°."""
     first = across[0]
     turned, rows = 180 - across[::-1], values[::-1]
     if _near(first, 0):

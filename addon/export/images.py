@@ -40,7 +40,7 @@ class Images:
         self._written = {uid: file for uid, file in self._written.items() if file["path"] not in names}
 
     def index(self, node, report: Report, tile: int = 0) -> int:
-        """Number of the image of an image texture node, as the node shows it; −1 where it cannot be had.
+        """Return number of the image of an image texture node, as the node shows it; −1 where it cannot be had.
 
         tile: the number of a UDIM tile, 0 for the first, or for images without tiles.
         """
@@ -67,7 +67,7 @@ class Images:
         return self._indices[key]
 
     def _file(self, image, path: Path, tile: int) -> dict | None:
-        """A file with the image's pixels, and what else is special about it."""
+        """Return a file with the image's pixels, and what else is special about it."""
         if image.source == 'MOVIE':
             self._warn(image, "movies are not translated; its first frame is used")
         original = image.original
@@ -108,7 +108,7 @@ class Images:
         return None
 
     def _saved(self, original, name: str) -> dict | None:
-        """The bytes that Blender has, saved by itself; None where that would not be all of them.
+        """Return the bytes that Blender has, saved by itself; None where that would not be all of them.
 
         Pixels that Python asks for are floats: four times the memory of the image.
         """
@@ -153,8 +153,8 @@ class Images:
 
 
 def _packed(image, tile: Path | None) -> bytes:
-    """The file of an image that is packed into the .blend, of several the first, or that of a tile; empty where none
-    is.
+    """Return the file of an image that is packed into the .blend, of several the first, or that of a tile; empty where
+    none is.
     """
     if image.source not in {'FILE', 'TILED'}:
         return b""

@@ -1,6 +1,6 @@
-"""The nodes of lamps: what a lamp's light is multiplied by, as numbers or as a program of the engine.
+"""The nodes of lamps: the factor by which they multiply a lamp's light, as numbers or as a program of the engine.
 
-A lamp has no surface: here is what Cycles gives to nodes that ask about one, and what only lamps' nodes give.
+A lamp has no surface. This module has what Cycles returns for nodes that ask about one, and nodes that only lamps have.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Profiles:
         self._numbers: dict[str, int] = {}  # of texts; −1: it is none
 
     def index(self, name: str, text: str) -> int:
-        """The number of the profile of an IES file's text; −1 where it is no such text."""
+        """Return the number of the profile of an IES file's text; −1 where it is no such text."""
         if text not in self._numbers:
             found = ies.parsed(text)
             self._numbers[text] = len(self.descriptions) if found else -1
@@ -46,17 +46,17 @@ class Profiles:
 
 
 class OfLamp:
-    """What a lamp's nodes ask beside it: of corners nothing, of its object numbers; as `Asked` for surfaces."""
+    """The values for which a lamp's nodes ask: none at corners, and numbers of its object; as `Asked` for surfaces."""
 
     def __init__(self, instance: Any, ob: Any, depsgraph: Any) -> None:
         self._instance, self._ob, self._depsgraph = instance, ob, depsgraph
 
     def corner(self, *key: Any) -> Value:
-        """A lamp has no attributes."""
+        """Return the value for "no such attribute": a lamp has none."""
         return 0.0
 
     def instance(self, *key: Any) -> Value:
-        """A number of the lamp's object."""
+        """Return a number of the lamp's object."""
         if not _OBJECTS and key[0] == "property":
             return 0.0
         return instance_value(key, self._instance, self._ob, self._ob, self._depsgraph)
@@ -67,7 +67,7 @@ class LampNodes(Nodes):
 
     def __init__(self, lamp: Any, asked: Any, report: Report, materials: Materials, profiles: Profiles,
                  matrix: np.ndarray) -> None:
-        """matrix (4,4): from the lamp's own space to the world."""
+        """matrix (4,4): the transformation from the lamp's own space to the world."""
         super().__init__(lamp.node_tree, "Light", lamp.name, report,
                          lambda node, tile: materials.image(node, report, tile), asked)
         self.uv_map = ""  # other maps are not there
@@ -75,12 +75,12 @@ class LampNodes(Nodes):
 
 
 def emission(nodes: LampNodes) -> Triple | None:
-    """What the light is multiplied by; None: nodes that the engine does not know, so nothing is said of it."""
+    """Return the factor of the light; None if there are nodes that the engine does not know."""
     return _shader(nodes, nodes.output('ShaderNodeOutputLight'), "Surface")
 
 
 def _shader(nodes: LampNodes, node: Any, socket: Any) -> Triple | None:
-    """The light of the shader at an input. Shaders of surfaces shine not."""
+    """Return the light of the shader at an input; shaders of surfaces give none."""
     source = nodes.source(node, socket) if node is not None else None
     if source is None:
         return _BLACK
@@ -113,7 +113,7 @@ _DARK = {f'ShaderNode{name}' for name in (
 
 
 def _falloff(nodes: LampNodes, node: Any, socket: Any) -> Value:
-    """The Light Falloff node."""
+    """Translate the Light Falloff node."""
     strength = nodes.value(node, "Strength")
     if nodes.type == 'SUN':
         return strength
@@ -127,7 +127,7 @@ def _falloff(nodes: LampNodes, node: Any, socket: Any) -> Value:
 
 
 def _ies(nodes: LampNodes, node: Any, socket: Any) -> Value:
-    """The IES Texture node."""
+    """Translate the IES Texture node."""
     strength = nodes.value(node, "Strength")
     name, text = _text(nodes, node)
     number = nodes.profiles.index(name, text) if text else -1
@@ -142,7 +142,7 @@ def _ies(nodes: LampNodes, node: Any, socket: Any) -> Value:
 
 
 def _text(nodes: LampNodes, node: Any) -> tuple[str, str]:
-    """The name and the text of an IES file; empty where none is chosen, or where it cannot be read."""
+    """Return the name and the text of an IES file; empty where none is chosen, or where it cannot be read."""
     if node.mode == 'INTERNAL':
         return (node.ies.name, node.ies.as_string()) if node.ies else ("", "")
     if not node.filepath:
@@ -160,7 +160,7 @@ def _arctan2(y: Value, x: Value) -> Value:
 
 
 def _local_way(nodes: LampNodes) -> Triple:
-    """The way to what is lit, in the lamp's own space, turned as normals are."""
+    """Return the way to what is lit, in the lamp's own space, turned as normals are."""
     if nodes.type != 'AREA':
         return v.outputs("object_normal", 3)  # type: ignore[return-value]
     way = incoming()
@@ -168,26 +168,28 @@ def _local_way(nodes: LampNodes) -> Triple:
 
 
 def _light_path(nodes: LampNodes, node: Any, socket: Any) -> Value:
-    """The Light Path node: a lamp is asked for its light, which is none of the rays."""
+    """Translate the Light Path node. A lamp is asked for the light that it sends, which belongs to none of the kinds of
+    rays.
+    """
     if socket.name == "Ray Length":
         return v.operation("ray_length")
     return 1.0 if socket.name == "Ray Depth" else 0.0
 
 
 def _bump(nodes: LampNodes, node: Any, socket: Any) -> Triple:
-    """The Bump and Normal Map nodes: there is nothing to be bent."""
+    """Translate the Bump and Normal Map nodes: there is no surface whose normal they could bend."""
     return normal()
 
 
 def _geometry(nodes: LampNodes, node: Any, socket: Any) -> Triple | Value | None:
-    """The Geometry node."""
+    """Translate the Geometry node."""
     if socket.name in ("Backfacing", "Pointiness", "Random Per Island"):
         return 0.0
     return _BLACK if socket.name == "Tangent" else geometry(nodes, node, socket)
 
 
 def _texture_coordinates(nodes: LampNodes, node: Any, socket: Any) -> Triple | None:
-    """The Texture Coordinate node."""
+    """Translate the Texture Coordinate node."""
     if not _OBJECTS and not (socket.name == "Object" and node.object):
         if socket.name in ("Generated", "Object"):
             return position()
@@ -200,7 +202,7 @@ def _texture_coordinates(nodes: LampNodes, node: Any, socket: Any) -> Triple | N
 
 
 def _object_info(nodes: LampNodes, node: Any, socket: Any) -> Triple | Value | None:
-    """The Object Info node."""
+    """Translate the Object Info node."""
     if _OBJECTS or socket.name == "Random":
         return object_info(nodes, node, socket)
     return _BLACK if socket.name in ("Location", "Color") else 0.0

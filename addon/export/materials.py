@@ -60,12 +60,12 @@ class Materials:
         return self._images.descriptions
 
     def image(self, node, report: Report, tile: int = 0) -> int:
-        """The number of the image of a node of a lamp or the world; negative where it cannot be had."""
+        """Return the number of the image of a node of a lamp or the world; negative where it cannot be had."""
         return self._images.index(node, report, tile)
 
     @property
     def textured(self) -> bool:
-        """Whether any material is placed by a UV map."""
+        """Return whether any material is placed by a UV map."""
         return any(name is not None for name in self._uv_maps)
 
     def index(self, material) -> int:
@@ -94,15 +94,15 @@ class Materials:
         return description["alpha"] == 0 and description["alpha_image"] < 0
 
     def uv_maps(self, indices: Iterable[int]) -> tuple[str | None, ...]:
-        """The UV map that each of these materials wants: a name, "" for the mesh's own, None for no images."""
+        """Return the UV map that each of these materials wants: a name, "" for the mesh's own, None for no images."""
         return tuple(self._uv_maps[i] for i in indices)
 
     def corners(self, indices: Iterable[int]) -> dict[Key, int]:
-        """What these materials ask for at the corners of triangles, and the channels for it, in their order."""
+        """Return the values for which these materials ask at the corners of triangles, and their channels, in order."""
         return _numbered(self._channels.corners, [self._asked_for[i].corners for i in indices])
 
     def instances(self, indices: Iterable[int]) -> dict[Key, int]:
-        """What these materials ask of instances, and the channels for it."""
+        """Return the values for which these materials ask of instances, and their channels."""
         return _numbered(self._channels.instances, [self._asked_for[i].instances for i in indices])
 
     def _translate(self, index: int, material, report: Report) -> None:
@@ -138,12 +138,13 @@ def _nodes(material, report: Report, image, asked: Asked | None = None) -> Nodes
 
 
 def _numbered(channels: dict[Key, int], asked: Iterable[set[Key]]) -> dict[Key, int]:
-    """Those channels that are asked for, in the order of their numbers."""
+    """Return those channels that are asked for, in the order of their numbers."""
     return {key: channels[key] for key in sorted(set().union(*asked), key=channels.__getitem__)}
 
 
 def translated(material, nodes: Nodes | None) -> Surface:
-    """The surface that the nodes of `material` describe, or its viewport colour where it has none (None: Blender's).
+    """Return the surface that the nodes of `material` describe, or its viewport colour if it has no nodes (None:
+    Blender's default).
     """
     if nodes:
         return surface(nodes, nodes.output('ShaderNodeOutputMaterial'))
@@ -154,7 +155,7 @@ def translated(material, nodes: Nodes | None) -> Surface:
 
 
 def translate(material, report: Report) -> Surface:
-    """The surface of `material` for who only wants to look at it: images have no numbers."""
+    """Return the surface of `material` for who only wants to look at it: images have no numbers."""
     return translated(material, _nodes(material, report, lambda node, tile: 0))
 
 
@@ -174,7 +175,8 @@ _OF_ALL = {"emission", "kt", "ior", "fresnel", "alpha", "frosted"}
 
 
 def _layers(surface: Surface, chosen: dict[str, Any]) -> list[dict[str, Any]]:
-    """`_parameters` of each layer. What the artist has chosen is for the whole, which then is one layer."""
+    """Return `_parameters` of each layer. Overrides of the artist are for the whole surface, which then is one layer.
+    """
     if chosen:
         return [_parameters(surface.merged(), chosen)]
     first, *further = (_parameters(part, {}) for part in surface.parts())
@@ -183,7 +185,7 @@ def _layers(surface: Surface, chosen: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _parameters(surface: Surface, chosen: dict[str, Any]) -> dict[str, Any]:
-    """What the engine's Material says of a surface, and of what the artist has chosen instead."""
+    """Return the parameters of the engine's Material for a surface, with those that the artist has chosen instead."""
     found = surface.whitted() | chosen
     if not values.is_constant(surface.frosted) or surface.frosted > 1e-3:
         found["frosted"] = values.clamp(surface.frosted)
@@ -203,14 +205,16 @@ def _parameters(surface: Surface, chosen: dict[str, Any]) -> dict[str, Any]:
 
 
 def typical(name: str, value: Any) -> Any:
-    """Whitted's parameter `name` with the value that was translated, or one that is typical where it differs."""
+    """Return Whitted's parameter `name` with the value that was translated, or a typical one if it differs over the
+    surface.
+    """
     channels = value if isinstance(value, list) else [value]
     return value if values.is_constant(*channels) else _TYPICAL[name]
 
 
 def _written(*layers: dict[str, Any]) -> dict[str, Any]:
-    """What the engine's Material says of Whitted's parameters, layer by layer: numbers, images, and one program for all
-    else.
+    """Return Whitted's parameters as the engine's Material has them, layer by layer: numbers, images, and one program
+    for everything else.
     """
     descriptions: list[dict[str, Any]] = []
     varies: dict[str, Any] = {}
@@ -232,7 +236,7 @@ _NORMALS = {"normal", "displaced"}
 
 
 def _plain(found: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What of a layer's parameters are numbers and images, and what is left for a program."""
+    """Return those parameters of a layer that are numbers or images, and the rest, which needs a program."""
     description = {name: typical(name, value) for name, value in found.items() if name not in _NORMALS}
     varies = {name: value for name, value in found.items() if name in _NORMALS or description[name] is not value}
     if "Od" in varies and (image := values.plain_image(varies["Od"], 0)) >= 0:
@@ -245,7 +249,7 @@ def _plain(found: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _uses_uv(description: dict[str, Any]) -> bool:
-    """Whether anything that is left after overrides is placed by a UV map."""
+    """Return whether anything that is left after overrides is placed by a UV map."""
     program = description.get("program", {"operations": []})
     images = [layer.get("image", -1) for layer in description.get("layers", ())]
     return (max(description["image"], description["alpha_image"], *images) >= 0
@@ -253,7 +257,7 @@ def _uses_uv(description: dict[str, Any]) -> bool:
 
 
 def translated_value(material, name: str):
-    """Whitted's parameter `name` as translated from the nodes, without overrides: what the panel shows."""
+    """Return Whitted's parameter `name` as translated from the nodes, without overrides; the panel shows it."""
     return typical(name, _parameters(translate(material, Report()).merged(), {})[name])
 
 

@@ -51,7 +51,9 @@ class Mesh:
                 "triangle_materials": materials} | uvs
 
     def _flat(self, triangles: np.ndarray) -> np.ndarray:
-        """(T,3) the normals of polygons; where these are flat but not level those of triangles, as in Cycles."""
+        """Return the normals (T,3) of polygons; for a flat-shaded polygon that is not level those of its triangles, as
+        in Cycles.
+        """
         normals = self.normals[self.polygons]
         if not self.flat:
             return normals
@@ -71,8 +73,10 @@ class Reader:
         self._parts: dict[str, np.ndarray] = {}
 
     def read(self, mesh, materials: tuple[int, ...], uv_layers: list | None, wanted: Mapping[Key, int]) -> Mesh:
-        """`mesh`, which has triangles, with its slots' `materials`, their layers of UVs (of each None: all 0; None: no
-        UVs are asked for), and what is `wanted` at its corners.
+        """Read `mesh`, which has triangles, and return a Mesh.
+
+        materials: those of its slots. layers: the slots' layers of UVs (an entry None: all UVs are 0; None: no UVs are
+        needed). wanted: the values that are needed at its corners.
         """
         attributes = mesh.attributes
         # Custom normals apply to corners, whatever domain they are stored on.
@@ -109,7 +113,7 @@ class Reader:
         return sharp is not None and bool(self._got("flat", sharp.data, "value", (len(mesh.polygons),), np.bool_).all())
 
     def _uvs(self, mesh, layers: list, slots: Any) -> np.ndarray:
-        """UVs (C,2): each face's of the layer of its slot."""
+        """Return UVs (C,2): each face's of the layer of its slot."""
         names = [layer.name if layer else "" for layer in layers]
         found = [self._got(f"uvs {name}", layers[names.index(name)].uv, "vector", (len(mesh.loops), 2)) if name
                  else np.zeros((len(mesh.loops), 2), np.float32) for name in dict.fromkeys(names)]

@@ -13,7 +13,7 @@ DISPLACEMENT_WIDTH = 0.1 if bpy.app.version >= (4, 4) else 1.0
 
 
 def bumped(height: Value, n: Triple, strength: Value = 1.0, distance: Value = 1.0, width: float = 1.0) -> Triple:
-    """The normal `n` of a surface that is raised by `height`·`distance`.
+    """Return the normal `n` of a surface that is raised by `height`·`distance`.
 
     width: how many pixels apart heights are taken.
     """
@@ -24,18 +24,18 @@ def bumped(height: Value, n: Triple, strength: Value = 1.0, distance: Value = 1.
 
 
 def _own_normal(nodes) -> Triple:
-    """The normal that nodes take without one of their own: with the material's displacement, if it has some."""
+    """Return the normal that nodes take without one of their own: with the material's displacement, if it has some."""
     return nodes.displaced or normal()
 
 
 def given(nodes, node, name: str = "Normal") -> Triple | None:
-    """The normal that an input gets; None: the surface's own."""
+    """Return the normal that an input gets; None: the surface's own."""
     found = normal_at(nodes, node, name) or nodes.displaced
     return None if found == normal() else found
 
 
 def bump(nodes, node, socket) -> Triple:
-    """The Bump node."""
+    """Translate the Bump node."""
     n = given(nodes, node) or normal()
     width = nodes.value(node, "Filter Width") if "Filter Width" in node.inputs else 1.0
     if not v.is_constant(width):
@@ -46,7 +46,7 @@ def bump(nodes, node, socket) -> Triple:
 
 
 def normal_map(nodes, node, socket) -> Triple:
-    """The Normal Map node."""
+    """Translate the Normal Map node."""
     strength = v.maximum(nodes.value(node, "Strength"), 0.0)
     x, y, z = ((c - 0.5) * 2.0 for c in nodes.color(node, "Color"))
     if getattr(node.node, "convention", "") == 'DIRECTX':
@@ -68,7 +68,7 @@ def normal_map(nodes, node, socket) -> Triple:
 
 
 def height(nodes, output) -> Value:
-    """How far the displacement of a material's output raises the surface, along its normal, in the world."""
+    """Return how far the displacement of a material's output raises the surface, along its normal, in the world."""
     link = nodes.link(output, "Displacement")
     if link.from_node.bl_idname == 'ShaderNodeDisplacement' and not nodes.link(link.from_node, "Normal"):
         raised = _raised(nodes, link.from_node)
@@ -81,19 +81,19 @@ def _raised(nodes, node) -> Value:
 
 
 def _by_object(n: Triple) -> Triple:
-    """What 1 along a normal in the object's own space is in the world."""
+    """Return the length in the world of 1 along a normal in the object's own space."""
     return v.outputs("to_world", 3, *v.outputs("to_object_normal", 3, *n), 0.0)  # type: ignore[return-value]
 
 
 def displacement(nodes, node, socket) -> Triple:
-    """The Displacement node: by how much the surface moves, in the world."""
+    """Translate the Displacement node: by how much the surface moves, in the world."""
     raised, n = _raised(nodes, node), given(nodes, node) or normal()
     n = n if node.space == 'WORLD' else _by_object(n)
     return tuple(c * raised for c in n)  # type: ignore[return-value]
 
 
 def vector_displacement(nodes, node, socket) -> Triple:
-    """The Vector Displacement node."""
+    """Translate the Vector Displacement node."""
     middle, scale = nodes.value(node, "Midlevel"), nodes.value(node, "Scale")
     moved: Triple = tuple((c - middle) * scale for c in nodes.vector(node, "Vector"))  # type: ignore[assignment]
     if node.space == 'WORLD':

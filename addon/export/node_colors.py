@@ -16,12 +16,12 @@ TABLE = 257  # samples of a ramp or a curve, as many as Cycles takes
 
 
 def rgb_node(nodes, node, socket) -> Triple:
-    """The RGB node."""
+    """Translate the RGB node."""
     return tuple(socket.default_value)[:3]
 
 
 def value_node(nodes, node, socket) -> Value:
-    """The Value node."""
+    """Translate the Value node."""
     return float(socket.default_value)
 
 
@@ -70,7 +70,7 @@ CHANNELS: dict[str, Callable[[Value, Value, Value], Value]] = {
 
 
 def hsv(color: Triple) -> Triple:
-    """Hue, saturation and value of a colour."""
+    """Return hue, saturation and value of a colour."""
     high, low = v.largest(color), v.minimum(v.minimum(color[0], color[1]), color[2])
     reach = high - low
     saturation = v.where(v.unary("absolute", abs, high), v.divide(reach, high), 0.0)
@@ -78,7 +78,7 @@ def hsv(color: Triple) -> Triple:
 
 
 def _hue(color: Triple, high: Value, reach: Value) -> Value:
-    """The hue of a colour with this largest channel, whose channels are within `reach` of each other."""
+    """Return the hue of a colour with this largest channel, whose channels are within `reach` of each other."""
     r, g, _ = color
     red, green, blue = (v.divide(high - c, reach) for c in color)
     of_green = v.where(1.0 - v.unary("absolute", abs, v.greater(high, g)), 2.0 + red - blue, 4.0 + green - red)
@@ -87,7 +87,7 @@ def _hue(color: Triple, high: Value, reach: Value) -> Value:
 
 
 def from_hsv(color: Triple) -> Triple:
-    """The colour of a hue, a saturation and a value."""
+    """Return the colour of a hue, a saturation and a value."""
     hue, saturation, value = color
     # As Blender: what is no hue, below 0 or above 1, is taken for one of the last sixth, from magenta to red.
     none = v.maximum(v.less(hue, 0.0), v.greater(hue, 1.0))
@@ -116,7 +116,7 @@ def _from_hsl(color: Triple) -> Triple:
 
 
 def _blend_hsv(mode: str, a: Triple, b: Triple, factor: Value) -> Triple:
-    """The blend modes that take hue, saturation or value of the second colour."""
+    """Return the blend modes that take hue, saturation or value of the second colour."""
     (ha, sa, va), (hb, sb, vb) = hsv(a), hsv(b)
     if mode == 'HUE':
         changed, counts = from_hsv((hb, sa, va)), v.greater(sb, 0.0)
@@ -133,7 +133,7 @@ def _blend_hsv(mode: str, a: Triple, b: Triple, factor: Value) -> Triple:
 
 
 def blended(mode: str, a: Triple, b: Triple, factor: Value) -> Triple | None:
-    """Two colours mixed as the Mix node does; None for modes that are not known."""
+    """Return two colours mixed as the Mix node does; None for modes that are not known."""
     if mode in ('HUE', 'SATURATION', 'VALUE', 'COLOR'):
         return _blend_hsv(mode, a, b, factor)
     channel = CHANNELS.get(mode)
@@ -143,7 +143,7 @@ def blended(mode: str, a: Triple, b: Triple, factor: Value) -> Triple | None:
 
 
 def mix_node(nodes, node, socket) -> Value | Triple | None:
-    """The Mix node: numbers, vectors or colours."""
+    """Translate the Mix node: numbers, vectors or colours."""
     inputs = [s for s in node.inputs if not s.is_unavailable]
     kind = node.data_type
     uniform = kind != 'VECTOR' or node.factor_mode == 'UNIFORM'
@@ -163,7 +163,7 @@ def mix_node(nodes, node, socket) -> Value | Triple | None:
 
 
 def mix_rgb_node(nodes, node, socket) -> Triple | None:
-    """The Mix node of Blender before 3.4, which old files still have."""
+    """Translate the Mix node of Blender before 3.4, which old files still have."""
     factor = v.clamp(nodes.value(node, 0))
     found = blended(node.blend_type, nodes.color(node, 1), nodes.color(node, 2), factor)
     return found and (tuple(map(v.clamp, found)) if node.use_clamp else found)  # type: ignore[return-value]
@@ -171,7 +171,9 @@ def mix_rgb_node(nodes, node, socket) -> Triple | None:
 
 def tabled(x: Value, table: list[float], interpolates: bool, low: float = 0.0, high: float = 1.0,
            extrapolates: bool = False) -> Value:
-    """A function given by its values at equal steps from `low` to `high`; without interpolation the value before."""
+    """Return a function given by its values at equal steps from `low` to `high`; without interpolation the value
+    before.
+    """
     place = (x - low) * ((len(table) - 1) / (high - low))
     if v.is_constant(place):
         place = place if extrapolates else min(max(place, 0.0), len(table) - 1.0)
@@ -181,7 +183,7 @@ def tabled(x: Value, table: list[float], interpolates: bool, low: float = 0.0, h
 
 
 def color_ramp_node(nodes, node, socket) -> Triple | Value:
-    """The Color Ramp node, looked up in a table, or step by step where it is constant."""
+    """Translate the Color Ramp node, looked up in a table, or step by step where it is constant."""
     factor, ramp = nodes.value(node, 0), node.color_ramp
     of_alpha = socket.name == "Alpha"
     exact = {'CONSTANT': _stepped, 'LINEAR': _straight}.get(ramp.interpolation if ramp.color_mode == 'RGB' else "")
@@ -197,7 +199,7 @@ def color_ramp_node(nodes, node, socket) -> Triple | Value:
 
 
 def _stepped(factor: Value, ramp) -> tuple[Value, ...]:
-    """A constant ramp: the colour of the last element that is not beyond the factor."""
+    """Return a constant ramp: the colour of the last element that is not beyond the factor."""
     elements = sorted(ramp.elements, key=lambda e: e.position)
     found = [tuple(e.color) for e in elements]
     result: tuple[Value, ...] = found[0]
@@ -208,7 +210,7 @@ def _stepped(factor: Value, ramp) -> tuple[Value, ...]:
 
 
 def _straight(factor: Value, ramp) -> tuple[Value, ...]:
-    """A linear ramp, exactly."""
+    """Return a linear ramp, exactly."""
     elements = sorted(ramp.elements, key=lambda e: e.position)
     result: tuple[Value, ...] = tuple(elements[0].color)
     for a, b in itertools.pairwise(elements):
@@ -219,7 +221,7 @@ def _straight(factor: Value, ramp) -> tuple[Value, ...]:
 
 
 def curves_node(nodes, node, socket) -> Triple | Value:
-    """The RGB Curves, Vector Curves and Float Curve nodes."""
+    """Translate the RGB Curves, Vector Curves and Float Curve nodes."""
     mapping = node.mapping
     mapping.update()
     factor = nodes.value(node, 0)
@@ -244,7 +246,7 @@ def curves_node(nodes, node, socket) -> Triple | Value:
 
 
 def hue_saturation_node(nodes, node, socket) -> Triple:
-    """The Hue/Saturation/Value node."""
+    """Translate the Hue/Saturation/Value node."""
     hue, saturation, value, factor = (nodes.value(node, name) for name in ("Hue", "Saturation", "Value", _factor(node)))
     color = nodes.color(node, "Color")
     h, s, x = hsv(color)
@@ -254,12 +256,12 @@ def hue_saturation_node(nodes, node, socket) -> Triple:
 
 
 def _factor(node) -> str:
-    """What the factor's input is called in this Blender."""
+    """Return the name of the factor's input in this Blender."""
     return "Fac" if "Fac" in node.inputs else "Factor"
 
 
 def bright_contrast_node(nodes, node, socket) -> Triple:
-    """The Brightness/Contrast node."""
+    """Translate the Brightness/Contrast node."""
     bright, contrast = nodes.value(node, "Bright" if "Bright" in node.inputs else "Brightness"), nodes.value(
         node, "Contrast")
     return tuple(v.maximum(c * (1.0 + contrast) + (bright - contrast * 0.5), 0.0)
@@ -267,20 +269,20 @@ def bright_contrast_node(nodes, node, socket) -> Triple:
 
 
 def gamma_node(nodes, node, socket) -> Triple:
-    """The Gamma node."""
+    """Translate the Gamma node."""
     gamma = nodes.value(node, "Gamma")
     return tuple(v.where(v.unary("absolute", abs, gamma), v.where(v.greater(c, 0.0), v.power(c, gamma), c), 1.0)
                  for c in nodes.color(node, "Color"))  # type: ignore[return-value]
 
 
 def invert_node(nodes, node, socket) -> Triple:
-    """The Invert Color node."""
+    """Translate the Invert Color node."""
     factor = nodes.value(node, 0)
     return tuple(v.mixed(c, 1.0 - c, factor) for c in nodes.color(node, "Color"))  # type: ignore[return-value]
 
 
 def to_bw_node(nodes, node, socket) -> Value:
-    """The RGB to BW node: the luminance."""
+    """Translate the RGB to BW node: the luminance."""
     return v.dot(nodes.color(node, 0), luminance_weights())
 
 
@@ -289,13 +291,13 @@ _OUT_OF = {'RGB': lambda c: c, 'HSV': from_hsv, 'HSL': _from_hsl}
 
 
 def combine_color_node(nodes, node, socket) -> Triple:
-    """The Combine Color node, and those for RGB and HSV of older files."""
+    """Translate the Combine Color node, and those for RGB and HSV of older files."""
     mode = getattr(node.node, "mode", None) or node.bl_idname.removeprefix("ShaderNodeCombine")
     return _OUT_OF[mode]((nodes.value(node, 0), nodes.value(node, 1), nodes.value(node, 2)))
 
 
 def separate_color_node(nodes, node, socket) -> Value:
-    """The Separate Color node, and those for RGB and HSV of older files."""
+    """Translate the Separate Color node, and those for RGB and HSV of older files."""
     mode = getattr(node.node, "mode", None) or node.bl_idname.removeprefix("ShaderNodeSeparate")
     place = next(i for i, s in enumerate(node.outputs) if s.identifier == socket.identifier)
     return _INTO[mode](nodes.color(node, 0))[place]

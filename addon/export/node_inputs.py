@@ -7,7 +7,7 @@ from .values import Triple, Value
 
 
 def uv(nodes, name: str) -> Triple:
-    """The place on a UV map; empty: the mesh's own."""
+    """Return the place on a UV map; empty: the mesh's own."""
     if nodes.uv_map is None:
         nodes.uv_map = name
     if name == nodes.uv_map:
@@ -18,27 +18,27 @@ def uv(nodes, name: str) -> Triple:
 
 
 def generated() -> Triple:
-    """The place in the mesh's texture space, 0 to 1."""
+    """Return the place in the mesh's texture space, 0 to 1."""
     return v.outputs("generated", 3)  # type: ignore[return-value]
 
 
 def position() -> Triple:
-    """The place in the world."""
+    """Return the place in the world."""
     return v.outputs("position", 3)  # type: ignore[return-value]
 
 
 def normal() -> Triple:
-    """The shading normal, turned to the viewer."""
+    """Return the shading normal, turned to the viewer."""
     return v.outputs("normal", 3)  # type: ignore[return-value]
 
 
 def incoming() -> Triple:
-    """The unit vector to where the ray came from."""
+    """Return the unit vector to where the ray came from."""
     return v.outputs("incoming", 3)  # type: ignore[return-value]
 
 
 def texture_coordinates(nodes, node, socket) -> Triple | None:
-    """The Texture Coordinate node."""
+    """Translate the Texture Coordinate node."""
     name = socket.name
     if name == "UV":
         return uv(nodes, "")
@@ -65,12 +65,12 @@ def texture_coordinates(nodes, node, socket) -> Triple | None:
 
 
 def uv_map(nodes, node, socket) -> Triple:
-    """The UV Map node."""
+    """Translate the UV Map node."""
     return uv(nodes, node.uv_map)
 
 
 def geometry(nodes, node, socket) -> Triple | Value | None:
-    """The Geometry node."""
+    """Translate the Geometry node."""
     name = socket.name
     if name == "Position":
         return position()
@@ -93,7 +93,7 @@ def geometry(nodes, node, socket) -> Triple | Value | None:
 
 
 def object_info(nodes, node, socket) -> Triple | Value | None:
-    """The Object Info node: where the object is, and its numbers."""
+    """Translate the Object Info node: where the object is, and its numbers."""
     if socket.name == "Location":
         return v.outputs("object_location", 3)  # type: ignore[return-value]
     if socket.name == "Color":
@@ -110,7 +110,9 @@ def object_info(nodes, node, socket) -> Triple | Value | None:
 
 
 def attribute(nodes, node, socket) -> Triple | Value:
-    """The Attribute node: of the mesh, or a property of the object, of what made the instance, or of the view layer."""
+    """Translate the Attribute node: of the mesh, or a property of the object, of what made the instance, or of the view
+    layer.
+    """
     name, kind = node.attribute_name, node.attribute_type
 
     def channel(component: int) -> Value:
@@ -123,19 +125,19 @@ def attribute(nodes, node, socket) -> Triple | Value:
 
 
 def vertex_color(nodes, node, socket) -> Triple | Value:
-    """The Color Attribute node."""
+    """Translate the Color Attribute node."""
     if socket.name == "Alpha":
         return nodes.asked.corner("color", node.layer_name, 3)
     return tuple(nodes.asked.corner("color", node.layer_name, i) for i in range(3))  # type: ignore[return-value]
 
 
 def _in_camera() -> Triple:
-    """The place as the camera has it; z is the distance along its view."""
+    """Return the place as the camera has it; z is the distance along its view."""
     return v.outputs("to_camera", 3, *position())  # type: ignore[return-value]
 
 
 def camera_data(nodes, node, socket) -> Triple | Value:
-    """The Camera Data node, which bumps do not move."""
+    """Translate the Camera Data node, which bumps do not move."""
     place: Triple = v.outputs("to_camera", 3, *map(v.unshifted, position()))  # type: ignore[assignment]
     if socket.name == "View Vector":
         return v.normalized(place)
@@ -143,33 +145,33 @@ def camera_data(nodes, node, socket) -> Triple | Value:
 
 
 def uv_tangent(nodes, name: str) -> tuple[Triple, Value]:
-    """The tangent of a UV map, in the object's space and as triangles interpolate it, and its sign; bumps do not move
-    it.
+    """Return the tangent of a UV map, in the object's space and as triangles interpolate it, and its sign; bumps do not
+    move it.
     """
     x, y, z, sign = (v.unshifted(nodes.asked.corner("tangent", name, i)) for i in range(4))
     return (x, y, z), sign
 
 
 def to_world_normal(vector: Triple) -> Triple:
-    """A normal in the object's space as one of the world."""
+    """Return a normal in the object's space as one of the world."""
     return v.outputs("to_world_normal", 3, *vector)  # type: ignore[return-value]
 
 
 def tangent(nodes, node, socket) -> Triple:
-    """The Tangent node."""
+    """Translate the Tangent node."""
     if node.direction_type != 'UV_MAP':
         return radial_tangent(node.axis)
     return _along_surface(uv_tangent(nodes, node.uv_map)[0])
 
 
 def radial_tangent(axis: str) -> Triple:
-    """The direction around an axis through the middle of the mesh's texture space."""
+    """Return the direction around an axis through the middle of the mesh's texture space."""
     x, y, z = (v.unshifted(p) - 0.5 for p in generated())
     return _along_surface({'X': (0.0, -z, y), 'Y': (-z, 0.0, x), 'Z': (-y, x, 0.0)}[axis])
 
 
 def _along_surface(along: Triple) -> Triple:
-    """A direction of the object's own space as the nearest one on the surface in the world."""
+    """Return a direction of the object's own space as the nearest one on the surface in the world."""
     return v.cross(normal(), v.normalized(v.cross(to_world_normal(along), normal())))
 
 
@@ -178,7 +180,9 @@ _CAMERA, _SHADOW, _REFLECTED, _TRANSMITTED, _LIGHTING = (float(i) for i in range
 
 
 def light_path(nodes, node, socket) -> Value | None:
-    """The Light Path node. Only a world has diffuse rays: what lights surfaces. How often one was bent is not said."""
+    """Translate the Light Path node. Only a world has diffuse rays: what lights surfaces. How often one was bent is not
+    said.
+    """
     name, lighting = socket.name, (_LIGHTING,) if nodes.kind == "World" else ()
     rays = {"Is Camera Ray": (_CAMERA,), "Is Shadow Ray": (_SHADOW,), "Is Reflection Ray": (_REFLECTED,),
             "Is Transmission Ray": (_TRANSMITTED,), "Is Glossy Ray": (_REFLECTED, _TRANSMITTED),
@@ -194,7 +198,7 @@ def light_path(nodes, node, socket) -> Value | None:
 
 
 def fresnel_of(cosine: Value, ior: Value) -> Value:
-    """Fresnel's reflectance of a dielectric, as the Fresnel node has it."""
+    """Return Fresnel's reflectance of a dielectric, as the Fresnel node has it."""
     c = v.unary("absolute", abs, cosine)
     g2 = ior * ior - 1.0 + c * c
     g = v.square_root(g2)
@@ -205,25 +209,25 @@ def fresnel_of(cosine: Value, ior: Value) -> Value:
 
 
 def _normal_or(nodes, node) -> Triple:
-    """The normal that an input names, or the surface's, with its displacement."""
+    """Return the normal that an input names, or the surface's, with its displacement."""
     return normal_at(nodes, node, "Normal") or nodes.displaced or normal()
 
 
 def normal_at(nodes, node, socket: str) -> Triple | None:
-    """The normal that feeds an input; None: nothing does. Cycles overlooks one that is the same everywhere."""
+    """Return the normal that feeds an input; None: nothing does. Cycles overlooks one that is the same everywhere."""
     found = nodes.vector(node, socket) if nodes.link(node, socket) else (0.0, 0.0, 0.0)
     return None if v.is_constant(*found) else found
 
 
 def fresnel(nodes, node, socket) -> Value:
-    """The Fresnel node."""
+    """Translate the Fresnel node."""
     ior = v.maximum(nodes.value(node, "IOR"), 1e-5)
     inside = v.operation("backfacing")
     return fresnel_of(v.dot(incoming(), _normal_or(nodes, node)), v.where(inside, v.divide(1.0, ior), ior))
 
 
 def layer_weight(nodes, node, socket) -> Value:
-    """The Layer Weight node."""
+    """Translate the Layer Weight node."""
     blend = nodes.value(node, "Blend")
     cosine = v.dot(incoming(), _normal_or(nodes, node))
     if socket.name == "Fresnel":
@@ -238,7 +242,7 @@ def layer_weight(nodes, node, socket) -> Value:
 
 
 def vector_transform(nodes, node, socket) -> Triple:
-    """The Vector Transform node: between the world, the object's space and the camera's."""
+    """Translate the Vector Transform node: between the world, the object's space and the camera's."""
     x, y, z = nodes.vector(node, "Vector")
     a, b, point = node.convert_from, node.convert_to, float(node.vector_type == 'POINT')
     if a == b:
@@ -257,7 +261,7 @@ _TO = {'OBJECT': "to_object", 'CAMERA': "in_camera"}
 
 
 def _turned_normal(n: Triple, a: str, b: str) -> Triple:
-    """A normal in another space, with length 1; it turns as a plane does."""
+    """Return a normal in another space, with length 1; it turns as a plane does."""
     if a == 'OBJECT':
         n = to_world_normal(n)
     elif a == 'CAMERA':
@@ -270,7 +274,7 @@ def _turned_normal(n: Triple, a: str, b: str) -> Triple:
 
 
 def normal_node(nodes, node, socket) -> Triple | Value:
-    """The Normal node."""
+    """Translate the Normal node."""
     own: Triple = tuple(node.outputs[0].default_value)[:3]
     if socket.name == "Normal":
         return own

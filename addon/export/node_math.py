@@ -10,13 +10,13 @@ from .values import Triple, Value
 
 
 def _log(x: Value, base: Value) -> Value:
-    """The logarithm, 0 where there is none."""
+    """Return the logarithm, 0 where there is none."""
     return v.divide(v.unary("log", lambda a: math.log(a) if a > 0 else 0.0, x),
                     v.unary("log", lambda a: math.log(a) if a > 0 else 0.0, base))
 
 
 def floor(x: Value) -> Value:
-    """The next whole number below."""
+    """Return the next whole number below."""
     return v.unary("floor", math.floor, x)
 
 
@@ -25,12 +25,12 @@ def _truncated(x: Value) -> Value:
 
 
 def fraction(x: Value) -> Value:
-    """What x is above the next whole number below."""
+    """Return x minus the next whole number below."""
     return x - floor(x)
 
 
 def modulo(x: Value, y: Value) -> Value:
-    """The rest of x/y with the sign of x; 0 where y is 0."""
+    """Return the rest of x/y with the sign of x; 0 where y is 0."""
     if v.is_constant(x, y):
         return math.fmod(x, y) if y != 0 else 0.0
     return v.operation("modulo", x, y)
@@ -51,7 +51,7 @@ def _ping_pong(x: Value, scale: Value) -> Value:
 
 
 def _smooth_minimum(a: Value, b: Value, width: Value) -> Value:
-    """Blender's smooth minimum: of two numbers nearer than `width` a smaller one."""
+    """Return Blender's smooth minimum: of two numbers nearer than `width` a smaller one."""
     h = v.divide(v.maximum(width - v.unary("absolute", abs, a - b), 0.0), width)
     smooth = v.minimum(a, b) - h * h * h * width * (1.0 / 6.0)
     return v.where(v.unary("absolute", abs, width), smooth, v.minimum(a, b))
@@ -117,7 +117,7 @@ MATH: dict[str, tuple[int, Callable[..., Value]]] = {
 
 
 def math_node(nodes, node, socket) -> Value | None:
-    """The Math node."""
+    """Translate the Math node."""
     found = MATH.get(node.operation)
     if found is None:
         return None
@@ -127,14 +127,14 @@ def math_node(nodes, node, socket) -> Value | None:
 
 
 def _each(compute: Callable[..., Value]) -> Callable[..., Triple]:
-    """The same for each of the three numbers."""
+    """Return the same for each of the three numbers."""
     def of_three(*triples: Triple) -> Triple:
         return tuple(compute(*numbers) for numbers in zip(*triples, strict=True))  # type: ignore[return-value]
     return of_three
 
 
 def scaled(a: Triple, factor: Value) -> Triple:
-    """A vector times a number."""
+    """Return a vector times a number."""
     return (a[0] * factor, a[1] * factor, a[2] * factor)
 
 
@@ -180,7 +180,7 @@ VECTOR_NUMBERS: dict[str, tuple[int, Callable[..., Value]]] = {
 
 
 def vector_math_node(nodes, node, socket) -> Triple | Value | None:
-    """The Vector Math node."""
+    """Translate the Vector Math node."""
     name = node.operation
     inputs = [s for s in node.inputs if not s.is_unavailable]
     if name == 'SCALE':
@@ -203,7 +203,7 @@ def _refracted(a: Triple, b: Triple, eta: Value) -> Triple:
 
 
 def clamp_node(nodes, node, socket) -> Value:
-    """The Clamp node."""
+    """Translate the Clamp node."""
     value, low, high = (nodes.value(node, i) for i in range(3))
     if node.clamp_type == 'RANGE':
         low, high = v.minimum(low, high), v.maximum(low, high)
@@ -212,7 +212,7 @@ def clamp_node(nodes, node, socket) -> Value:
 
 def _mapped(kind: str, clamps: bool, value: Value, a: Value, b: Value, to_a: Value, to_b: Value,
             steps: Value, *, vector: bool) -> Value:
-    """Map Range of one number, or of one of a vector."""
+    """Translate Map Range for one number, or for one component of a vector."""
     t = v.divide(value - a, b - a)
     if kind in ('SMOOTHSTEP', 'SMOOTHERSTEP'):
         t = v.clamp(t)
@@ -228,7 +228,7 @@ def _mapped(kind: str, clamps: bool, value: Value, a: Value, b: Value, to_a: Val
 
 
 def map_range_node(nodes, node, socket) -> Value | Triple:
-    """The Map Range node, of numbers or of vectors."""
+    """Translate the Map Range node, of numbers or of vectors."""
     inputs = [s for s in node.inputs if not s.is_unavailable]
     read = nodes.vector if node.data_type == 'FLOAT_VECTOR' else nodes.value
     found = [read(node, s) for s in inputs]
@@ -243,17 +243,17 @@ def map_range_node(nodes, node, socket) -> Value | Triple:
 
 
 def combine_xyz_node(nodes, node, socket) -> Triple:
-    """The Combine XYZ node."""
+    """Translate the Combine XYZ node."""
     return nodes.value(node, 0), nodes.value(node, 1), nodes.value(node, 2)
 
 
 def separate_xyz_node(nodes, node, socket) -> Value:
-    """The Separate XYZ node."""
+    """Translate the Separate XYZ node."""
     return nodes.vector(node, 0)["XYZ".index(socket.name)]
 
 
 def _turned(a: Triple, angles: Triple, inverse: bool = False) -> Triple:
-    """A vector turned about x, then y, then z; or back."""
+    """Return a vector turned about x, then y, then z; or back."""
     (sx, cx), (sy, cy), (sz, cz) = ((MATH['SINE'][1](w), MATH['COSINE'][1](w)) for w in angles)
     rows: tuple[Triple, Triple, Triple] = (
         (cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz),
@@ -265,7 +265,7 @@ def _turned(a: Triple, angles: Triple, inverse: bool = False) -> Triple:
 
 
 def mapping_node(nodes, node, socket) -> Triple:
-    """The Mapping node."""
+    """Translate the Mapping node."""
     vector, rotation, scale = (nodes.vector(node, name) for name in ("Vector", "Rotation", "Scale"))
     kind = node.vector_type
     location: Triple = nodes.vector(node, "Location") if kind in ('POINT', 'TEXTURE') else (0.0, 0.0, 0.0)
@@ -278,7 +278,7 @@ def mapping_node(nodes, node, socket) -> Triple:
 
 
 def vector_rotate_node(nodes, node, socket) -> Triple:
-    """The Vector Rotate node."""
+    """Translate the Vector Rotate node."""
     vector, centre = nodes.vector(node, "Vector"), nodes.vector(node, "Center")
     away = _minus(vector, centre)
     if node.rotation_type == 'EULER_XYZ':

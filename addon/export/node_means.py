@@ -26,7 +26,7 @@ _LIKE: dict[tuple[str, str], Callable] = {
 
 
 def mean(nodes: Any, node: Any, socket: Any) -> Any:
-    """The number or the three numbers that stand for an output whose value cannot be had; None: nothing does."""
+    """Return the number or the three numbers that stand for an output whose value cannot be had; None: nothing does."""
     like = _LIKE.get((node.bl_idname, socket.name))
     if like:
         return like(nodes, node)
@@ -36,7 +36,7 @@ def mean(nodes: Any, node: Any, socket: Any) -> Any:
 
 
 def image_mean(image: Any, output: str) -> Any:
-    """The mean colour or alpha of an image that Blender can read, in linear light; None: it cannot."""
+    """Return the mean colour or alpha of an image that Blender can read, in linear light; None: it cannot."""
     if image is None or not all(image.size) or not image.channels:
         return None
     original = image.original

@@ -16,7 +16,7 @@ _MODELS = {'NISHITA': 0.0, 'SINGLE_SCATTERING': 0.0, 'MULTIPLE_SCATTERING': 1.0,
 
 
 def sky(nodes: Any, node: Any, socket: Any) -> Triple:
-    """The Sky Texture node."""
+    """Translate the Sky Texture node."""
     place = nodes.vector(node, "Vector") if nodes.link(node, "Vector") else generated()
     kind, model = node.sky_type, _MODELS.get(node.sky_type)
     if model is None:

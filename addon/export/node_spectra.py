@@ -31,13 +31,13 @@ COLDEST, HOTTEST, KELVINS = 800.0, 12000.0, 20.0  # of the table for Blackbody, 
 
 
 def _planck(wavelength: float, kelvin: float) -> float:
-    """The radiance of a black body at a wavelength (nm), but for a factor."""
+    """Return the radiance of a black body at a wavelength (nm), but for a factor."""
     return 1 / (wavelength**5 * (math.exp(1.4387769e7 / (wavelength * kelvin)) - 1))
 
 
 @functools.cache
 def _blackbodies() -> tuple[tuple[float, ...], ...]:
-    """X, Y and Z with Y = 1 of black bodies from COLDEST to HOTTEST."""
+    """Return X, Y and Z, with Y = 1, of black bodies from COLDEST to HOTTEST."""
     rows = []
     for n in range(round((HOTTEST - COLDEST) / KELVINS) + 1):
         power = [_planck(FIRST + STEP * i, COLDEST + KELVINS * n) for i in range(len(OBSERVER))]
@@ -47,7 +47,7 @@ def _blackbodies() -> tuple[tuple[float, ...], ...]:
 
 
 def _looked_up(columns, place: Value) -> Triple:
-    """Three tables at a place, which counts their entries."""
+    """Return the values of three tables at a place, which counts their entries."""
     if v.is_constant(place):
         at = min(max(place, 0.0), len(columns[0]) - 1.0)
         i = min(int(at), len(columns[0]) - 2)
@@ -56,18 +56,18 @@ def _looked_up(columns, place: Value) -> Triple:
 
 
 def from_light(xyz: Triple) -> Triple:
-    """A colour of the scene's linear light, from 0 on."""
+    """Return a colour of the scene's linear light, from 0 on."""
     return tuple(v.maximum(v.dot(row, xyz), 0.0) for row in from_xyz())  # type: ignore[return-value]
 
 
 def blackbody(nodes, node, socket) -> Triple:
-    """The Blackbody node: the colour of what glows at a temperature, with a luminance of 1."""
+    """Translate the Blackbody node: the colour of what glows at a temperature, with a luminance of 1."""
     kelvin = nodes.value(node, "Temperature")
     return from_light(_looked_up(_blackbodies(), (kelvin - COLDEST) * (1 / KELVINS)))
 
 
 def wavelength(nodes, node, socket) -> Triple:
-    """The Wavelength node: the colour of light of a single wavelength (nm), scaled as Blender does it."""
+    """Translate the Wavelength node: the colour of light of a single wavelength (nm), scaled as Blender does it."""
     nm = nodes.value(node, "Wavelength")
     seen = v.where(v.less(nm, FIRST), 0.0, v.where(v.less(nm, FIRST + STEP * (len(OBSERVER) - 1)), 1 / 2.52, 0.0))
     found = from_light(_looked_up(tuple(zip(*OBSERVER, strict=True)), (nm - FIRST) * (1 / STEP)))

@@ -16,12 +16,12 @@ from .values import Triple, Value
 
 
 def _place(nodes, node, otherwise) -> Triple:
-    """Where on the texture a point is: what feeds Vector, or what Blender takes without."""
+    """Return the place of a point on the texture: what is linked to Vector, or Blender's default."""
     return nodes.vector(node, "Vector") if nodes.link(node, "Vector") else otherwise()
 
 
 def image(nodes, node, socket) -> Triple | Value | None:
-    """The Image Texture node: its colour or its alpha."""
+    """Translate the Image Texture node: its colour or its alpha."""
     if node.image is None:
         return (0.0, 0.0, 0.0) if socket.name == "Color" else 0.0  # as Cycles, where none is chosen
     place = _place(nodes, node, lambda: uv(nodes, ""))
@@ -40,7 +40,7 @@ def image(nodes, node, socket) -> Triple | Value | None:
 
 
 def environment(nodes, node, socket) -> Any:
-    """The Environment Texture node: an image of all directions."""
+    """Translate the Environment Texture node: an image of all directions."""
     if node.image is None:
         return 0.0, 0.0, 0.0
     number = nodes.image(node)
@@ -60,7 +60,8 @@ def environment(nodes, node, socket) -> Any:
 
 
 def _tiled(nodes, node, x: Value, y: Value) -> tuple[Value, ...]:
-    """An image of UDIM tiles, each a unit square of its own; magenta where there is none, as Blender shows it."""
+    """Return an image of UDIM tiles, each a unit square of its own; magenta where there is none, as Blender shows it.
+    """
     column, row = floor(x), floor(y)
     found: tuple[Value, ...] = (1.0, 0.0, 1.0, 1.0)
     for tile in node.image.tiles:
@@ -75,7 +76,7 @@ def _tiled(nodes, node, x: Value, y: Value) -> tuple[Value, ...]:
 
 
 def _boxed(number: float, place: Triple, blend: float) -> tuple[Value, ...]:
-    """An image that is projected onto the sides of a box, none of them mirrored."""
+    """Return an image that is projected onto the sides of a box, none of them mirrored."""
     x, y, z = place
     normal = v.outputs("object_normal", 3)
     sides = [(v.where(v.less(normal[0], 0.0), 1.0 - y, y), z), (v.where(v.greater(normal[1], 0.0), 1.0 - x, x), z),
@@ -86,7 +87,7 @@ def _boxed(number: float, place: Triple, blend: float) -> tuple[Value, ...]:
 
 
 def _projected(kind: str, place: Triple) -> Triple:
-    """The place on a flat image that is wrapped around a sphere or a tube."""
+    """Return the place on a flat image that is wrapped around a sphere or a tube."""
     if kind not in ('SPHERE', 'TUBE'):
         return place
     x, y, z = (p * 2.0 - 1.0 for p in place)
@@ -105,7 +106,7 @@ def _single(x: Value) -> Value:
 
 
 def checker(nodes, node, socket) -> Triple | Value:
-    """The Checker Texture node."""
+    """Translate the Checker Texture node."""
     place = scaled(_place(nodes, node, generated), nodes.value(node, "Scale"))
     # As Blender, in single precision: what lies on the edge of a cell is of the cell above.
     cells = [v.unary("absolute", abs, floor(_single(_single(_single(p) + 1e-6) * 0.999999))) for p in place]
@@ -119,7 +120,7 @@ def checker(nodes, node, socket) -> Triple | Value:
 
 
 def gradient(nodes, node, socket) -> Triple | Value:
-    """The Gradient Texture node."""
+    """Translate the Gradient Texture node."""
     x, y, z = _place(nodes, node, generated)
     kind = node.gradient_type
     if kind == 'LINEAR':
@@ -142,7 +143,7 @@ def gradient(nodes, node, socket) -> Triple | Value:
 
 
 def magic(nodes, node, socket) -> Triple | Value:
-    """The Magic Texture node."""
+    """Translate the Magic Texture node."""
     scale, distortion = nodes.value(node, "Scale"), nodes.value(node, "Distortion")
     place = _place(nodes, node, generated)
     if bpy.app.version < (5, 2):  # there Cycles' pattern repeats whatever its scale is
@@ -154,7 +155,7 @@ def magic(nodes, node, socket) -> Triple | Value:
 
 
 def _dimensions(nodes, node) -> tuple[float, Triple, Value]:
-    """How many dimensions a texture has, and where on it a point is: x, y, z, and w."""
+    """Return how many dimensions a texture has, and where on it a point is: x, y, z, and w."""
     count = float(node.noise_dimensions[0])
     place = _place(nodes, node, generated) if count > 1 else (0.0, 0.0, 0.0)
     return count, place, nodes.value(node, "W") if count in (1.0, 4.0) else 0.0
@@ -164,7 +165,7 @@ FRACTALS = ('FBM', 'MULTIFRACTAL', 'HYBRID_MULTIFRACTAL', 'RIDGED_MULTIFRACTAL',
 
 
 def noise(nodes, node, socket) -> Triple | Value:
-    """The Noise Texture node."""
+    """Translate the Noise Texture node."""
     count, place, w = _dimensions(nodes, node)
     scale = nodes.value(node, "Scale")
     x, y, z = scaled(place, scale)
@@ -176,14 +177,14 @@ def noise(nodes, node, socket) -> Triple | Value:
 
 
 def white_noise(nodes, node, socket) -> Triple | Value:
-    """The White Noise Texture node."""
+    """Translate the White Noise Texture node."""
     count, (x, y, z), w = _dimensions(nodes, node)
     found = v.outputs("white_noise", 4, count, w if count == 1 else x, y, z, w)
     return found[1:] if socket.name == "Color" else found[0]  # type: ignore[return-value]
 
 
 def wave(nodes, node, socket) -> Triple | Value:
-    """The Wave Texture node."""
+    """Translate the Wave Texture node."""
     scale = nodes.value(node, "Scale")
     # Blender moves the place a little, so that a wave's edge does not lie in a plane through the origin.
     x, y, z = place = tuple((p + 0.000001) * 0.999999 for p in scaled(_place(nodes, node, generated), scale))
@@ -209,7 +210,7 @@ def wave(nodes, node, socket) -> Triple | Value:
 
 
 def brick(nodes, node, socket) -> Triple | Value:
-    """The Brick Texture node."""
+    """Translate the Brick Texture node."""
     x, y, _ = scaled(_place(nodes, node, generated), nodes.value(node, "Scale"))
     how = [nodes.value(node, name) for name in ("Mortar Size", "Mortar Smooth", "Bias", "Brick Width", "Row Height")]
     tint, mortar = v.outputs("brick", 2, node.offset, float(node.offset_frequency), node.squash,
@@ -227,12 +228,12 @@ VORONOI_DISTANCES = ('EUCLIDEAN', 'MANHATTAN', 'CHEBYCHEV', 'MINKOWSKI')
 
 
 def voronoi_hash() -> float:
-    """How this Blender chooses the points of cells: another pattern from 5.0 on."""
+    """Return how this Blender chooses the points of cells: another pattern from 5.0 on."""
     return float(bpy.app.version >= (5, 0))
 
 
 def voronoi(nodes, node, socket) -> Triple | Value:
-    """The Voronoi Texture node."""
+    """Translate the Voronoi Texture node."""
     dimensions = float(node.voronoi_dimensions[0])
     place = _place(nodes, node, generated) if dimensions > 1 else (0.0, 0.0, 0.0)
     w = nodes.value(node, "W") if dimensions in (1.0, 4.0) else 0.0

@@ -7,6 +7,6 @@ NODES = node_math.NODES | node_colors.NODES | node_inputs.NODES | node_bumps.NOD
 
 
 def evaluate(nodes, node, socket):
-    """The number, or the three numbers, at output `socket` of `node`; None where it is not translated."""
+    """Return the number, or the three numbers, at output `socket` of `node`; None where it is not translated."""
     translate = nodes.own.get(node.bl_idname) or NODES.get(node.bl_idname)
     return translate(nodes, node, socket) if translate else None

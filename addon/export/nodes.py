@@ -15,7 +15,7 @@ from .values import Triple, Value, dot, is_constant
 
 
 def uses_nodes(owner) -> bool:
-    """Whether `owner` (material, world, light) is described by its node tree."""
+    """Return whether `owner` (material, world, light) is described by its node tree."""
     if owner.node_tree is None:
         return False
     # From 5.0 on materials and worlds always use their nodes, and asking is deprecated.
@@ -26,9 +26,8 @@ UNREAD = object()  # the value of an image that cannot be had, which was said al
 
 
 class Placed:
-    """A node, and the group node whose tree it stands in (`outer`); None: in the material's own tree.
-
-    Everything else is asked of the node itself.
+    """A node, and the group node whose tree contains it (`outer`); None: it is in the material's own tree. All other
+    attributes are those of the node.
     """
 
     def __init__(self, node: Any, outer: Placed | None) -> None:
@@ -39,12 +38,12 @@ class Placed:
 
     @property
     def key(self) -> tuple:
-        """What tells it from the same node in another use of its group."""
+        """Return a key that differs from that of the same node in another use of its group."""
         return (self.node.as_pointer(), *(self.outer.key if self.outer else ()))
 
 
 class Link(NamedTuple):
-    """What feeds a socket."""
+    """The output that is linked to a socket."""
 
     from_node: Placed
     from_socket: Any
@@ -70,25 +69,25 @@ class Nodes:
         self._open: set[tuple] = set()  # outputs that are being computed
 
     def output(self, idname: str) -> Placed | None:
-        """The output node that Cycles takes, or None."""
+        """Return the output node that Cycles takes, or None."""
         node = self.tree.get_output_node('CYCLES')
         return Placed(node, None) if node and node.bl_idname == idname else None
 
     def source(self, node, socket) -> Placed | None:
-        """The node that feeds input `socket` of `node`; None where nothing does."""
+        """Return the node that feeds input `socket` of `node`; None where nothing does."""
         link = self.link(node, socket)
         return link.from_node if link else None
 
     def link(self, node, socket) -> Link | None:
-        """The link that feeds input `socket` (name, position or the socket) of `node`, or None.
+        """Return the link that feeds input `socket` (name, position or the socket) of `node`, or None.
 
         Reroutes and muted nodes are passed; groups are entered and left.
         """
         return self._resolved(node, socket)[0] if node is not None else None
 
     def _resolved(self, node: Placed, socket) -> tuple[Link | None, Any, list[str]]:
-        """The link that feeds an input, or None and the socket whose own value counts then; and the types of sockets
-        that values become on their way, the last one first.
+        """Return the link that feeds an input, or None and the socket whose own value counts then; and the types of
+        sockets that values become on their way, the last one first.
         """
         socket, outer = self.input(node, socket), node.outer
         becomes: list[str] = []
@@ -128,19 +127,19 @@ class Nodes:
         return None, asking, becomes
 
     def image(self, node: Placed, tile: int = 0) -> int:
-        """The number of an image texture node's image, or of its UDIM tile; negative where it cannot be had."""
+        """Return the number of an image texture node's image, or of its UDIM tile; negative where it cannot be had."""
         return self._image(node, tile) if self._image else -1
 
     def color(self, node, socket) -> Triple:
-        """The colour of an input."""
+        """Return the colour of an input."""
         return self._as_triple(*self._typed(node, socket))
 
     def vector(self, node, socket) -> Triple:
-        """The vector of an input: the numbers of a colour, too."""
+        """Return the vector of an input: the numbers of a colour, too."""
         return self._as_triple(*self._typed(node, socket))
 
     def value(self, node, socket) -> Value:
-        """The number of an input: of a colour its luminance, of a vector the mean, as Cycles converts."""
+        """Return the number of an input: of a colour its luminance, of a vector the mean, as Cycles converts."""
         return self._as_number(*self._typed(node, socket))
 
     @staticmethod
@@ -155,7 +154,7 @@ class Nodes:
 
     @staticmethod
     def input(node, socket):
-        """The input of `node` with that name, identifier or position; None where there is none."""
+        """Return the input of `node` with that name, identifier or position; None where there is none."""
         if not isinstance(socket, str | int):
             return socket
         if isinstance(socket, int):
@@ -179,11 +178,11 @@ class Nodes:
 
     @staticmethod
     def plain_name(node) -> str:
-        """The node's name, without the number that Blender gives to a second one of its type."""
+        """Return the node's name, without the number that Blender gives to a second one of its type."""
         return re.sub(r"\.\d{3,}$", "", node.name)
 
     def _typed(self, node, socket) -> tuple[Any, str]:
-        """An input's value, a number or a triple, and the type of socket that it comes from."""
+        """Return an input's value, a number or a triple, and the type of socket that it comes from."""
         socket = self.input(node, socket)
         if socket is None:
             return 0.0, 'VALUE'  # an input that other choices of the node have
@@ -199,7 +198,7 @@ class Nodes:
         return self._linked(link, node, socket)
 
     def _linked(self, link: Link, node, socket) -> tuple[Any, str]:
-        """The value of the output of a link that feeds `socket` of `node`, and its type."""
+        """Return the value of the output of a link that feeds `socket` of `node`, and its type."""
         found = self._evaluated(link)
         if found is UNREAD:
             return plain(socket), socket.type
@@ -218,7 +217,7 @@ class Nodes:
         return found, link.from_socket.type
 
     def _evaluated(self, link: Link) -> Any:
-        """The value of an output; None where its node is not translated, or where links run in a circle."""
+        """Return the value of an output; None where its node is not translated, or where links run in a circle."""
         from .node_values import evaluate  # which reads inputs by this class
 
         key = (*link.from_node.key, link.from_socket.identifier)
@@ -234,7 +233,7 @@ class Nodes:
 
 
 def plain(socket) -> Any:
-    """A socket's own value: a float, or a tuple of three; 0 for sockets that have none."""
+    """Return a socket's own value: a float, or a tuple of three; 0 for sockets that have none."""
     value = getattr(socket, "default_value", 0.0)
     if isinstance(value, str) or value is None:
         return 0.0
@@ -244,16 +243,16 @@ def plain(socket) -> Any:
 
 
 def constant(*values: Value) -> bool:
-    """Whether all these values and triples are numbers."""
+    """Return whether all these values and triples are numbers."""
     return all(is_constant(*(v if isinstance(v, tuple) else (v,))) for v in values)
 
 
 def _identified(sockets, other):
-    """The socket with the identifier of `other`."""
+    """Return the socket with the identifier of `other`."""
     return next((s for s in sockets if s.identifier == other.identifier), None)
 
 
 def _group_output(tree):
-    """The output node of a group's tree that counts."""
+    """Return the output node of a group's tree that counts."""
     ends = [n for n in tree.nodes if n.bl_idname == 'NodeGroupOutput'] if tree else []
     return next((n for n in ends if n.is_active_output), ends[0] if ends else None)

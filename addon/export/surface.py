@@ -48,7 +48,7 @@ class Surface:
     @classmethod
     def principled(cls, color: Triple, metallic: Value, roughness: Value, specular: Value,
                    ior: Value = 1.5, tint: Triple = WHITE, compensation: Value = 1.0) -> Surface:
-        """Principled BSDF: diffuse with a faint white reflection, or a metal's coloured reflection."""
+        """Return the Principled BSDF: diffuse with a faint white reflection, or a metal's coloured reflection."""
         ior = v.maximum(ior, 1e-5)
         # Fresnel's, at normal incidence; 4 % at 1.5
         f0 = v.minimum(2.0 * v.maximum(specular, 0.0) * squared((ior - 1) / (ior + 1)), 1.0)
@@ -59,41 +59,43 @@ class Surface:
 
     @classmethod
     def diffuse(cls, color: Triple, roughness: Value = 0.0) -> Surface:
-        """Diffuse BSDF."""
+        """Return the Diffuse BSDF."""
         return cls(color=color, diffuse_roughness=roughness)
 
     @classmethod
     def metal(cls, color: Triple, facets: Facets) -> Surface:
-        """Glossy and Metallic BSDF: nothing diffuse; color: what is reflected at normal incidence."""
+        """Return the Glossy or Metallic BSDF: nothing diffuse. color: the reflectance at normal incidence."""
         return cls(color=color, kd=0.0, ka=1 - mirrored(facets.roughness), roughness=facets.roughness, specular=color,
                    facets=facets)
 
     @classmethod
     def glass(cls, color: Triple, ior: Value, fresnel: bool, facets: Facets = NO_FACETS,
               frosted: Value = 0.0) -> Surface:
-        """Glass and Refraction BSDF: nothing diffuse, `color` passes at each crossing."""
+        """Return the Glass or Refraction BSDF: nothing diffuse; the share `color` passes at each crossing."""
         f0 = squared((ior - 1) / (ior + 1)) if fresnel else 0.0
         return cls(color=BLACK, kd=0.0, ka=0.0, specular=(f0,) * 3, roughness=0.0, kt=color, ior=ior, fresnel=fresnel,
                    facets=facets, frosted=frosted)
 
     @classmethod
     def translucent_of(cls, color: Triple) -> Surface:
-        """Translucent BSDF: only the light on the other side."""
+        """Return the Translucent BSDF: only light that arrives on the other side counts."""
         return cls(color=BLACK, kd=0.0, ka=0.0, translucent=color)
 
     @classmethod
     def transparent(cls, color: Triple) -> Surface:
-        """Transparent BSDF: what is behind, in `color`; white is no surface at all."""
+        """Return the Transparent BSDF: it shows what is behind, multiplied by `color`; with white there is no surface
+        at all.
+        """
         clear = constant(color) and min(color) >= 1
         return cls(color=BLACK, kd=0.0, ka=0.0, kt=BLACK if clear else color, alpha=0.0 if clear else 1.0)
 
     @classmethod
     def emitting(cls, radiance: Triple) -> Surface:
-        """Emission: light, and nothing else."""
+        """Return the Emission shader: light, and nothing else."""
         return cls(color=BLACK, kd=0.0, ka=0.0, emission=radiance)
 
     def plus(self, other: Surface, mine: Value = 1.0, others: Value = 1.0) -> Surface:
-        """The weighted sum of two surfaces: Add Shader, and Mix Shader with weights that add up to 1.
+        """Return the weighted sum of two surfaces: Add Shader, and Mix Shader with weights that add up to 1.
 
         What does not fit into one becomes a further layer.
         """
@@ -119,7 +121,9 @@ class Surface:
         return replace(first, alpha=alpha, layers=tuple(replace(layer, kt=BLACK, emission=BLACK) for layer in layers))
 
     def under_smooth_coat(self, normal: Triple | None, coats: Triple | None) -> Surface:
-        """With its coat as a layer of its own where the coat's normal is another one than that of what is below."""
+        """Return the surface with its coat as a layer of its own, if the coat's normal differs from that of the surface
+        below.
+        """
         if same(normal, coats):
             return self
         coat = replace(NOTHING, normal=coats, facets=replace(
@@ -128,7 +132,7 @@ class Surface:
         return replace(self, facets=replace(self.facets, share=0.0), layers=(*self.layers, coat))
 
     def times(self, share: Value) -> Surface:
-        """So much of this surface's light."""
+        """Return this surface with this share of its light."""
         if v.is_constant(share) and share == 1:
             return self
         return replace(
@@ -137,21 +141,21 @@ class Surface:
             translucent=scaled(self.translucent, share), layers=tuple(layer.times(share) for layer in self.layers))
 
     def parts(self) -> tuple[Surface, ...]:
-        """Its layers, each by itself, the first one first."""
+        """Return the layers, each as a surface, the first one first."""
         return (replace(self, layers=(), alpha=1.0), *self.layers)
 
     @property
     def reflects(self) -> bool:
-        """Whether it reflects any light."""
+        """Return whether it reflects any light."""
         return self.facets.shines or not _zero(self.kd, *self.specular)
 
     @property
     def is_flat(self) -> bool:
-        """Whether a normal makes no difference to it."""
+        """Return whether a normal makes no difference to it."""
         return not self.reflects and _zero(*self.translucent) and v.is_constant(self.ior) and self.ior == 1
 
     def fits(self, other: Surface) -> bool:
-        """Whether one layer can be exactly both of these."""
+        """Return whether one layer can be exactly both of these."""
         a, b = self, other
         if not (a.is_flat or b.is_flat or same(a.normal, b.normal)):
             return False
@@ -166,7 +170,7 @@ class Surface:
                 and not (rough and not same(a.color, b.color)))
 
     def joined(self, other: Surface) -> Surface:
-        """Both in one layer; where there can only be one value it is the mean."""
+        """Return both surfaces in one layer; a value of which there can only be one is the mean."""
         a, b = self, other
         shine_a, shine_b = v.largest(a.specular), v.largest(b.specular)
         # Of two colours, each counts as much as it is seen: in diffuse, else in ambient light.
@@ -194,7 +198,7 @@ class Surface:
         )
 
     def merged(self) -> Surface:
-        """All layers in one, with means where they differ."""
+        """Return all layers in one, with means where they differ."""
         found = replace(self, layers=())
         for layer in self.layers:
             found = found.joined(layer)
@@ -231,18 +235,18 @@ NOTHING = Surface(color=BLACK, kd=0.0, ka=0.0)
 
 
 def mirrored(roughness: Value) -> Value:
-    """Which share of the specular reflection is a sharp mirror image."""
+    """Return the share of the specular reflection that is a sharp mirror image."""
     low, high = MIRROR_ROUGHNESS
     return v.clamp((high - roughness) / (high - low))
 
 
 def scaled(color: Triple, factor: Value) -> Triple:
-    """`color` times `factor`."""
+    """Return `color` times `factor`."""
     return _triple(c * factor for c in color)
 
 
 def added(a: Triple, b: Triple) -> Triple:
-    """The sum of two colours."""
+    """Return the sum of two colours."""
     return _triple(x + y for x, y in zip(a, b, strict=True))
 
 
@@ -251,7 +255,7 @@ def _triple(numbers) -> Triple:
 
 
 def _bent(a: Surface, b: Surface, weight_a: Value, weight_b: Value) -> Triple | None:
-    """The normal of two surfaces together: one, as the engine has no more, each as much as it is seen."""
+    """Return the normal of two surfaces together: one, as the engine has no more, each as much as it is seen."""
     if same(a.normal, b.normal) or b.is_flat:
         return a.normal
     if a.is_flat:
@@ -265,5 +269,5 @@ def _bent(a: Surface, b: Surface, weight_a: Value, weight_b: Value) -> Triple | 
 
 
 def _zero(*values: Value) -> bool:
-    """Whether all of these are the number 0."""
+    """Return whether all of these are the number 0."""
     return v.is_constant(*values) and not any(values)

@@ -12,7 +12,7 @@ from .values import Triple, Value
 
 
 def surface(nodes: Nodes, output) -> Surface:
-    """The surface at a material's output node."""
+    """Translate the surface at a material's output node."""
     if output is None:
         nodes.warn("there is no output node; it is rendered black")
         return Surface.emitting(BLACK)
@@ -26,7 +26,7 @@ def surface(nodes: Nodes, output) -> Surface:
 
 
 def _shader(nodes: Nodes, node, socket) -> Surface:
-    """The surface that input `socket` of `node` gets."""
+    """Return the surface that input `socket` of `node` gets."""
     shader = nodes.source(node, socket)
     if shader is None:
         return Surface.emitting(BLACK)  # as Blender draws it
@@ -96,7 +96,7 @@ def _metallic(nodes: Nodes, node) -> Surface:
 
 
 def _several(nodes: Nodes, node) -> float:
-    """Whether the light that microfacets reflect several times counts in a node's distribution, 1 or 0."""
+    """Return whether the light that microfacets reflect several times counts in a node's distribution, 1 or 0."""
     if node.distribution not in ('MULTI_GGX', 'GGX'):
         name = node.bl_rna.properties["distribution"].enum_items[node.distribution].name
         nodes.warn(f"distribution {name} of node '{nodes.plain_name(node)}' is not translated; it is rendered as GGX")
@@ -181,5 +181,5 @@ def _displace(nodes: Nodes, output) -> None:
 
 
 def is_zero(value: Value) -> bool:
-    """Whether a value is the number 0."""
+    """Return whether a value is the number 0."""
     return v.is_constant(value) and value == 0

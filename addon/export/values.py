@@ -67,7 +67,7 @@ class Expression:
 
 
 def operation(name: str, *arguments: Any, output: int = 0) -> Expression:
-    """Output `output` of the engine's operation `name` on values and, where it wants them, texts and lists."""
+    """Return output `output` of the engine's operation `name`, on values and, if it takes them, texts and lists."""
     key = (name, tuple(tuple(a) if isinstance(a, list) else a for a in arguments), output)
     found = Expression._known.get(key)
     if found is None:
@@ -76,7 +76,7 @@ def operation(name: str, *arguments: Any, output: int = 0) -> Expression:
 
 
 def outputs(name: str, count: int, *arguments: Any) -> tuple[Value, ...]:
-    """All outputs of an operation."""
+    """Return all outputs of an operation."""
     return tuple(operation(name, *arguments, output=i) for i in range(count))
 
 
@@ -86,7 +86,7 @@ def forget() -> None:
 
 
 def is_constant(*values: Value) -> bool:
-    """Whether all values are numbers."""
+    """Return whether all values are numbers."""
     for value in values:  # noqa: SIM110  (a loop: this is asked some hundred times of each material)
         if isinstance(value, Expression):
             return False
@@ -98,14 +98,14 @@ def _binary(name: str, a: Value, b: Value) -> Value:
 
 
 def divide(a: Value, b: Value) -> Value:
-    """a/b, and 0 where b is 0, as Blender divides."""
+    """Return a/b; 0 where b is 0, as in Blender."""
     if is_constant(a, b):
         return a / b if b != 0 else 0.0
     return operation("divide", a, b)
 
 
 def power(a: Value, b: Value) -> Value:
-    """a to the b; 0 where that is no number, as Blender's Math node."""
+    """Return a to the power of b; 0 where that is no number, as in Blender's Math node."""
     if is_constant(a, b):
         try:
             found = a**b
@@ -116,22 +116,22 @@ def power(a: Value, b: Value) -> Value:
 
 
 def square_root(a: Value) -> Value:
-    """The root of a; 0 of negative numbers."""
+    """Return the root of a; 0 of negative numbers."""
     return math.sqrt(max(a, 0.0)) if is_constant(a) else operation("sqrt", a)
 
 
 def minimum(a: Value, b: Value) -> Value:
-    """The smaller of two values."""
+    """Return the smaller of two values."""
     return min(a, b) if is_constant(a, b) else a if a is b else operation("minimum", a, b)
 
 
 def maximum(a: Value, b: Value) -> Value:
-    """The larger of two values."""
+    """Return the larger of two values."""
     return max(a, b) if is_constant(a, b) else a if a is b else operation("maximum", a, b)
 
 
 def largest(values: Iterable[Value]) -> Value:
-    """The largest of several values."""
+    """Return the largest of several values."""
     first, *others = values
     for value in others:
         first = maximum(first, value)
@@ -139,31 +139,31 @@ def largest(values: Iterable[Value]) -> Value:
 
 
 def clamp(a: Value, low: float = 0.0, high: float = 1.0) -> Value:
-    """The value held between two others."""
+    """Return the value held between two others."""
     if isinstance(a, Expression) and a.name == "image" and (low, high) == (0.0, 1.0) and a.output == 3:
         return a  # an image's alpha is there already
     return minimum(maximum(a, low), high)
 
 
 def greater(a: Value, b: Value) -> Value:
-    """1 where a > b, else 0."""
+    """Return 1 where a > b, and 0 elsewhere."""
     return float(a > b) if is_constant(a, b) else operation("greater", a, b)
 
 
 def less(a: Value, b: Value) -> Value:
-    """1 where a < b, else 0."""
+    """Return 1 where a < b, and 0 elsewhere."""
     return float(a < b) if is_constant(a, b) else operation("less", a, b)
 
 
 def where(condition: Value, a: Value, b: Value) -> Value:
-    """`a` where the condition is not 0, else `b`."""
+    """Return `a` where the condition is not 0, and `b` elsewhere."""
     if is_constant(condition):
         return a if condition else b
     return a if a is b or (is_constant(a, b) and a == b) else operation("where", condition, a, b)
 
 
 def unary(name: str, fold: Callable[[float], float], a: Value) -> Value:
-    """Operation `name` of one value; `fold` computes it for numbers."""
+    """Return operation `name` of one value; `fold` computes it for numbers."""
     if not is_constant(a):
         return operation(name, a)
     try:
@@ -173,7 +173,7 @@ def unary(name: str, fold: Callable[[float], float], a: Value) -> Value:
 
 
 def mixed(a: Value, b: Value, factor: Value) -> Value:
-    """a + (b − a)·factor."""
+    """Return a + (b − a)·factor."""
     if is_constant(factor):
         if factor == 0:
             return a
@@ -183,7 +183,7 @@ def mixed(a: Value, b: Value, factor: Value) -> Value:
 
 
 def dot(a: Sequence[Value], b: Sequence[Value]) -> Value:
-    """The sum of products."""
+    """Return the sum of products."""
     total: Value = 0.0
     for x, y in zip(a, b, strict=True):
         total = total + x * y
@@ -191,23 +191,24 @@ def dot(a: Sequence[Value], b: Sequence[Value]) -> Value:
 
 
 def length(a: Sequence[Value]) -> Value:
-    """The length of a vector."""
+    """Return the length of a vector."""
     return square_root(dot(a, a))
 
 
 def cross(a: Triple, b: Triple) -> Triple:
-    """The cross product."""
+    """Return the cross product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def normalized(a: Triple) -> Triple:
-    """The vector with length 1; 0 stays 0."""
+    """Return the vector with length 1; 0 stays 0."""
     long = length(a)
     return (divide(a[0], long), divide(a[1], long), divide(a[2], long))
 
 
 def plain_image(values: Sequence[Value], first: int) -> int:
-    """The image that gives these values by its outputs from `first` on, where the UV map has it; −1: they are others.
+    """Return the number of the image whose outputs, from `first` on, are these values, placed by the UV map; −1: there
+    is none.
     """
     one = values[0]
     if not isinstance(one, Expression) or one.name != "image":
@@ -223,7 +224,7 @@ SHIFTED = {"uv": 0, "position": 0, "object": 0, "generated": 0, "attribute": 1, 
 
 
 def shifted(value: Value, step: int, width: float) -> Value:
-    """The value one step beside each point, for bumps: see the engine's `Points.shifted`."""
+    """Return the value one step beside each point, for bumps: see the engine's `Points.shifted`."""
     if not isinstance(value, Expression):
         return value
     made: dict[Expression, Expression] = {}
@@ -236,7 +237,7 @@ def shifted(value: Value, step: int, width: float) -> Value:
 
 
 def unshifted(value: Value) -> Value:
-    """The value at points themselves, also where bumps are taken beside them."""
+    """Return the value at points themselves, also where bumps are taken beside them."""
     return shifted(value, 0, 1.0)
 
 
@@ -246,7 +247,8 @@ _NOWHERE = {"uv", "attribute", "instance", "object_location", "parametric"}
 
 
 def outside(results: Sequence[Value]) -> tuple[Value, ...]:
-    """The values by direction, as they are for the world: without what only surfaces have, as Cycles gives it."""
+    """Return the values by direction, as they are for the world: without what only surfaces have, as Cycles gives it.
+    """
     made: dict[Expression, Value] = {}
     for e in _ordered(results):
         arguments = [made[a] if isinstance(a, Expression) else a for a in e.arguments]
@@ -268,7 +270,7 @@ def outside(results: Sequence[Value]) -> tuple[Value, ...]:
 
 
 def compiled(results: dict[str, Any]) -> tuple[list[list], dict[str, Any]]:
-    """(operations, results with expressions replaced by [register]) for the engine's Material.program.
+    """Return (operations, results with expressions replaced by [register]) for the engine's Material.program.
 
     An operation is [name, argument …]: a number is a constant, a list of one whole number a register. The registers are
     the outputs of all operations, counted in order; `engine` knows how many each has, here they are OUTPUTS.
@@ -305,7 +307,8 @@ def _flat(result: Any) -> Iterable[Any]:
 
 
 def _ordered(results: Iterable[Any]) -> Iterable[Expression]:
-    """All expressions that the results need, each after those that it needs; without recursion, as trees may be deep.
+    """Yield all expressions that the results need, each after those that it needs itself. There is no recursion,
+    because trees may be deep.
     """
     done: set[int] = set()
     for result in results:

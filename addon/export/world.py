@@ -17,9 +17,8 @@ _VISIBILITY = {"camera": 0.0, "glossy": 2.0, "transmission": 3.0, "diffuse": 4.0
 
 
 def described(world: Any, report: Report, image: Callable[[Any, int], int]) -> dict[str, Any]:
-    """What the snapshot says of the world: `world_color`, and `world` where it is not the same in all directions.
-
-    image: as `Nodes` takes it. Without a world it is black.
+    """Return the entries of the snapshot for the world: `world_color`, and `world` if it is not the same in all
+    directions. image: as `Nodes` takes it. Without a world it is black.
     """
     if world is None:
         return {"world_color": list(BLACK)}
@@ -49,7 +48,7 @@ def _radiance(world: Any, report: Report, image: Callable[[Any, int], int]) -> T
 
 
 def _shader(nodes: Nodes, node: Any, socket: str | int) -> Triple:
-    """The radiance that input `socket` of `node` gets."""
+    """Return the radiance that input `socket` of `node` gets."""
     shader = nodes.source(node, socket)
     if shader is None:
         return BLACK

@@ -35,7 +35,7 @@ else:
     }
 
     def __getattr__(name):
-        """The object of that name, from the module that has it."""
+        """Import the module that has the object of this name, and return the object."""
         from importlib import import_module
 
         for module, names in _MODULES.items():
@@ -45,7 +45,7 @@ else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
     def __dir__():
-        """What the package exports, whether imported yet or not."""
+        """Return all names that the package exports, whether they are imported yet or not."""
         return sorted({*globals(), *__all__})
 
 __all__ = [

@@ -56,6 +56,13 @@ def test_a_kernel_takes_what_its_text_says(name):
         assert bool(found[2]) == (shape is not None), parameter
 
 
+@pytest.mark.parametrize("path", [path for path in TEXTS if path.suffix == ".h"], ids=lambda path: path.name)
+def test_a_header_declares_kernels_as_exported(path):
+    """Otherwise Windows' compiler refuses the kernel."""
+    declared = re.findall(r"^(.*)\bi64 (\w+)\((?=[^{};]*\);)", TEXTS[path], re.M)
+    assert [name for before, name in declared if name in NAMES and "EXPORT" not in before] == []
+
+
 P = np.zeros((4, 3))
 
 

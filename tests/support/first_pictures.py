@@ -73,7 +73,7 @@ def inside(file: str) -> None:
 
 
 def environment(folder: Path, blender: str) -> dict[str, str]:
-    """An environment in which Blender has this checkout's add-on enabled, and uses nothing of the user's."""
+    """Return an environment in which Blender has this checkout's add-on enabled, and uses nothing of the user's."""
     (folder / "extensions").mkdir()
     (folder / "tmp").mkdir()
     (folder / "extensions" / "light_meshes").symlink_to(ROOT / "addon")

@@ -24,7 +24,7 @@ IMPORT = {".glb": lambda f: bpy.ops.import_scene.gltf(filepath=f),
 
 
 def opened(file):
-    """The scene with the file's objects, without its lamps and cameras."""
+    """Return the scene with the file's objects, without its lamps and cameras."""
     if file.suffix == ".blend":
         bpy.ops.wm.open_mainfile(filepath=str(file))
     else:

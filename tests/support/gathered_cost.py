@@ -63,7 +63,7 @@ def drawn(scene: Scene, previous=None, samples: int = 1):
 
 
 def moved(scene: Scene, frame: int) -> Scene:
-    """The scene with its camera a little to the right."""
+    """Return the scene with its camera a little to the right."""
     matrix = scene.camera.matrix.copy()
     middle = scene.geometry.vertices.mean(0) if len(scene.geometry.vertices) else np.zeros(3)
     matrix[:3, 3] += 0.01 * frame * np.linalg.norm(middle - matrix[:3, 3]) * matrix[:3, 0]

@@ -96,7 +96,7 @@ def glass(t: float | tuple[float, float, float] = 0.9, ior: float = 1.5) -> Mate
 
 
 def of_kind(scene: Scene, kind: str, hidden: Sequence[float]) -> Scene:
-    """The scene with that kind of shadow. Refracted: a glass ball stands where no light of it can get out."""
+    """Return the scene with that kind of shadow. Refracted: a glass ball stands where no light of it can get out."""
     if kind == "refracted":
         ball = Shape(sphere(0.2, 8, 6), glass(), "hidden ball", [translate(*hidden)])
         scene = joined(scene, Scene.from_shapes([ball], scene.camera, []))
@@ -241,7 +241,7 @@ def straight(place: Place, kind: str) -> list[Finding]:
 
 @family("H14 mixed scales")
 def mixed_scales(place: Place, kind: str) -> list[Finding]:
-    """A plate .02 mm above a table of 10 mm; a wall 10 km away, a ground of 1,000 km, and a box at 10⁹ m."""
+    """Return a plate .02 mm above a table of 10 mm; a wall 10 km away, a ground of 1,000 km, and a box at 10⁹ m."""
     near = placed(of_kind(low_plate(), kind, (-3, 3, -1.5)), 1e-3, (0, 0, 0))
     wall = Shape(box((-3e3, 1e4, -1e3), (3e3, 1.001e4, 2e3)), GREY, "wall")
     ground = Shape(rectangle((-1e6, -1e6), (1e6, 1e6), 0.0), GREY, "ground", [translate(0, 0, -3e-3) @ rotate_x(0.3)])

@@ -52,7 +52,9 @@ def _edge_of_shadow(place: Place, scene: Scene) -> tuple[float, float]:
 
 @family("H6 slab at 45°", ("sharp", "refracted"))
 def slab(place: Place, kind: str) -> list[Finding]:
-    """An opaque half-plane is over the slab: its shadow on the floor is shifted as much as the slab shifts the rays."""
+    """An opaque half-plane is over the slab: its shadow on the floor is shifted as much as the slab shifts the
+    rays.
+    """
     T, t = 0.3, 0.9
     expected = T * (np.tan(np.pi / 4) - np.tan(np.arcsin(np.sin(np.pi / 4) / 1.5)))  # .1396
     shade = Shape(rectangle((-3.0, -5), (-0.8, 5), 0.8), GREY, "shade")

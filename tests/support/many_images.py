@@ -24,7 +24,7 @@ from scenes import look_down, settings
 
 
 def picture(side):
-    """A JPEG of noise in squares."""
+    """Return a JPEG of noise in squares."""
     small = np.random.default_rng(1).integers(0, 256, (side // 16, side // 16, 3), np.uint8)
     return oiio.ImageBuf(np.repeat(np.repeat(small, 16, axis=0), 16, axis=1))
 

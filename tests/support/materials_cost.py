@@ -21,7 +21,7 @@ SIDE = 5  # balls along one side, four rows of them
 
 
 def material(name, texture=None, **inputs):
-    """A Principled BSDF; texture: what feeds its colour and roughness, by a ramp."""
+    """Return a Principled BSDF; texture: what feeds its colour and roughness, by a ramp."""
     made = bpy.data.materials.new(name)
     if bpy.app.version < (5, 0):
         made.use_nodes = True
@@ -56,7 +56,7 @@ def translation(count, texture):
 
 
 def balls(make):
-    """The engine's scene of twenty balls on a floor, with the materials make(0), make(1), …"""
+    """Return the engine's scene of twenty balls on a floor, with the materials make(0), make(1), …"""
     from light_meshes_addon.render_engine import LightMeshesEngine
 
     bpy.ops.wm.read_factory_settings(use_empty=True)

@@ -51,7 +51,7 @@ INPUTS = ["TexCoord", "NewGeometry", "CameraData", "ObjectInfo", "UVMap", "Tange
 
 
 def choices(node):
-    """The node's properties that are a choice: name → values."""
+    """Return the node's properties that are a choice: name → values."""
     found = {}
     for prop in node.bl_rna.properties:
         own = prop.identifier not in bpy.types.ShaderNode.bl_rna.properties and not prop.is_readonly
@@ -70,7 +70,7 @@ def choices(node):
 
 
 def combined(found, most):
-    """The choices together: all of them where these are few, else each value of each a few times with others."""
+    """Return the choices together: all of them where these are few, else each value of each a few times with others."""
     names, lists = list(found), list(found.values())
     every = list(itertools.product(*lists))
     if len(every) <= most:
@@ -85,7 +85,8 @@ def combined(found, most):
 
 
 def slope(tree, low, high, seed, whole):
-    """A number that goes over the cell between two bounds, along a direction by the seed; whole: by whole steps."""
+    """Return a number that goes over the cell between two bounds, along a direction by the seed; whole: by whole steps.
+    """
     chosen = random.Random(seed)
     x, y = tree.separate(tree.uv())[:2]
     a = chosen.uniform(0.2, 0.8)
@@ -150,7 +151,7 @@ def ramps(node, seed):
 
 
 def _one(name, chosen, output, how, seed):
-    """The function of a tree that makes one case."""
+    """Return the function of a tree that makes one case."""
     def made(tree):
         node = tree.tree.nodes.new(f"ShaderNode{name}")
         for key, value in chosen.items():
@@ -196,7 +197,7 @@ def cases(most=60, names=None):
 
 
 def painted(name, width, height, as_floats, alpha_mode, space):
-    """A packed image of smooth colours, with an alpha that goes from 0.2 to 1."""
+    """Return a packed image of smooth colours, with an alpha that goes from 0.2 to 1."""
     image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=as_floats)
     chosen, pixels = random.Random(width), []
     for y in range(height):
@@ -296,7 +297,7 @@ def muted():
 
 
 def group(name, inputs, outputs):
-    """A new group's tree, its input node and its output node; inputs and outputs: [(name, type, value)]."""
+    """Return a new group's tree, its input node and its output node; inputs and outputs: [(name, type, value)]."""
     tree = bpy.data.node_groups.new(name, 'ShaderNodeTree')
     for kind, sockets in (('INPUT', inputs), ('OUTPUT', outputs)):
         for label, socket, value in sockets:
@@ -307,7 +308,7 @@ def group(name, inputs, outputs):
 
 
 def used(tree, inside, inputs=None):
-    """A node of a group, with its inputs given."""
+    """Return a node of a group, with its inputs given."""
     node = tree.tree.nodes.new('ShaderNodeGroup')
     node.node_tree = inside
     for key, value in (inputs or {}).items():
@@ -319,7 +320,7 @@ def used(tree, inside, inputs=None):
 
 
 def _nested(tree, given):
-    """A group in a group: some inputs are given, some have their own values, one output has nothing."""
+    """Return a group in a group: some inputs are given, some have their own values, one output has nothing."""
     inner, a, b = group(
         "Inner", [("A", "Float", 0.3), ("B", "Vector", (0.1, 0.2, 0.3)), ("C", "Color", (1, 0.5, 0, 1))],
         [("Sum", "Vector", (0.7, 0.8, 0.9)), ("Left", "Color", (0.2, 0.4, 0.6, 1)), ("Number", "Float", 0.6)])

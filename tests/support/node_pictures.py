@@ -23,7 +23,7 @@ def plane(scene, add_plane):
 
 
 def both(scene, render):
-    """This engine's picture and Cycles'."""
+    """Return this engine's picture and Cycles'."""
     scene.render.engine = 'LIGHT_MESHES'
     scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
     ours = render(scene)["Combined"][..., :3]
@@ -51,7 +51,7 @@ def check(plane, scene, render, socket, tree, **bounds):
 
 
 def painted(width=24, height=16):
-    """An image whose every texel is another colour, with an alpha that goes from 0 to 1."""
+    """Return an image whose every texel is another colour, with an alpha that goes from 0 to 1."""
     image = bpy.data.images.new("painted", width, height, alpha=True)
     rng = np.random.default_rng(5)
     pixels = rng.uniform(0.1, 0.9, (height, width, 4)).astype(np.float32)

@@ -16,7 +16,7 @@ class Tree:
         self.tree.nodes.clear()
 
     def node(self, idname, inputs=None, **properties):
-        """A node; inputs by name or position: values, or sockets that are linked."""
+        """Return a node; inputs by name or position: values, or sockets that are linked."""
         node = self.tree.nodes.new(idname)
         for name, value in properties.items():
             setattr(node, name, value)
@@ -36,7 +36,7 @@ class Tree:
         return self.node('ShaderNodeSeparateXYZ', {0: socket}).outputs
 
     def emit(self, socket):
-        """The material: emission of the value at `socket`, brought to where light is positive."""
+        """Return the material: emission of the value at `socket`, brought to where light is positive."""
         shown = self.node('ShaderNodeVectorMath', {0: socket, 1: (0.2, 0.2, 0.2), 2: (0.5, 0.5, 0.5)},
                           operation='MULTIPLY_ADD').outputs[0]
         emission = self.node('ShaderNodeEmission', {"Color": shown})
@@ -77,7 +77,7 @@ class World(Tree):
         self.output = self.tree.nodes.new('ShaderNodeOutputWorld')
 
     def background(self, color, strength=1.0):
-        """The output of a Background of this colour."""
+        """Return the output of a Background of this colour."""
         return self.node('ShaderNodeBackground', {"Color": color, "Strength": strength}).outputs[0]
 
     def shine(self, shader):

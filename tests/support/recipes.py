@@ -15,7 +15,7 @@ PACKAGE = ROOT / "engine" / "light_meshes"
 
 
 def shown(heading: str, language: str) -> str:
-    """The file that the page shows under a heading."""
+    """Return the file that the page shows under a heading."""
     text = (ROOT / "docs" / "developers.md").read_text(encoding="utf-8")
     part = text[text.index(f"## {heading}"):]
     found = re.search(rf"^( *)```{language}\n(.*?)```", part[:part.index("\n## ")], re.S | re.M)
@@ -23,7 +23,7 @@ def shown(heading: str, language: str) -> str:
 
 
 def copied(folder: Path, files: dict[str, str], edits: list[tuple[str, str, str]]) -> Path:
-    """The engine in `folder`, with new files, and with text replaced: (file, old, new), each found once."""
+    """Return the engine in `folder`, with new files, and with text replaced: (file, old, new), each found once."""
     package = folder / "light_meshes"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
     for name, text in files.items():
@@ -37,7 +37,7 @@ def copied(folder: Path, files: dict[str, str], edits: list[tuple[str, str, str]
 
 
 def changes(package: Path) -> tuple[set[str], list[str]]:
-    """The files that are new in a copy, and the lines that are new in others."""
+    """Return the files that are new in a copy, and the lines that are new in others."""
     before, after = _lines(PACKAGE), _lines(package)
     assert set(before) <= set(after)
     lines = [line for name in before for line in difflib.ndiff(before[name], after[name]) if line.startswith("+ ")]
@@ -50,7 +50,7 @@ def _lines(folder: Path) -> dict[str, list[str]]:
 
 
 def run(package: Path, *arguments: object) -> subprocess.CompletedProcess:
-    """The command, by the engine of a copy."""
+    """Return the command, by the engine of a copy."""
     script = "import sys; from light_meshes import cli; print(cli.__file__); sys.exit(cli.main())"
     done = subprocess.run([sys.executable, "-c", script, *map(str, arguments)], capture_output=True, text=True,
                           env=os.environ | {"PYTHONPATH": str(package.parent)}, timeout=120)

@@ -242,7 +242,7 @@ def low_plate(**values: Any) -> Scene:
 # --- General ----------------------------------------------------------------------------------------------
 
 def four_lights(width: int = 96, **values: Any) -> Scene:
-    """A small still life with a glossy ball, under one coloured light of each type."""
+    """Return a small still life with a glossy ball, under one coloured light of each type."""
     ball = Material("ball", Od=(0.2, 0.5, 0.7), ks=0.4, nShiny=30.0)
     parts = [Shape(rectangle((-3, -3), (3, 3), 0.0), GREY, "floor"),
              Shape(sphere(0.6, 24, 12), ball, "ball", [translate(-0.6, 0.3, 0.65)]),

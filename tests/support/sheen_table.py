@@ -45,7 +45,7 @@ def squares(scene):
 
 
 def prepared():
-    """The scene, and its sun without shadows, which gives a white matt surface that faces it the radiance 1."""
+    """Return the scene, and its sun without shadows, which gives a white matt surface that faces it the radiance 1."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     squares(scene)

@@ -63,13 +63,13 @@ def boxes(count: int = 60) -> list[Shape]:
 
 
 def board() -> list[Shape]:
-    """A board that leans from the floor at x = −.8 to a height of 1.2 at x = .6, .6 wide."""
+    """Return a board that leans from the floor at x = −.8 to a height of 1.2 at x = .6, .6 wide."""
     v = np.array([(-0.8, -0.3, 0), (-0.8, 0.3, 0), (0.6, 0.3, 1.2), (0.6, -0.3, 1.2)], float)
     return [floor(), Shape(Mesh(v, np.array([(0, 1, 2), (0, 2, 3)])), GREY, "board")]
 
 
 def plant(leaves: int = 10000) -> list[Shape]:
-    """A bush of small leaves, two triangles each."""
+    """Return a bush of small leaves, two triangles each."""
     random = np.random.default_rng(5)
     centre = random.normal(0, 1, (leaves, 3))
     centre *= (0.5 * random.uniform(0.2, 1, leaves) ** (1 / 3) / np.linalg.norm(centre, axis=1))[:, None]
@@ -84,7 +84,7 @@ def plant(leaves: int = 10000) -> list[Shape]:
 
 
 def curved() -> list[Shape]:
-    """A hollow of a sphere of radius 3 as the receiver, and two balls above it."""
+    """Return a hollow of a sphere of radius 3 as the receiver, and two balls above it."""
     n = 97
     x, y = np.meshgrid(np.linspace(-1.5, 1.5, n), np.linspace(-1.5, 1.5, n), indexing="ij")
     v = np.stack([x, y, 3 - np.sqrt(9 - x**2 - y**2)], -1).reshape(-1, 3)
@@ -95,7 +95,7 @@ def curved() -> list[Shape]:
 
 
 def ball() -> list[Shape]:
-    """A sphere that stands on the floor."""
+    """Return a sphere that stands on the floor."""
     return [floor(), Shape(sphere(0.4, 96, 48), GREY, "ball", [translate(0, 0, 0.4)])]
 
 
@@ -114,7 +114,7 @@ LAMPS = {
 
 
 def scene_of(name: str, lamp: str, pixels: int = 160, **values: float) -> Scene:
-    """The scene from above under the lamp."""
+    """Return the scene from above under the lamp."""
     light = replace(LAMPS[lamp], softness="SIZE")
     return Scene.from_shapes(SCENES[name](), look_down(0, 0, 2 * HALF, pixels, height=1e-3 + 6), [light],
                     settings(**({"h": 0.0125, "kI": 2.0, "shadows": "LIGHT_MESHES"} | values)))
@@ -137,7 +137,7 @@ class Seen:
         self.counts = self.ready.stats.counts
 
     def by(self, shadows: str, samples: int = 64, **values: float) -> np.ndarray:
-        """S (n,L) by a method; `samples` rays a light by AREA_SAMPLING."""
+        """Return S (n,L) by a method; `samples` rays a light by AREA_SAMPLING."""
         scene = self.ready.scene.with_settings(shadows=shadows, light_samples=samples, seed=1, **values)
         ready = Prepared(scene)
         S = ready.shadowing.method(self.at, lambda: None)[..., 0]
@@ -166,7 +166,7 @@ def table(names: list[str], lamps: list[str], pixels: int, **values: float) -> N
 
 
 def one_width(seen: Seen) -> np.ndarray:
-    """S by light meshes of one width, LIGHT_SIZE, with kI = 3."""
+    """Return S by light meshes of one width, LIGHT_SIZE, with kI = 3."""
     scene = seen.ready.scene
     ready = Prepared(replace(scene, lights=tuple(replace(light, softness="LIGHT_SIZE") for light in scene.lights),
                              settings=replace(scene.settings, shadows="LIGHT_MESHES", weights="SMOOTH", auto_h=True)))

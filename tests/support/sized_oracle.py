@@ -49,7 +49,7 @@ def parts(light: Light, P: np.ndarray, grid: int = 400) -> tuple[np.ndarray, np.
 
 
 def _area(light: Light, P: np.ndarray, s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The grid is even in the angles at which P sees it along u and along v, which must be perpendicular."""
+    """Return the grid is even in the angles at which P sees it along u and along v, which must be perpendicular."""
     u, v, n = np.array(light.area_u), np.array(light.area_v), np.array(light.direction)
     a, b = np.linalg.norm(u), np.linalg.norm(v)
     centre = np.array(light.position) - P
@@ -103,6 +103,6 @@ def matt(light: Light, P: np.ndarray, N: np.ndarray, grid: int = 400) -> float:
 
 
 def gloss(light: Light, P: np.ndarray, N: np.ndarray, M: np.ndarray, n: float, grid: int = 400) -> float:
-    """The highlight (R·V)^n of a surface of normal N whose eye's ray is mirrored to M, over I."""
+    """Return the highlight (R·V)^n of a surface of normal N whose eye's ray is mirrored to M, over I."""
     way, sent, _ = parts(light, P, grid)
     return float((sent * (way @ N > 0) * np.maximum(way @ M, 0) ** n).sum())

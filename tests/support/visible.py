@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 
 def visibility(ready: Prepared, P: NDArray, N: NDArray, triangle: NDArray | None = None) -> NDArray[np.float32]:
-    """S (n,L) of all lights in front of receivers P with unit normals N; (n,L,3) where there is coloured glass."""
+    """Return S (n,L) of all lights in front of receivers P with unit normals N; (n,L,3) where there is coloured glass.
+    """
     S = ready.lighting.light_visibility(P, N, triangle)
     return S[..., 0] if S.shape[2] == 1 else S

@@ -111,7 +111,7 @@ def run(cell: Cell, out: Path, blender: str | None, threads: int, patience: floa
 
 
 def make_scenes(names: list[str], out: Path, blender: str | None) -> None:
-    """Make the .blend files that OUT/scenes has not."""
+    """Make those .blend files of the contest that are not in OUT/scenes yet."""
     folder = out / "scenes"
     folder.mkdir(parents=True, exist_ok=True)
     missing = [name for name in names if not (folder / f"{name}.blend").is_file()]

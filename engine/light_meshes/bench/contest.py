@@ -34,7 +34,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Task:
-    """What is rendered and judged."""
+    """The settings of a contest: its scenes, sizes, methods and limits."""
 
     scenes: tuple[str, ...] = SCENES
     size: tuple[int, int] = (1920, 1080)
@@ -93,7 +93,9 @@ class Match:
         self._errors: dict[str, NDArray[np.float32]] = {}  # of each pixel
 
     def stills(self) -> None:
-        """Render the reference, what is seen, and every way; judge each as soon as it is there."""
+        """Render the reference, the guides (what each pixel sees) and a still by every way. Judge each still as soon as
+        it is done.
+        """
         guides = self._render(Way("GUIDES"), (self.task.frame,))
         true = self._render(Way("CYCLES", samples=self.task.reference, reference=True), (self.task.frame,))
         if guides is None or true is None:

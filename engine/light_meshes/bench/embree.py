@@ -26,7 +26,7 @@ class Recorder:
         self.made: list[Chunk] = []
 
     def occluded_of(self, *segments: Any) -> NDArray[np.bool_]:
-        """As the accelerator's."""
+        """Do the same as the accelerator's method, and store the rays."""
         self.made.append(room_for(len(segments[5])))
         make_segments(*segments, *self.made[-1])
         answer: NDArray[np.bool_] = self.accelerator.occluded_of(*segments)

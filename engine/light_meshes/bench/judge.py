@@ -37,7 +37,7 @@ BRIGHTEST = 1e4  # what is brighter is cut, so that one pixel does not decide an
 
 @dataclass(frozen=True)
 class Guides:
-    """What is at the pixels' centres of a frame; rows from above."""
+    """What the centre of each pixel of a frame sees; the first row is the top one."""
 
     place: NDArray[np.float32]  # (h,w,3) in the world
     normal: NDArray[np.float32]  # (h,w,3)
@@ -152,8 +152,8 @@ def compare(reference: NDArray[np.float32], found: NDArray[np.float32], edge: ND
 
 
 def flicker(frames: list[NDArray[np.float32]], guides: list[Guides], exposure: float = 0.0) -> dict[str, float]:
-    """Return the flicker of a flight of at least three frames: `flicker`, its 99th percentile, and the share of the
-    pixels that were compared.
+    """Return the flicker of a flight of at least three frames: `flicker`, which is the mean, its 99th percentile, and
+    the share of the pixels that were compared.
     """
     changes, compared, pixels = [], 0, 0
     shown = [screen(frame, exposure) for frame in frames]

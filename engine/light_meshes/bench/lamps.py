@@ -33,7 +33,7 @@ PASSES = ("Combined", "Position", "Normal", "Object Index")
 
 
 class Plan(NamedTuple):
-    """How a case is measured."""
+    """The rules by which a case is measured."""
 
     name: str
     lights: int
@@ -167,8 +167,8 @@ def edges(scene: Scene, passes: dict[str, NDArray]) -> NDArray[np.bool_]:
 
 
 def ratios(rows: list[dict[str, Any]], scene: str, lights: int) -> dict[str, Any] | None:
-    """Return what targets ask of a case: times of Balanced and Fine over their rivals', and whether each is as near as
-    it has to be; None where it was not measured.
+    """Return the figures of a case that the targets ask for: the times of Balanced and Fine divided by those of their
+    rivals, and whether each is as near to the reference as it has to be; None where something was not measured.
     """
     case = [r for r in rows if (r["scene"], r["lights"]) == (scene, lights)]
     of = {(r["method"], r["light_samples"] or r["kI"]): r for r in case}

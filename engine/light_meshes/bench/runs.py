@@ -35,7 +35,7 @@ FORMAT = "light-meshes benchmark"
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured, and for how long."""
+    """The amount of work of a benchmark: how much is measured, and for how long."""
 
     size: int = 1000  # pictures whose time is taken have size² pixels
     repeats: int = 5
@@ -231,7 +231,7 @@ class Bench:
                                   "ratio": median(stage) / median(alone), "threads": self.threads}
 
     def _threads(self) -> None:
-        """How much of the tile loop holds Python's lock, and whether preparing uses all threads."""
+        """Measure how much of the tile loop holds Python's lock, and whether preparing uses all threads."""
         e, shares = self.effort, {}
         for name, count in [("S3", None), *(("S7", n) for n in e.lights if n >= 16)]:
             case = scenes.case(name, self._scene_of(name), count)

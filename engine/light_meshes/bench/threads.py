@@ -1,4 +1,6 @@
-"""What keeps threads from running side by side: Python's lock in the tile loop, and preparing on one thread only."""
+"""Measure what keeps threads from running side by side: the part of the tile loop that holds Python's lock, and the
+parts of preparing that use one thread only.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +26,17 @@ _watched = kernel("lock_watched")
 
 
 def lock_share(scene: Scene) -> float | None:
-    """`lock_held` while one thread, which therefore never waits for the lock, draws what is prepared."""
+    """Return `lock_held` of one thread that draws what is prepared. As it is alone, it never waits for the lock."""
     ready = prepare(scene, ("Combined",))
     frame = Framebuffer.create(scene, ("Combined",))
     return lock_held(lambda: draw(ready, frame, threads=1))
 
 
 def lock_held(work: Callable[[], object]) -> float | None:
-    """Return the share of the time of work() in which some thread holds Python's lock; None where Python does not tell.
+    """Return the share of the time of work() in which some thread holds Python's lock; None if Python does not tell.
 
-    A thread that never needs the lock asks Python every microsecond or so which thread has it: nobody, while a kernel
-    or a loop of numpy runs. No more than 1/share threads are of use. Python 3.11 and 3.12 tell.
+    A thread that never needs the lock asks Python about every microsecond which thread has it. While a kernel or a loop
+    of numpy runs, no thread has it. No more than 1/share threads can be of use. Python 3.11 and 3.12 tell.
     """
     holder = getattr(ctypes.pythonapi, "_PyThreadState_UncheckedGet", None)
     if holder is None or sys.version_info >= (3, 13):  # where it answers for the thread that asks
@@ -51,7 +53,9 @@ def lock_held(work: Callable[[], object]) -> float | None:
 
 
 def preparing(scene: Scene) -> dict[str, Any]:
-    """Seconds and busy threads of the accelerator and of the certificate of a scene; its seconds without lamps."""
+    """Return the seconds and the mean number of busy threads of two steps of preparing a scene, the accelerator and the
+    certificate; and the seconds that preparing the same scene without lamps takes.
+    """
     surfaces, _ = flatten(scene, scene.camera)
     everything = np.ones(len(surfaces.triangles), np.bool_)
     radius = scene.settings.h * scene.settings.kI
@@ -63,7 +67,7 @@ def preparing(scene: Scene) -> dict[str, Any]:
 
 
 def _busy(work: Callable[[], object]) -> dict[str, float]:
-    """Seconds that it takes, and how many threads are busy in them, as a mean."""
+    """Return how many seconds the work takes, and how many threads are busy in this time, as a mean."""
     began, spent = time.perf_counter(), time.process_time()
     work()
     seconds = time.perf_counter() - began

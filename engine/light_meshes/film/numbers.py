@@ -11,7 +11,7 @@ from ..scene.description import Scene
 
 
 class Numbers(NamedTuple):
-    """A row an object, or a material."""
+    """Arrays with one row for each object, or for each material."""
 
     material_index: NDArray[np.float64]
     object_index: NDArray[np.float64]

@@ -1,4 +1,6 @@
-"""A program asks: render a scene that it described or read, and write what came of it. `light_meshes` exports this."""
+"""Lets a Python program render: a scene that it described, or one that it read; and write the picture to a file.
+`light_meshes` exports these functions.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,10 @@ class Picture(renderer.Result):
     to_rec709: tuple[RGB, RGB, RGB] = IDENTITY  # the scene's
 
     def save(self, path: StrPath) -> None:
-        """Write an .exr with all passes, scene-linear float32, or a .png with Combined, 8 bits in sRGB.
+        """Write the picture to a file: .exr with all passes, scene-linear float32; or .png with Combined, 8 bits in
+        sRGB.
 
-        The file appears at once, whole. Raises SceneError where it cannot be written.
+        The file appears only when it is complete. Raises SceneError if it cannot be written.
         """
         file = Path(path)
         images.check_place(file)
@@ -40,11 +43,13 @@ class Picture(renderer.Result):
 def render(scene: Scene, passes: Sequence[str] = ("Combined",), *, threads: int | None = None,
            progress: Callable[[float, str], None] = lambda fraction, stage: None,
            cancelled: Callable[[], bool] = lambda: False) -> Picture:
-    """Check `scene`, then render it into memory.
+    """Check `scene`, render it into memory, and return the picture. The picture does not depend on the number of
+    threads.
 
-    passes: names of `PASSES`. threads: how many to render with; None: one for each processor. progress hears, from any
-    of them, what share is done. Once cancelled() is true Cancelled is raised. Raises SceneError where the scene, or
-    what is asked of it, is wrong. The picture does not depend on threads.
+    passes: names from `PASSES`. threads: the number of threads to render with; None means one for each processor.
+    progress(share, stage) is called with the part that is done, 0 to 1, and a sentence, from any of these threads.
+    cancelled() is called often; if it returns True, Cancelled is raised. Raises SceneError if the scene is wrong, or
+    one of the passes.
     """
     if isinstance(passes, str):
         raise SceneError(f"passes must be a list of names, not {quoted(passes)}")
@@ -57,13 +62,15 @@ def render(scene: Scene, passes: Sequence[str] = ("Combined",), *, threads: int 
 
 
 def read_snapshot(path: StrPath) -> Scene:
-    """Read and check a snapshot: its folder, or a scene file in it. Raises SceneError.
+    """Read and check a snapshot: its folder, or one of the scene files in it. Raises SceneError.
 
-    Arrays stay in their files where they can, which must not change as long as the scene is in use.
+    If possible, arrays stay in their files, so the files must not change as long as the scene is in use.
     """
     return snapshot.read(Path(path))
 
 
 def write_snapshot(scene: Scene, folder: StrPath) -> None:
-    """Check `scene` and write it into `folder`, which is made if need be. Raises SceneError, and OSError."""
+    """Check `scene` and write it into `folder`, which is made if necessary. Raises SceneError, or OSError if it cannot
+    be written.
+    """
     snapshot.write(checked(scene), Path(folder))

@@ -1,8 +1,8 @@
-"""The pictures of a 3D view, one better than the other, and what is kept between them.
+"""The pictures of a 3D view, each better than the one before, and the data that a view keeps between them.
 
-Direct light comes first (`picture/first.py`), where the whole light is expected to take longer than an artist likes to
-wait; then pictures with all light. What was expected is measured: the first whole picture of each view says it for the
-next one.
+Where all light is expected to take longer than an artist likes to wait, pictures with only direct light come first
+(`picture/first.py`), and pictures with all light follow. The expectation is a measured time: that of the first picture
+with all light of the same view before.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FINE = 2  # after pictures of direct light, those with all light begin with this
 
 @dataclass
 class Parts:
-    """What the next picture may take over; see `Before`."""
+    """The parts that the next picture may take over; see `Before`."""
 
     world: World
     measured: Measured
@@ -39,7 +39,7 @@ class Parts:
 
 @dataclass
 class Kept:
-    """What one view keeps for the next."""
+    """The data that a view keeps for its next picture."""
 
     whole: Prepared | None = None  # for the last picture with all light
     direct: Prepared | None = None  # for the last picture of direct light, if there was none with all light since
@@ -48,7 +48,7 @@ class Kept:
 
     @property
     def before(self) -> Before | None:
-        """The newest of each part."""
+        """Return the newest of each part."""
         if self.direct is None or self.whole is None:
             return self.direct or self.whole
         return Parts(self.direct.world, self.direct.measured, self.whole.shadowing, self.whole.everywhere)
@@ -56,10 +56,10 @@ class Kept:
 
 def pictures(kept: Kept, scene: Scene, camera: Camera | None, steps: Sequence[tuple[int, int]], passes: Sequence[str],
              direct: bool, cancelled: Callable[[], bool], progress: render.Progress) -> Iterator[render.Result]:
-    """The pictures of a view in steps of (divisor of the resolution, samples).
+    """Yield the pictures of a view in these steps of (divisor of the resolution, samples per pixel).
 
-    camera: of the rays; None: the scene's. direct: whether pictures of direct light may come first; with them some
-    steps may be left out, but not the last one.
+    camera: the camera of the rays; None: the scene's. direct: pictures of direct light may come first. Then some steps
+    may be left out, but not the last one.
     """
     view, same = camera or scene.camera, kept.scene is scene
     kept.scene = scene
@@ -89,7 +89,7 @@ def pictures(kept: Kept, scene: Scene, camera: Camera | None, steps: Sequence[tu
 
 def _direct(kept: Kept, scene: Scene, camera: Camera, passes: Sequence[str],
             cancelled: Callable[[], bool]) -> Iterator[tuple[int, render.Result]]:
-    """Pictures of direct light, each twice as fine as the one before, with their divisors."""
+    """Yield pictures of direct light, each twice as fine as the one before, with their divisors."""
     divisor = first.divisor(scene, camera)
     quick = first.direct(scene, camera, divisor, first.PAIRS)
     while True:

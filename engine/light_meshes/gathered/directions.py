@@ -10,8 +10,8 @@ LEAN = np.radians(30)  # of the four normals for which a record also gathers
 
 
 def directions(n: int) -> NDArray[np.float64]:
-    """n unit vectors (n,3) around z, a spiral of equal shares of the cosine: their plain mean of a radiance is the
-    radiance of a white matt surface, exactly so where all around is alike.
+    """Return n unit vectors (n,3) around z, on a spiral of equal shares of the cosine. The plain mean of a radiance in
+    these directions is the radiance of a white matt surface; it is exact if the radiance is the same in all directions.
     """
     k = np.arange(n) + 0.5
     sine, angle = np.sqrt(k / n), k * _GOLDEN
@@ -19,9 +19,10 @@ def directions(n: int) -> NDArray[np.float64]:
 
 
 def tilted(local: NDArray[np.float64]) -> NDArray[np.float64]:
-    """By how much (n,4) rays along `local` (n,3) count more or less for normals that lean by LEAN to x, −x, y, −y.
+    """Return the weights (n,4) of rays along `local` (n,3) for four normals, which lean by LEAN to x, −x, y, −y.
 
-    The sum is right where all around is alike: such a surface sees (1 + cos LEAN)/2 of the half-space.
+    The weighted sum is exact if the radiance is the same in all directions: such a surface sees (1 + cos LEAN)/2 of the
+    half-space.
     """
     c, s = np.cos(LEAN), np.sin(LEAN)
     normals = np.array([(s, 0, c), (-s, 0, c), (0, s, c), (0, -s, c)])

@@ -49,8 +49,8 @@ class Grids:
         self._share_corners()
 
     def _pair(self, ends: NDArray[np.int32]) -> NDArray[np.int32]:
-        """For triangles (T,) the one with which each makes up a parallelogram; −1: none. ends (T,2): the vertices of
-        their longest edges.
+        """Return for each of the triangles (T,) the one with which it makes up a parallelogram; −1: none. ends (T,2):
+        the vertices of their longest edges.
         """
         s = self.surfaces
         order = np.lexsort((ends[:, 1], ends[:, 0])).astype(np.int32)
@@ -98,7 +98,7 @@ class Grids:
         np.maximum.at(self._class_spacing, number, np.repeat(self.longest[small], 3))
 
     def normals(self, triangle: NDArray) -> NDArray[np.float64]:
-        """The unit normals (n,3) of triangles (n,), as their winding says."""
+        """Return the unit normals (n,3) of triangles (n,), on the side given by their winding."""
         s = self.surfaces
         a, b, c = np.moveaxis(s.vertices[s.triangles[triangle]].astype(np.float64), 1, 0)
         normal = np.cross(b - a, c - a)
@@ -106,8 +106,8 @@ class Grids:
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
     def corner_normals(self, triangle: NDArray) -> NDArray[np.float64]:
-        """The unit shading normals (n,3,3) at the corners of triangles (n,); those of the triangle where these are of
-        no use.
+        """Return the unit shading normals (n,3,3) at the corners of triangles (n,); the triangle's own normal where
+        they cannot be used.
         """
         s = self.surfaces
         local = s.at_corners(s.corner_normals, triangle)
@@ -120,7 +120,7 @@ class Grids:
         return np.where(good, normal, own)
 
     def places(self, keys: NDArray[np.uint64]) -> Places:
-        """Where the grid points with these keys (n,) are."""
+        """Return where the grid points with these keys (n,) are."""
         n = len(keys)
         P, N, spacing, instance = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.full(n, -1, np.int32)
         shared = (keys & _CORNER) != 0
@@ -136,16 +136,16 @@ class Grids:
 
     def behind(self, triangle: NDArray[np.int32], u: NDArray[np.float32], v: NDArray[np.float32],
                direction: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The places (n,3) at barycentrics u, v (n,) of triangles (n,), and their normals to the side to which rays
-        along `direction` (n,3) go on.
+        """Return the places (n,3) at barycentrics u, v (n,) of triangles (n,), and their normals to the side to which
+        rays along `direction` (n,3) go on.
         """
         P, N = np.empty((len(u), 3)), np.empty((len(u), 3))
         _behind(*self.shape, triangle, u, v, direction, P, N)
         return P, N
 
     def inside(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-        """The triangles (4n,), places and normals (4n,3) of four points that stand for each of the cells with these
-        keys (n,).
+        """Return the triangles (4n,), places and normals (4n,3) of four points that stand for each of the cells with
+        these keys (n,).
         """
         n = len(keys)
         triangle, P, N = np.empty((n, 4), np.int32), np.empty((n, 4, 3)), np.empty((n, 4, 3))
@@ -153,16 +153,17 @@ class Grids:
         return triangle.reshape(-1), P.reshape(-1, 3), N.reshape(-1, 3)
 
     def wider(self, keys: NDArray[np.uint64], by: int, for_small: NDArray[np.int32]) -> NDArray[np.uint64]:
-        """The keys (n,) of cells around those with these keys, whose edges are 2^by times as long.
-
-        for_small (s,T): the triangles that stand for smaller ones; see `Gatherer`.
+        """Return the keys (n,) of the cells around those with these keys, whose edges are 2^by times as long. for_small
+        (s,T): the triangles that stand for smaller ones; see `Gatherer`.
         """
         s, found = self.surfaces, np.empty(len(keys), np.uint64)
         _wider(s.scale, s.vertices, s.triangles, self.other, self.top, for_small, by, keys, found)
         return found
 
     def sizes(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """The edges (n,) of the cells with these keys (n,), and their levels: 0 is a triangle as a whole."""
+        """Return the edges (n,) of the cells with these keys (n,), scene units, and their levels: 0 is a whole
+        triangle.
+        """
         level = (keys >> np.uint64(32) & np.uint64(15)).astype(np.int64)
         triangle = (keys & np.uint64((1 << 31) - 1)).astype(np.int64)
         return np.where(level == 0, self.longest[triangle], np.ldexp(2 * self.top, -level)), level

@@ -1,4 +1,4 @@
-"""An array that gets longer, without a copy each time."""
+"""An array that grows without a copy at each addition."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 class Growing:
-    """An array that gets longer."""
+    """An array that grows at its end; there is room for more than it holds."""
 
     def __init__(self, empty: NDArray, n: int = 0) -> None:
         self._room, self._n = empty, n
@@ -17,11 +17,11 @@ class Growing:
 
     @property
     def values(self) -> NDArray:
-        """What it holds."""
+        """Return the values that it holds."""
         return self._room[:self._n]
 
     def with_more(self, more: NDArray) -> Growing:
-        """The array with `more` at its end."""
+        """Return the array with `more` at its end."""
         n = self._n + len(more)
         if n > len(self._room):
             room = np.empty((2 * n, *self._room.shape[1:]), self._room.dtype)

@@ -21,15 +21,15 @@ class Nearness:
     """The edges of the triangles that gathered light may meet. Threads share it."""
 
     def __init__(self, grids: Grids, there: NDArray[np.bool_], fine: float) -> None:
-        """there (T,): these triangles. fine: the edge of the smallest cells, scene units."""
+        """there (T,): the triangles that gathered light may meet. fine: the edge of the smallest cells, scene units."""
         self._grids, self._there, self._least = grids, there, int(np.ceil(np.log2(fine) - 1e-3))
         self._making = threading.Lock()
         self._tables: dict[int, tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]] = {}
 
     def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], spacing: NDArray[np.float64],
                  own: NDArray[np.int32]) -> NDArray[np.float32]:
-        """How far (n,) records at P (n,3) with normals M (n,3) are from edges, where that is not much more than the
-        spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
+        """Return how far (n,) records at P (n,3) with normals M (n,3) are from edges, where that is not much more than
+        the spacing (n,) of their grid; otherwise 1e30. own (n,): an instance whose edges do not count, −1: none.
         """
         near = np.full(len(P), 1e30, np.float32)
         size = np.maximum(np.ceil(np.log2(spacing) - 1e-3), self._least).astype(np.int64)
@@ -42,7 +42,7 @@ class Nearness:
         return near
 
     def _table(self, size: int) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.float32]]:
-        """The table of cells of edge 2^size."""
+        """Return the table of cells with edges of 2^size."""
         with self._making:
             if size not in self._tables:
                 room = 1 << 14

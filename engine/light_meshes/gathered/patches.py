@@ -1,8 +1,8 @@
-"""Patches of surfaces: what light they return to rays that gather, after so many bounces.
+"""Patches of surfaces: how much light they return to rays that gather, after a number of bounces.
 
-A patch is a small triangle of a triangle's grid, or stands for tiny triangles that are close together. Its light is
-the mean of four of its points (of one, for the light of many lamps): emission, the lamps' direct light, and what its
-own rays gather from other patches (radiosity). It is computed for patches that rays hit, and kept.
+A patch is a small triangle of a triangle's grid, or stands for tiny triangles that are close together. Its light is the
+mean of four of its points (of one point if there are many lamps): emission, the lamps' direct light, and the light that
+its own rays gather from other patches (radiosity). It is computed when a ray first hits the patch, and kept.
 """
 
 from __future__ import annotations
@@ -42,14 +42,16 @@ class SharedRecordsError(RuntimeError):
 
 
 class Patches:
-    """Threads share it. One that asks holds a lock, which it gives away while it computes; what it computes then is
-    claimed, and others that need it wait. Nobody waits for what another one cannot go on with: a thread waits only
-    after it has computed what it claims, or for what has come from fewer surfaces.
+    """All patches of a scene, shared by threads.
+
+    A thread that asks holds a lock, and gives it away while it computes. It first claims what it computes, and other
+    threads that need this wait. To avoid a deadlock, a thread waits only after it has computed what it has claimed, or
+    for light that has come from fewer surfaces.
     """
 
     def __init__(self, field: Field, gather: Gatherer, look: Lit, lamps: int, emits: bool, finest: float) -> None:
-        """look: what surfaces are. lamps: how many there are. emits: whether surfaces give light of their own. finest:
-        patches are divided to this size, scene units.
+        """look: tells what surfaces are. lamps: the number of lamps. emits: surfaces give light of their own. finest:
+        the size to which patches are divided, scene units.
         """
         self.dark = not emits
         self._many = lamps > FEW
@@ -78,15 +80,15 @@ class Patches:
         return len(self._table)
 
     def again(self) -> None:
-        """Get ready for another picture: the one before may have been given up."""
+        """Get ready for another picture; the one before may have been cancelled."""
         self._claimed = self._looked.astype(np.int8) + self._lit
         self._arrived = [(light, known, known.copy()) for light, known, _ in self._arrived]
         self._broken = False
 
     def arriving(self, met: Met, bounces: int,
                  check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The radiance (n,3) that white surfaces would return where rays met patches: of lamps; and of the sky, of what
-        gives light, and of light that has come `bounces` times, or less, from a surface.
+        """Return two radiances (n,3) that white surfaces would return where rays met patches: from the light of lamps;
+        and from the sky, from emitters, and from light that has come `bounces` times, or less, from a surface.
         """
         number = self.met(met, True, check)
         self._know(number, True, check)
@@ -98,7 +100,7 @@ class Patches:
 
     @contextmanager
     def asked(self) -> Iterator[None]:
-        """Hold the lock, which is needed to ask. If this thread fails, those that wait for it fail, too."""
+        """Hold the lock, which is needed to ask. If this thread fails, the threads that wait for it fail too."""
         with self._lock:
             try:
                 yield
@@ -109,7 +111,7 @@ class Patches:
 
     @contextmanager
     def _computing(self) -> Iterator[None]:
-        """Let other threads ask meanwhile."""
+        """Give the lock away, so that other threads can ask meanwhile."""
         self._lock.release()
         try:
             yield
@@ -117,7 +119,7 @@ class Patches:
             self._lock.acquire()
 
     def _wait(self, known: Callable[[], NDArray[np.bool_]], number: NDArray[np.int32]) -> None:
-        """Wait for what other threads have claimed of patches (n,)."""
+        """Wait until other threads have computed what they have claimed of patches (n,)."""
         self._lock.notify_all()
         while not known()[number].all():
             if self._broken:
@@ -125,8 +127,8 @@ class Patches:
             self._lock.wait()
 
     def met(self, met: Met, lit: bool, check: Check) -> NDArray[np.int32]:
-        """The patches (n,) that rays met; −1 and less: none. Where something stands on one and divides it, it is a
-        smaller one. lit: lamps' light on them is asked for, too.
+        """Return the patches (n,) that rays met; −1 and less: none. A patch that is divided, because something stands
+        on it, is replaced by a smaller one. lit: the lamps' light on them is needed too.
         """
         g, n = self._field.grids, len(met.keys)
         number, todo, left = np.empty(n, np.int32), np.arange(n, dtype=np.int32), n
@@ -141,11 +143,11 @@ class Patches:
         return number
 
     def _wider(self, number: NDArray[np.int32], by: int) -> NDArray[np.uint64]:
-        """The keys (n,) of cells around these patches, whose edges are 2^by times as long."""
+        """Return the keys (n,) of the cells around these patches, whose edges are 2^by times as long."""
         return self._field.grids.wider(self._table.keys[number], by, self._gather.for_small)
 
     def _missing(self, number: NDArray[np.int32], known: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """Each of these numbers once that is not known."""
+        """Return each of these numbers once whose patch is not known yet."""
         out = np.empty(len(number), np.int32)
         return out[:_missing(number, known, self._seen, out)]
 
@@ -166,8 +168,8 @@ class Patches:
         self._arrived = [tuple(map(longer, of)) for of in self._arrived]
 
     def radiance(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
-        """The radiance of all patches, of which that of patches (n,) is known: emission, and light that has come
-        `bounces` times, or less, from a surface.
+        """Return the radiance of all patches: emission, and light that has come `bounces` times, or less, from a
+        surface. It is valid for patches (n,) only.
         """
         if bounces == 0:
             self._know(number, False, check)
@@ -186,8 +188,8 @@ class Patches:
         return self._bounced[bounces - 1][0]
 
     def _incoming(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
-        """The radiance (n,3) that white patches (n,) would return of the sky and of other patches, after so many
-        bounces. It changes slowly, so one wider patch gathers for many.
+        """Return the radiance (n,3) that white patches (n,) would return of the sky and of other patches, after so many
+        bounces. This light changes slowly in space, so one wider patch gathers for many.
         """
         wider, left = number.copy(), np.arange(len(number))
         for by in range(WIDER, 0, -1):
@@ -215,14 +217,14 @@ class Patches:
         return out
 
     def _know(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
-        """See that it is known what patches (n,) are, and their direct light if `lit`."""
+        """Make sure that the data of patches (n,) is known, with their direct light if `lit`."""
         self._see(self._missing(number, self._lit if lit else self._looked), lit, check)
         covered = self._missing(number, self._widened_lit if lit else self._widened)
         self._uncover(covered, lit, check)
         (self._widened_lit if lit else self._widened)[covered] = True
 
     def _see(self, new: NDArray[np.int32], lit: bool, check: Check) -> None:
-        """Find out what patches are, and their direct light if `lit`."""
+        """Compute the data of patches, with their direct light."""
         mine = new[self._claimed[new] < 1 + lit]
         self._claimed[mine] = 1 + lit
         for i in range(0, len(mine), BATCH):
@@ -243,8 +245,8 @@ class Patches:
             self._wait(lambda: self._lit if lit else self._looked, new)
 
     def _look_at(self, keys: NDArray[np.uint64], lit: bool) -> tuple[NDArray, ...]:
-        """Emission, albedo and light of lamps (n,3), that is returned, and that a white one would return, of patches
-        with these keys (n,), whether they are covered, and whether they are divided.
+        """Return the data of patches with these keys (n,): emission, albedo, the light of lamps that they return and
+        that a white patch would return, each (n,3); whether they are covered; and whether they are divided.
         """
         triangle, P, N = self._field.grids.inside(keys)
         there, covered = self._there(P, N)
@@ -257,7 +259,9 @@ class Patches:
         return *means, covered, self._is_divided(keys, P, N)
 
     def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
-        """Let patches that are covered but for a corner be as the wider ones around them, unless these are covered."""
+        """Let patches that are covered, except for a corner, take the data of the wider patches around them, unless
+        these are covered too.
+        """
         for by in (1, 2, 4):
             keys = self._table.keys[number]
             around = self._wider(number, by)
@@ -273,8 +277,8 @@ class Patches:
             number = number[~free]
 
     def _there(self, P: NDArray, N: NDArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """The weights (n,4,1) of the points of patches: those inside of something that stands there count only where
-        all are. And whether all are (n,).
+        """Return the weights (n,4,1) of the points of patches, and whether all points of a patch are covered (n,). A
+        point inside of something that stands there has a weight only if all points are covered.
         """
         f = self._field
         triangle, *_ = f.tracer.closest("diffuse", P, N, N)
@@ -289,7 +293,7 @@ class Patches:
         return weight, none
 
     def _is_divided(self, keys: NDArray[np.uint64], P: NDArray, N: NDArray) -> NDArray[np.bool_]:
-        """Whether something stands between the points of patches (n,) that can be made smaller."""
+        """Return whether something stands between the points of patches (n,), if these can be made smaller."""
         f = self._field
         size, level = f.grids.sizes(keys)
         can = np.flatnonzero((size > self._finest / 15.9) & (level > 0) & (level < LAST))
@@ -304,7 +308,8 @@ class Patches:
         return found
 
     def _trace(self, new: NDArray[np.int32], sky_only: bool, check: Check) -> None:
-        """Find the patches that those of these patches see, unless `sky_only`, and the sky that they see."""
+        """Trace the rays of these patches, and store the sky's light and, unless `sky_only`, the patches that they see.
+        """
         if not len(new):
             return
         check()
@@ -330,8 +335,8 @@ class Patches:
         self._traced[new] = True
 
     def _gathered(self, P: NDArray, N: NDArray, turn: NDArray, sky_only: bool) -> tuple[NDArray, list, list, list]:
-        """The sum of the sky's light (n,3) that patches gather at their points (4n,3), and what else their rays meet:
-        lists of the patches' rows, of patches there, and of how much these count.
+        """Return the sum of the sky's light (n,3) that patches gather at their points (4n,3), and lists of the other
+        hits of their rays: the patches' rows, the patches that are hit, and their weights.
         """
         n = len(turn)
         sky, rows, several, weights = np.zeros((n, 3)), [], [], []
@@ -351,7 +356,7 @@ class Patches:
         return sky, rows, several, weights
 
     def _from_others(self, number: NDArray[np.int32], bounces: int, check: Check) -> NDArray[np.float64]:
-        """The radiance (n,3) that white patches return of the light of other patches, after so many bounces."""
+        """Return the radiance (n,3) that white patches return of the light of other patches, after so many bounces."""
         begin, count = self._begin[number], self._count[number]
         at = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(count.sum())
         light = self.radiance(self._other.values[at], bounces, check)
@@ -371,7 +376,7 @@ class Light(NamedTuple):
 
 
 def light_of(seen: Seen, patches: Patches, bounces: int, check: Check) -> Light:
-    """The light of sky and patches that rays find."""
+    """Return the light of the sky and of patches that rays find."""
     if bounces == 0 and patches.dark:  # all that they meet is black
         number, patch = np.where(seen.distance > 0, np.int32(0), np.int32(-1)), np.zeros((1, 3))
     else:

@@ -1,4 +1,4 @@
-"""Rays that gather light: which patches of surfaces they meet, and the sky where they meet nothing."""
+"""Rays that gather light: they find patches of surfaces, and the sky where they hit nothing."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NOTHING, _CLEAR = np.uint64(2**64 - 1), np.uint64(2**64 - 2)
 
 @dataclass(eq=False)
 class Field:
-    """What light is gathered in."""
+    """The surroundings in which light is gathered."""
 
     scene: Scene
     grids: Grids
@@ -40,7 +40,7 @@ class Field:
 
 
 class Met(NamedTuple):
-    """The patches that rays meet, and where."""
+    """The patches that rays meet, and the places where they meet them."""
 
     keys: NDArray[np.uint64]  # (m,) those above LAST_KEY are none
     triangle: NDArray[np.int32]  # (m,)
@@ -49,12 +49,12 @@ class Met(NamedTuple):
 
 
 def joined(several: Sequence[Met]) -> Met:
-    """All of them in one."""
+    """Return all of them joined into one."""
     return several[0] if len(several) == 1 else Met(*(np.concatenate(a) for a in zip(*several, strict=True)))
 
 
 class Layer(NamedTuple):
-    """What rays meet that let light pass, or behind these."""
+    """A surface that rays meet: one that lets light pass, or the next surface behind such ones."""
 
     row: NDArray[np.int64]  # (m,) of Seen.row
     met: Met
@@ -62,7 +62,7 @@ class Layer(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What x rays meet: a patch each, or the sky; some have light of their own, or more than one patch."""
+    """The results of x rays: a patch each, or the sky. Some rays meet light of their own, or more than one patch."""
 
     distance: NDArray[np.float32]  # (x,) to the first surface that is there; 0: none
     met: Met
@@ -73,7 +73,7 @@ class Seen(NamedTuple):
 
 
 class Gatherer:
-    """Traces rays and names patches."""
+    """Traces rays and finds the patches that they meet."""
 
     def __init__(self, field: Field, finest: float) -> None:
         """finest: the size of the smallest patches, scene units."""
@@ -87,8 +87,8 @@ class Gatherer:
         self.for_small = self._stand_ins(material)
 
     def _stand_ins(self, material: NDArray) -> NDArray[np.int32]:
-        """For triangles that are not larger than patches of each size (s,T), one of those that are near, look the same
-        way and have the same material; −1 for larger ones.
+        """Return a triangle (s,T) that stands for each triangle not larger than patches of size s: it is near, faces
+        the same way and has the same material. −1 for larger triangles.
         """
         g = self._field.grids
         found = np.empty((STEPS, len(material)), np.int32)
@@ -100,10 +100,11 @@ class Gatherer:
 
     def __call__(self, P: NDArray[np.float64], M: NDArray[np.float64], local: NDArray[np.float64],
                  turn: NDArray[np.float64] | None = None, larger: float = 1.0, sky_only: bool = False) -> Seen:
-        """What rays from points P (r,3) along `local` (d,3), turned to normals M (r,3), meet; x = r·d.
+        """Return what rays meet that start at points P (r,3) of surfaces with normals M (r,3); x = r·d rays, along
+        `local` (d,3) turned to M.
 
-        turn (r,2): by the angle with this cosine and sine before. larger: how much larger patches are.
-        sky_only: only the sky's light is asked for, and no patch.
+        turn (r,2): the cosine and sine of the angle by which `local` is turned around z before. larger: the factor by
+        which patches are larger. sky_only: only the sky's light is needed, and no patch.
         """
         f, g = self._field, self._field.grids
         x, d = len(P) * len(local), len(local)
@@ -141,7 +142,7 @@ class Gatherer:
         return found
 
     def _keys(self, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], larger: float) -> Met:
-        """The patches that rays (m,3) meet."""
+        """Return the keys of the patches that rays (m,3) meet."""
         g, keys = self._field.grids, np.empty(len(origin), np.uint64)
         _met_by(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, *hit, origin, direction,
                 keys)
@@ -149,7 +150,9 @@ class Gatherer:
 
     def _add_sky(self, light: NDArray, rows: NDArray, direction: NDArray, weight: NDArray | None,
                  width: NDArray[np.float64]) -> None:
-        """Add the sky's light along `direction` (m,3) to these rows of `light`. width: of all rows."""
+        """Add the sky's light along `direction` (m,3) to these rows of `light`. width: the solid angle of each row's
+        ray.
+        """
         sky = self._field.sky
         if sky is not None and len(rows):
             found = sky.light(direction, width[rows])
@@ -157,9 +160,8 @@ class Gatherer:
 
     def _pass(self, row: NDArray, origin: NDArray, direction: NDArray, hit: tuple[NDArray, ...], light: NDArray,
               layers: list[Layer] | None, larger: float, width: NDArray[np.float64]) -> None:
-        """Follow rays (m,) of numbers `row`, which met what lets them pass, straight on, as shadow rays go.
-
-        layers: gets what they meet; None: only the sky's light is asked for.
+        """Follow rays (m,) with the numbers `row`, which met surfaces that let light pass, straight on, as shadow rays
+        go. layers: the list that gets the surfaces that they meet; None: only the sky's light is needed.
         """
         f, g, glass = self._field, self._field.grids, self._field.glass
         weight = np.ones((len(row), 3))

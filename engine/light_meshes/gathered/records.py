@@ -51,11 +51,13 @@ class Gathered(NamedTuple):
 
 
 class Records:
-    """Threads share it. A thread that needs records that another one is computing waits for it."""
+    """All records of a scene, shared by threads. A thread that needs records which another one is computing waits for
+    it.
+    """
 
     def __init__(self, field: Field, gather: Gatherer, patches: Patches, nearness: Nearness, fine: float,
                  bounces: int) -> None:
-        """fine: how far apart records are at the finest level, scene units."""
+        """fine: the distance between records at the finest level, scene units."""
         self._field, self._gather, self._patches, self._nearness = field, gather, patches, nearness
         self._fine, self._bounces = fine, bounces
         self._kinds = [(at_least * fine, local, tilted(local)) for at_least, n in RAYS for local in [directions(n)]]
@@ -72,7 +74,9 @@ class Records:
         return len(self._table)
 
     def kept(self, stats: Statistics) -> bool:
-        """Get ready for another picture, whose work is counted in `stats`; whether this is worth its memory."""
+        """Get ready for another picture, whose work is counted in `stats`. Return whether the records are worth their
+        memory.
+        """
         self._field.stats = stats
         placed = self._placed[:len(self._table)]
         if not placed.all():  # the picture before was given up
@@ -88,7 +92,7 @@ class Records:
         return len(self._table) < KEPT and len(self._patches) < KEPT
 
     def __call__(self, hits: Hits, check: Check) -> Gathered:
-        """The light from everywhere at hits, for their shading normals Ns."""
+        """Return the light from everywhere at hits, for their shading normals Ns."""
         n, g, stats = len(hits.P), self._field.grids, self._field.stats
         ask = _Asked(np.zeros(n, np.int32), np.ones(n), np.zeros((n, 3)), np.zeros(n), np.empty((n, 3), np.uint64),
                      np.empty((n, 3), np.int32), np.empty((n, 3)), np.ones((n, 3), np.bool_), np.zeros(n, np.int32),
@@ -111,15 +115,16 @@ class Records:
 
     def nearly(self, hits: Hits, direction: NDArray[np.float64], size: NDArray[np.float64],
                check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the light (n,3) of lamps that arrives where rays along `direction` (n,3) hit, and that from
-        everywhere, each as the radiance of a white matt surface: means over patches of about size (n,), scene units.
+        """Return two lights (n,3) at the places that rays along `direction` (n,3) hit: that of lamps, and that from
+        everywhere. Each is the radiance of a white matt surface, as a mean over patches of about size (n,), scene
+        units.
         """
         with self._field.stats.stage("gathered light: patches"), self._patches.asked():
             met = self._gather.at(hits.triangle, hits.P, direction, size)
             return self._patches.arriving(met, self._bounces, check)
 
     def _look(self, hits: Hits, ask: _Asked, rows: NDArray[np.int32]) -> None:
-        """Find out which records (n,3) the receivers of these rows see."""
+        """Find out which records (n,3) can be seen from the receivers of these rows."""
         of, corner = np.nonzero(ask.weight[rows] > 1e-9)
         row = rows[of]
         # both ends stand a little above the surface
@@ -150,14 +155,14 @@ class Records:
         self._placed[new] = True
 
     def _known(self) -> tuple[NDArray, ...]:
-        """The table and the arrays in which records are. Where one is not computed, what it sees is farther away than
-        anything.
+        """Return the table of records, and the arrays of their data. The data of a record that is not computed says
+        that nothing is near.
         """
         with self._lock:
             return (*self._table.arrays[:2], self._inverse, self._nearest, self._done, self._M, self._mean, self._open)
 
     def _ready(self, number: NDArray[np.int32], check: Check) -> None:
-        """See that records (n,) are computed, by this thread or another one."""
+        """Make sure that records (n,) are computed, by this thread or another one."""
         if not len(number):
             return
         with self._lock:

@@ -23,11 +23,11 @@ class Table:
 
     @property
     def keys(self) -> NDArray[np.uint64]:
-        """The keys, by their numbers."""
+        """Return the keys, in the order of their numbers."""
         return self._entered[:len(self)]
 
     def numbers(self, keys: NDArray[np.uint64]) -> NDArray[np.int32]:
-        """The numbers (n,) of keys (n,). Keys that were not there before get new ones."""
+        """Return the numbers (n,) of keys (n,). New keys get new numbers."""
         number = np.empty(len(keys), np.int32)
         while _numbers(keys, *self.arrays, number):
             self.grow()
@@ -35,11 +35,11 @@ class Table:
 
     @property
     def arrays(self) -> tuple[NDArray, ...]:
-        """What kernels need that enter keys (table.h): they change it."""
+        """Return the arrays that kernels need to enter keys (table.h); the kernels change them."""
         return self._slots, self._entered, self._size
 
     def grow(self) -> None:
-        """Make room for more."""
+        """Make room for more keys."""
         known = self.keys.copy()
         self._entered = np.empty(4 * len(known), np.uint64)
         self._slots = np.full(16 * len(known), -1, np.int32)

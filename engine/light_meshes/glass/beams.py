@@ -72,7 +72,8 @@ def trace_beams(g: Glass, s: Source, h: float) -> Beams:
 
 
 def _flat(g: Glass, k: NDArray[np.int8], code: NDArray[np.int32], eta: NDArray[np.float64]) -> NDArray[np.int64]:
-    """One beam of each signature of two to PLANES bends at planes, without reflections; none of more than WAYS."""
+    """Return one beam of each signature of two to PLANES bends at planes, without reflections. There are at most WAYS.
+    """
     used = np.arange(code.shape[1]) < k[:, None]
     bends = (g.planar[code >> 1] >= 0) & (eta > 0)
     planar = np.flatnonzero((bends | ~used).all(1) & (k > 1) & (k <= PLANES)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""What happens at a surface that lets light through: alpha, media by priority, Snell's law, Fresnel's equations, kt."""
+"""Surfaces that let light through: alpha, media by priority, Snell's law, Fresnel's equations, kt."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Interfaces:
 
     def __init__(self, scene: Scene, surfaces: Surfaces, textures: list[Texture | None], looks: Looks,
                  whole: bool = True) -> None:
-        """whole: whether triangles in one place are looked for, which takes long with many sheets."""
+        """whole: look for triangles in one place, which takes long with many sheets."""
         self.whole = whole
         m, self._looks = scene.materials, looks
         self._surfaces, self._textures = surfaces, textures
@@ -86,7 +86,7 @@ class Interfaces:
 
     def _alpha_of(self, alpha: NDArray[np.float64], image: NDArray[np.int32],
                   uv: NDArray[np.float32]) -> NDArray[np.float64]:
-        """alpha (n,), multiplied by that of images (n,), −1: none, at uv (n,2)."""
+        """Return alpha (n,) multiplied by that of images (n,), −1: none, at uv (n,2)."""
         for i, texture in enumerate(self._textures):
             rows = np.flatnonzero(image == i)
             if texture is not None and len(rows):

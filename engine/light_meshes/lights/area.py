@@ -14,18 +14,16 @@ def shape(light: Light) -> Shape:
 
 
 def extent(light: Light) -> float:
-    """Of the disc with the mean variance along both axes.
-
-    Variances along the half-axes are a quarter of their squares, of a rectangle a third; of a disc ρ²/4.
+    """Return the radius of the disc whose mean variance along both axes is that of the face, scene units. Variances
+    along the half-axes are a quarter of their squares (a third for a rectangle); that of a disc is ρ²/4.
     """
     square = float(np.square(light.area_u).sum() + np.square(light.area_v).sum())
     return float(np.sqrt(square / 2)) if light.area_ellipse else 2 * float(np.sqrt(square / 6))
 
 
 def numbers(light: Light) -> tuple[float, float]:
-    """Return the tangent of half the spread, and what keeps its power; 0 and 0 where light leaves to all of its side.
-
-    As Cycles: what leaves is weighted by tan(spread/2) − tan(angle).
+    """Return the tangent of half the spread, and the factor that keeps the power; both are 0 where light leaves to all
+    of the front side. As in Cycles, light is weighted by tan(spread/2) − tan(angle).
     """
     if light.spread >= np.pi - 1e-4:
         return 0.0, 0.0

@@ -1,6 +1,6 @@
-"""What a type of light says about itself. Each type has a file of its own with its `KIND`; `registry` lists them.
+"""The description of a type of light. Each type has a file of its own with its `KIND`; `registry` lists them.
 
-How much of it arrives stands in a C header beside it, which `types.h` includes.
+How much light arrives is computed in a C header beside the Python file; `types.h` includes it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from ..scene.description import RGB, Light
 
 
 class Shape(NamedTuple):
-    """The body of a lamp, of which area sampling draws points: a face, or what looks like a disc from everywhere."""
+    """The body of a lamp, on which area sampling chooses points: a face, or a body that looks like a disc from
+    everywhere.
+    """
 
     disc: float = 0.0  # radius of a sphere, scene units, as its receivers see it; of a sun at distance 1
     face: bool = False  # else the rectangle, or ellipse, with these half-axes

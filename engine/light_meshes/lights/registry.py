@@ -17,6 +17,6 @@ NAMES = [*KINDS, *(f"SKEWED_{name}" for name, kind in KINDS.items() if kind.skew
 
 
 def number(light: Light) -> int:
-    """Which row of `types.h` says how much of the light arrives."""
+    """Return the row of `types.h` that says how much of the light arrives."""
     skewed = f"SKEWED_{light.type}"
     return NAMES.index(skewed if light.axes and skewed in NAMES else light.type)

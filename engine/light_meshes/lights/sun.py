@@ -9,7 +9,7 @@ from .kind import LightKind, Shape
 
 
 def extent(light: Light) -> float:
-    """tan δ of half the angle that it is seen under: its radius at distance 1."""
+    """Return tan δ, the radius of the sun's disc at distance 1; δ is half the angle under which it is seen."""
     return float(np.tan(light.angle / 2))
 
 

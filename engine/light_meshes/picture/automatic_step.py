@@ -36,8 +36,8 @@ class Step(NamedTuple):
 
 
 def automatic(world: World, measured: Measured) -> Step:
-    """Return the step for radii as they are, where the camera alone would have `measured.h`; where h is given, the
-    scene's.
+    """Return the step for lights with these radii. The camera alone would give `measured.h`. If the artist gave h,
+    return the scene's step.
     """
     scene, settings = world.scene, world.scene.settings
     if not settings.auto_h:
@@ -67,7 +67,7 @@ def automatic(world: World, measured: Measured) -> Step:
 
 
 def _bytes(world: World) -> float:
-    """Memory that a node takes."""
+    """Return the bytes that a node takes."""
     count, glass = len(world.scene.lights), world.glass
     values = 4 * count * (3 if glass.coloured else 1) if glass.lets_through.any() else count / 8
     return 16 + values

@@ -193,8 +193,8 @@ def _ball(of: Emitting) -> tuple[NDArray[np.float64], float] | None:
 
 
 def _divided(of: Emitting) -> list[Face]:
-    """Return the triangles as faces, as fine as gives few, or else the coarsest; no more than it takes to see that
-    there are too many.
+    """Return the triangles as faces: as fine as possible without too many of them, or else the coarsest. The division
+    stops as soon as there are too many.
     """
     faces: list[Face] = []
     for flat, full in FINENESS:

@@ -1,4 +1,6 @@
-"""Light from everywhere in a picture: what is gathered, how finely, and what surfaces are to rays that gather."""
+"""Light from everywhere in a picture: the surfaces and lamps whose light is gathered, how finely it is gathered, and
+the colours of surfaces for rays that gather.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,7 @@ def step(h: float) -> float:
 
 
 class Everywhere(NamedTuple):
-    """The records of a picture, and of what they were made."""
+    """The records of a picture, and everything that they depend on."""
 
     records: Records
     world: World
@@ -59,9 +61,8 @@ class Everywhere(NamedTuple):
 
 def everywhere(world: World, plan: Plan, lighting: Lighting, settings: Settings, h: float, stats: Statistics,
                old: Everywhere | None) -> Everywhere:
-    """Return the records of a world, which are computed when they are asked for.
-
-    old: those of the picture before, which are taken over if all that they depend on is the same.
+    """Return the records of a world, which are computed when they are needed. old: those of the picture before, which
+    are used again if everything that they depend on is the same.
     """
     fine = step(h)
     own = fine, settings.bounces, settings.world_light, settings.refraction, plan.shadows == NONE, plan.channels
@@ -111,7 +112,8 @@ def _lamp_rays(lights: tuple[Light, ...], patch: float) -> int:
 
 
 def _shadows(world: World, plan: Plan, settings: Settings, patch: float, stats: Statistics) -> Method:
-    """Shadows of the lamps' light on patches, by a few rays to points on each lamp: they are right in the mean."""
+    """Return a shadow method for the light of lamps on patches: a few rays to points on each lamp, right in the mean.
+    """
     lights = world.scene.lights
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
@@ -123,7 +125,7 @@ def _shadows(world: World, plan: Plan, settings: Settings, patch: float, stats: 
 
 
 class Look:
-    """What surfaces are to rays that gather; see `patches.Lit`."""
+    """Tells emission, colour and direct light of surfaces to the rays that gather; see `patches.Lit`."""
 
     def __init__(self, world: World, lighting: Lighting, visibility: Method) -> None:
         """visibility: shadows for the light of lamps on patches."""
@@ -132,7 +134,9 @@ class Look:
 
     def __call__(self, triangle: NDArray[np.int32], P: NDArray[np.float64], N: NDArray[np.float64],
                  lit: bool) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Emission, albedo and direct light (n,3) at points P (n,3) of triangles (n,), seen from the side of N."""
+        """Return emission, albedo and direct light, each (n,3), at points P (n,3) of triangles (n,), seen from the side
+        of N (n,3).
+        """
         world, n = self._world, len(P)
         material = np.empty(n, np.int32)
         hits = Hits(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.zeros((n, 2), np.float32), material,

@@ -24,22 +24,23 @@ DEPTH = 1  # reflections that are followed
 
 
 def divisor(scene: Scene, camera: Camera) -> int:
-    """The divisor of the resolution of the first picture of a scene by `camera`."""
+    """Return the divisor of the resolution for the first picture of a scene by `camera`."""
     return COARSE if _pixels(camera, COARSE) * len(scene.lights) <= PAIRS else COARSEST
 
 
 def lacks(scene: Scene, camera: Camera) -> bool:
-    """Whether a picture of direct light lacks something that may take long in the picture that was asked for."""
+    """Return whether a picture of direct light lacks something of the picture that was asked for that may take long."""
     return (scene.settings.gathers or _pixels(camera, COARSE) * len(scene.lights) > PAIRS
             or any(light.softness == "SIZE" for light in scene.lights)
             or any(m.blurred or m.frosted > 0 or "frosted" in m.program.values for m in scene.materials))
 
 
 def direct(scene: Scene, camera: Camera, divisor: int, pairs: int) -> Scene:
-    """The scene with little but direct light, for a picture by `camera` whose resolution is divided by `divisor`.
+    """Return the scene with little but direct light, for a picture by `camera` whose resolution is divided by
+    `divisor`.
 
-    Its shadows are sharp, and a world that lights by its sky lights evenly. Where there were more than `pairs` pairs
-    of a pixel and a lamp, neighbouring lamps count together. The plan of such a scene goes through `plain`.
+    All shadows are sharp, and a world that lights by its sky lights evenly. If there were more than `pairs` pairs of a
+    pixel and a lamp, neighbouring lamps are joined. The plan of such a scene must go through `plain`.
     """
     s = scene.settings
     most = max(FEWEST, pairs // _pixels(camera, divisor))
@@ -49,7 +50,7 @@ def direct(scene: Scene, camera: Camera, divisor: int, pairs: int) -> Scene:
 
 
 def plain(plan: Plan) -> None:
-    """Take out of a plan what takes long: light from everywhere, and rays that rough surfaces spread out."""
+    """Remove from a plan what takes long: light from everywhere, and the rays that rough surfaces spread out."""
     plan.gathers = plan.follows = plan.frosted = plan.spreads = False
 
 
@@ -59,8 +60,10 @@ def _pixels(camera: Camera, divisor: int) -> int:
 
 
 def fewer(lights: tuple[Light, ...], most: int) -> tuple[Light, ...]:
-    """These lights, or about `most` where there are more and many are alike: neighbouring points of light become one,
-    of their power and in their middle. Those stay that have nodes, links, or no shadow.
+    """Return these lights, or about `most` if there are more and many are alike.
+
+    Neighbouring point lights become one, with the sum of their power, in their middle. Lights that have nodes, links or
+    no shadow stay as they are.
     """
     alike = [light.type == "POINT" and light.cast_shadow and light.diffuse and not light.program
              and light.receivers is None and light.blockers is None for light in lights]
@@ -71,7 +74,7 @@ def fewer(lights: tuple[Light, ...], most: int) -> tuple[Light, ...]:
 
 
 def _joined(lights: Sequence[Light], most: int) -> list[Light]:
-    """Points of light (n) as more than most/2 and at most `most`."""
+    """Return n points of light, joined to more than most/2 and at most `most` points."""
     position, intensity = (np.array([getattr(light, name) for light in lights]) for name in ("position", "intensity"))
     groups = [np.arange(len(lights))]
     while 2 * len(groups) <= most:  # divided where they are widest, at the median

@@ -1,4 +1,6 @@
-"""The shadow casters of a picture, instance by instance, and where they are not those of the picture before."""
+"""The shadow casters of a picture, instance by instance, and the places where they differ from those of the picture
+before.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ class Footprints(NamedTuple):
 
 
 def casting(scene: Scene) -> list[tuple[bool, bool]]:
-    """Return what each object decides about the shadows that it casts."""
+    """Return the settings of each object that decide about the shadows that it casts."""
     return [(o.visible_shadow, o.cast_soft_shadows) for o in scene.objects]
 
 
@@ -63,7 +65,7 @@ def footprints(world: World, channels: int) -> Footprints:
 
 
 def _lets_through(material: Material) -> bool:
-    """Return whether its program says what shadow rays pass."""
+    """Return whether the material's program decides how much light passes for shadow rays."""
     return not {"alpha", "kt"}.isdisjoint(material.program.values)
 
 
@@ -83,10 +85,10 @@ def _image(world: World, material: Material) -> object:
 
 
 def changed(now: Footprints, then: Footprints) -> NDArray[np.float64]:
-    """Boxes (b,2,3) in the frame: outside of them no straight segment meets anything but what it met before.
+    """Return boxes (b,2,3) in the frame. A straight segment outside of all boxes meets the same casters as before.
 
-    Where some casters changed, those that let light through count as well: where two coincide, the order in which
-    Embree meets them, and so the last bit of the product, may depend on all others.
+    If some casters changed, casters that let light through count as changed too: where two of them coincide, the order
+    in which Embree meets them, and so the last bit of the product, may depend on all others.
     """
     boxes = []
     for here, there in ((now, then), (then, now)):

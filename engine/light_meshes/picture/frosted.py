@@ -17,10 +17,11 @@ BENDS = 64  # a ray through glass bends at up to this many surfaces and then goe
 
 def frosted(ready: Prepared, rays: Rays, through: Rays, hits: Hits, share: NDArray,
             face: Face) -> list[tuple[str, Rays]]:
-    """Return the rays that rough glass sends on and back, one or more for each; of `face` what these are is taken away.
+    """Return the rays that rough glass sends on and back, one or more for each ray that hits it. The share of light
+    that they carry is taken away from `face`.
 
-    Each meets a microfacet, which is a smooth surface of glass. through: the rays (n,) as they are behind surfaces.
-    share (n,3): what of the light counts there.
+    Each ray meets a microfacet, which is a smooth surface of glass. through: the rays (n,) as they are behind surfaces.
+    share (n,3): the weight of their light.
     """
     assert rays.fan is not None and rays.blur is not None and rays.media is not None and rays.mirrored is not None
     roughness = hits.table.frosted[hits.row]

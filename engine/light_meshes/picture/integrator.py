@@ -238,7 +238,9 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
 
 
 def _apart(ready: Prepared, rays: Rays, hits: Hits) -> NDArray[np.float64]:
-    """How far apart hits are, as `Hits.apart` has it: as the rays of the samples are, which mirrors do not change."""
+    """Return how far apart hits are, as in `Hits.apart`: the rays of neighbouring samples are as far apart, and mirrors
+    do not change this.
+    """
     camera = ready.scene.camera
     left, right, bottom, top = camera.window
     step = max((right - left) / camera.width, (top - bottom) / camera.height) / np.sqrt(len(ready.offsets))
@@ -249,7 +251,7 @@ def _apart(ready: Prepared, rays: Rays, hits: Hits) -> NDArray[np.float64]:
 
 
 def _samples(ready: Prepared, pixel: NDArray[np.int64], box: Box) -> NDArray[np.int64]:
-    """`Hits.sample` of what the samples `pixel` (n,) of a tile see first."""
+    """Return `Hits.sample` of the first surfaces that the samples `pixel` (n,) of a tile see."""
     number, sample = np.divmod(pixel, len(ready.offsets))
     y, x = np.divmod(number, box[2] - box[0])
     return np.stack([(box[1] + y) * ready.scene.camera.width + box[0] + x, sample], axis=1)

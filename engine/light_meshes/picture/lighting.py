@@ -142,7 +142,7 @@ class Lighting:
                     shadow[part] = S[:, shown].sum(1, dtype=np.float64) / max(len(shown), 1)
 
     def emitted(self, lit: shading.Lit, S: NDArray[np.float32]) -> NDArray[np.float32]:
-        """S (n,L,C) as `shading.gather` wants it: multiplied by what the nodes of lamps say."""
+        """Return S (n,L,C) multiplied by the colours that the nodes of lamps give, as `shading.gather` needs it."""
         return self._world.lamps(lit.hits.P, lit.hits.Ns, S)
 
     def shadow_ratio(self, hits: Hits, direction: NDArray, check: Check,
@@ -187,10 +187,11 @@ class Lighting:
             lights: NDArray[np.uint64] | None = None, visibility: Method | None = None,
             narrow: NDArray[np.uint64] | None = None, layers: Sequence[Layer] = ()) -> Iterator[
                 tuple[slice, shading.Lit, NDArray[np.uint64], NDArray[np.float32]]]:
-        """(rows, what `shading.gather` wants to know of them, active, S (n,L,C)) of surfaces, batch by batch.
+        """Yield, batch by batch, (rows, the arguments of surfaces for `shading.gather`, active, S (n,L,C)). Yields
+        nothing without lights.
 
-        None without lights. unlit: see `shading.reaching`. lights (W,): those that count; None: all. visibility:
-        another method than the plan's. narrow: see `Receivers`. layers: further ones, whose lights count, too.
+        unlit: see `shading.reaching`. lights (W,): the lights that count; None: all. visibility: another method than
+        the plan's. narrow: see `Receivers`. layers: further layers of the hits, whose lights count too.
         """
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
         most = max(64, SHADED // max(1, count))
@@ -233,7 +234,8 @@ class Lighting:
 
     def _weights(self, lit: shading.Lit, active: NDArray[np.uint64],
                  always: bool) -> tuple[NDArray[np.float32] | None, NDArray[np.float64] | None]:
-        """`weight` and `shown` of receivers, see `Receivers`. always: whether the method asks for the former anyway."""
+        """Return `weight` and `shown` of receivers, see `Receivers`. always: the method needs the former in any case.
+        """
         hits, shown = lit.hits, None
         if hits.apart is not None and self.usual > 0:
             shown = np.where(np.isinf(hits.apart), hits.weight / self.usual, 0.0)
@@ -247,8 +249,8 @@ class Lighting:
             return weight, shown
 
     def measure(self, hits: Hits, direction: NDArray) -> None:
-        """Find the light of a usual pixel, from hits of the camera's rays with `direction`: what half of those that
-        lamps light return more than, without shadows.
+        """Find the light of a usual pixel, from hits of the camera's rays with `direction`: the median of the light
+        that surfaces lit by lamps would return without shadows.
         """
         if not len(hits.P) or not self._world.scene.lights:
             return

@@ -1,4 +1,5 @@
-"""What the scene's own camera tells on a coarse grid: the step h that suits it, and radii by the size of lights."""
+"""Measurements by the scene's own camera on a coarse grid: the step h that suits it, and radii by the size of lights.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +24,11 @@ ACROSS = 200  # steps in the picture's width, at the median depth
 
 
 class Measured:
-    """Measures when it is asked, once."""
+    """The measurements of a scene. Each is made once, when it is asked for."""
 
     def __init__(self, world: World, old: Measured | None = None) -> None:
-        """old: of the picture before, whose h is right where it was measured in the same view of the same surfaces."""
+        """old: the measurements of the picture before; its h is used again if the view and the surfaces are the same.
+        """
         self._world = world
         s = world.scene.settings
         self._h: float | None = s.measured_h if s.auto_h and s.measured_h else None
@@ -106,10 +108,11 @@ def step(world: World) -> float:
 
 
 def _magnifications(world: World, numbers: list[int], most: bool = False) -> list[float | None]:
-    """Median (or the most) of a/(L − a), of a SUN of a, of what the camera sees on a coarse grid; None: nothing tells.
+    """Return the median (or the largest) of a/(L − a) over a coarse grid of the camera's view; for a SUN that of a;
+    None if it cannot be measured.
 
-    With a reference distance it is a, and L the median way to the surfaces that the light shines on; else both are
-    measured where something blocks the light.
+    With a reference distance, a is this distance and L the median way to the surfaces on which the light shines.
+    Otherwise both are measured where something blocks the light.
     """
     lights = tuple(world.scene.lights[i] for i in numbers)
     if most:

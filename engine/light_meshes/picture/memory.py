@@ -47,7 +47,7 @@ DOUBT, CLOSE = 1.25, 0.8
 
 
 class Part(NamedTuple):
-    """Something that takes memory."""
+    """A part of a picture's data that takes memory."""
 
     size: float  # in bytes
     what: str

@@ -1,10 +1,12 @@
-"""What rays of rough surfaces see of matt ones, by the light of patches that is there already for gathered light.
+"""What the rays of rough surfaces see of matt surfaces: the light of patches that is known already, from gathering
+light.
 
-A rough surface shows what is around it by many rays a pixel, each of which stands for a part of the lobe of its
-microfacets. To light each of their hits as one that the camera sees would take most of the time of a picture, and the
-lobe blurs what it finds. So the light that arrives at a hit is the mean over a patch (`gathered.patches`) about as
-large as this part of the lobe is there. The colour is that of the hit. Microfacets of plastics, and sheen, return it as
-if it came from everywhere alike: highlights of lamps are spread out. Metals, mirrors and glass are lit in full.
+A rough surface shows its surroundings by many rays a pixel, each of which stands for a part of the lobe of its
+microfacets. Lighting each hit like a hit of the camera's rays would take most of the time of a picture, and the lobe
+blurs the result. So the light that arrives at a hit is the mean over a patch (`gathered.patches`) that is about as
+large as this part of the lobe is there. The colour is that of the hit. Microfacets of plastics, and sheen, reflect this
+light as if it came from everywhere alike: highlights of lamps are spread out. Metals, mirrors and glass are lit in
+full.
 """
 
 from __future__ import annotations
@@ -25,9 +27,8 @@ from .wave import Rays
 
 def patched(ready: Prepared, rays: Rays, hits: Hits, came: NDArray[np.float64], tile: Tile,
             check: Callable[[], None]) -> tuple[Rays, Hits]:
-    """Add the light of matt surfaces that rays of rough ones hit; return the rays and hits that are left.
-
-    came (n,3): where the rays come from.
+    """Add the light of matt surfaces that rays of rough surfaces hit; return the rays and the hits that are left. came
+    (n,3): the points from which the rays come.
     """
     assert rays.blur is not None and ready.lighting.everywhere is not None
     m, row = hits.table, hits.row

@@ -208,7 +208,7 @@ def _sized(scene: Scene, casters: Casters) -> list[str]:
 
 
 def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mapping[int, float]) -> None:
-    """How the lamps get their shadows that have those of their own shape, and which have sharp ones."""
+    """Decide how lamps that have the shadow of their own shape get it, and which of them have sharp shadows."""
     def names(of: list[str]) -> str:
         return ", ".join(f"'{name}'" for name in of[:3]) + (f" and {len(of) - 3} more" if len(of) > 3 else "")
 

@@ -1,4 +1,4 @@
-"""A scene made ready to be looked at. Here its parts are put together; each is made in a module of its own."""
+"""A scene made ready to be rendered. This module puts its parts together; each part is made in a module of its own."""
 
 from __future__ import annotations
 
@@ -43,11 +43,10 @@ class Prepared:
     def __init__(self, scene: Scene, passes: Sequence[str] = ("Combined",), *, previous: Before | None = None,
                  camera: Camera | None = None, check: Callable[[], None] = lambda: None, quick: bool = False,
                  told: Callable[[str], None] | None = None) -> None:
-        """previous: what was prepared before, of which all that is still right is taken over.
-
-        camera: of the rays, where it is not the scene's; h is measured by the scene's. `check` raises to give up.
-        quick: of a scene that `first.direct` made; what takes long is left out. told: is called with the name of each
-        stage that begins.
+        """previous: what was prepared before; all parts of it that are still right are used again. camera: the camera
+        of the rays if it is not the scene's; h is measured by the scene's. `check` raises an error to give up. quick:
+        the scene was made by `first.direct`, and parts that take long are left out. told(name) is called when a stage
+        begins.
         """
         began = time.perf_counter()
         stats, view = Statistics(), camera or scene.camera

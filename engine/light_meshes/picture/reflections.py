@@ -1,4 +1,6 @@
-"""What surfaces reflect of their surroundings: mirrors one ray, rough surfaces a few, and what no ray follows."""
+"""The light that surfaces reflect of their surroundings: mirrors by one ray, rough surfaces by a few rays, and an
+estimate for the directions that no ray follows.
+"""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ def _finish(pool: ThreadPoolExecutor, futures: Sequence[Future[None]], stopped: 
 
 
 class Saying:
-    """Says how far a picture is, and whether threads rather gather light or do the rest."""
+    """Reports how much of a picture is done, and whether threads mostly gather light or do the rest."""
 
     def __init__(self, ready: Prepared, tiles: int, progress: Progress) -> None:
         self._seconds, self._tiles, self._progress = ready.stats.seconds, tiles, progress
@@ -178,12 +178,12 @@ class Saying:
         self._spent = 0.0, 0.0
 
     def __call__(self, done: int) -> None:
-        """Say that so many tiles are done."""
+        """Report that so many tiles are done."""
         share = 1 - (1 - PREPARING) * (1 - done / self._tiles)  # which is 1 in the end
         self._progress(share, f"{self._stage}, {done} of {self._tiles} tiles done")
 
     def now_and_then(self, done: int) -> None:
-        """Say it, if it has not been said for a while. Threads may call this often."""
+        """Report the progress, if it was not reported for a while. Threads may call this often."""
         now = time.monotonic()
         if now - self._said < SAID_SECONDS:
             return
@@ -215,7 +215,8 @@ def measure(scene: Scene) -> dict[str, Any]:
 
 
 def _lamps(ready: Prepared) -> dict[str, str]:
-    """Return what the plan came to for lamps with a size, as further reasons: a row a lamp, of the first SHOWN."""
+    """Return the plan's decisions for lamps with a size, as further reasons: a row for each of the first SHOWN lamps.
+    """
     pairs, rays = (ready.stats.of_lights.get(name) for name in ("lamp_pairs", "ray_pairs"))
     if pairs is None or rays is None:
         return {}

@@ -58,7 +58,7 @@ def count(nodes: Iterable[Nodes]) -> int:
 
 
 def _keep(now: Nodes, then: Nodes, boxes: NDArray[np.float64], new: Shadowing, old: Shadowing) -> None:
-    """Take over into `now` what is still right of `then`, whose stores have the same key."""
+    """Put the values of `then` that are still right into `now`; the stores of both have the same key."""
     store, lights = then.store, len(new.world.scene.lights)
     store.mend()
     source = _columns(new, now, old, then)

@@ -1,4 +1,4 @@
-"""The shadows of a picture, made ready: the method that the plan asks for, and all that it needs."""
+"""The shadows of a picture, made ready: the method that the plan asks for, and everything that it needs."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from .world import World
 
 
 class Certify:
-    """Certificates of a picture, by the radius in which nothing but a receiver's own body is near."""
+    """Makes the certificates of a picture, one for each radius in which nothing but a receiver's own body is near."""
 
     def __init__(self, world: World, stats: Statistics, old: Certify | None) -> None:
-        """old: of the picture before, whose certificates count where surfaces and casters are the same."""
+        """old: those of the picture before; its certificates are used again if surfaces and casters are the same."""
         self._world, self._stats, self._old = world, stats, old
         self._made: dict[float, Certificate | None] = {}
 
@@ -53,13 +53,13 @@ class Certify:
         return before if same else None
 
     def close(self) -> None:
-        """Forget the picture before: all is made that was wanted of it."""
+        """Forget the picture before, after everything was made that this picture needs of it."""
         self._old = None
 
 
 @dataclass(frozen=True, eq=False)
 class Shadowing:
-    """A shadow method, and what it was made of: the next picture compares its own with that."""
+    """A shadow method, and the data from which it was made; the next picture compares its own data with these."""
 
     world: World
     settings: Settings  # with the step h and kI that are used

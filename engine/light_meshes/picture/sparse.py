@@ -140,7 +140,9 @@ class Sparse:
 
     def direct(self, hits: Hits, direction: NDArray, pixel: NDArray, box: tuple[int, int, int, int], check: Check,
                parts: bool, work: NDArray | None, layers: Sequence[Layer] = ()) -> Sums:
-        """As `Lighting.direct` of what the camera sees; pixel (n,): which sample of the tile `box` each hit is."""
+        """Return the same as `Lighting.direct` for the surfaces that the camera sees. pixel (n,): the sample of the
+        tile `box` to which each hit belongs.
+        """
         m = hits.table
         Od, sums = self._lighting.unshaded(hits, direction, parts, True, layers=layers)
         colour, terms, _ = sums  # there are no shadow passes, the plan makes sure
@@ -174,7 +176,7 @@ class Sparse:
 
     def _add_light(self, rows: NDArray, lights: NDArray | None, hits: Hits, direction: NDArray, Od: NDArray,
                    sums: Sums, check: Check, work: NDArray | None, layers: Sequence[Layer] = ()) -> None:
-        """`Lighting.add_light` of some hits."""
+        """Do the same as `Lighting.add_light` for some of the hits."""
         some = Sums(sums.colour[rows], {name: a[rows] for name, a in sums.terms.items()}, {})
         count = None if work is None else np.zeros((len(rows), work.shape[1]))
         self._lighting.add_light(hits.at(rows), direction[rows], Od[rows], some, check, count, lights,

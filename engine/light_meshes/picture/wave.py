@@ -11,7 +11,8 @@ from ..support.rows import taken, where
 
 
 class Rays(NamedTuple):
-    """A row a ray. What a scene does not need is None, in all waves of a tile."""
+    """Rays as arrays with one row for each ray. An array that the scene does not need is None, in all waves of a tile.
+    """
 
     pixel: NDArray[np.int64]  # (n,) the sample of the tile that each belongs to
     weight: NDArray[np.float64]  # (n,3) what of the light that it finds counts there
@@ -34,7 +35,7 @@ class Rays(NamedTuple):
     left: NDArray[np.float64] | None = None  # (n,) of the sample, after what it saw so far and saw through
 
     def at(self, rows: NDArray) -> Rays:
-        """Return the rays of these rows, or where a mask (n,) is set."""
+        """Return the rays of these rows, or those where a mask (n,) is set."""
         index = where(rows) if rows.dtype == np.bool_ else rows
         return Rays._make(a if a is None else taken(a, index) for a in self)
 

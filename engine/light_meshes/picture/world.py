@@ -1,4 +1,6 @@
-"""The world of a picture: its triangles and their textures, ready to be hit by rays, and what surfaces let through."""
+"""The world of a picture: its triangles and their textures, ready to be hit by rays, and how much light surfaces let
+through.
+"""
 
 from __future__ import annotations
 
@@ -62,13 +64,15 @@ class World:
 
     @cached_property
     def surface(self) -> Callable[..., None]:
-        """`geometry.surfacing` of these surfaces, whose arrays are checked once."""
+        """Do the same as `geometry.surfacing` for these surfaces; their arrays are checked once."""
         return surfacing(self.surfaces)
 
     def closest(self, kind: str, origin: NDArray, direction: NDArray, normal: NDArray | None = None,
                 reach: NDArray | None = None, casters: int = 0,
                 passed: tuple[NDArray, NDArray] | None = None) -> tuple[NDArray[np.bool_], Hits]:
-        """Which rays hit (n,), and the surface at those that do; the arguments are those of `Tracer.closest`."""
+        """Return which rays hit something (n,), and the surfaces that they hit. The arguments are those of
+        `Tracer.closest`.
+        """
         triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters, passed)
         hit = triangle >= 0
         n, rows = int(np.count_nonzero(hit)), None
@@ -140,18 +144,18 @@ def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Sur
 
 
 def _traced(scene: Scene) -> list[tuple[str, bool, bool]]:
-    """Names, which warnings mention, and which objects the camera and any ray may meet."""
+    """Return the names that warnings mention, and which objects the camera, or any ray, may meet."""
     return [(o.name, o.visible_camera, o.visible_camera or o.visible_reflection or o.visible_shadow)
             for o in scene.objects]
 
 
 def _frame_key(camera: Camera) -> tuple:
-    """Return what of a camera decides about the frame."""
+    """Return those values of a camera that decide about the frame."""
     return camera.matrix.tolist(), camera.window, camera.perspective, camera.clip_start
 
 
 def _interfaces_key(scene: Scene, images: list[textures.Texture | None], camera: Camera) -> tuple:
-    """Return what `Interfaces` depends on beside the triangles."""
+    """Return everything besides the triangles on which `Interfaces` depends."""
     return (
         [(m.alpha, m.alpha_image, m.kt, m.mirror, m.share, m.ior, m.priority, m.fresnel, m.transparent_shadow,
           m.program)

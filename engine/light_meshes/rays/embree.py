@@ -70,7 +70,7 @@ class Accelerator(Protocol):
 
 
 class Met(NamedTuple):
-    """What rays meet."""
+    """The surfaces that rays meet."""
 
     triangle: NDArray[np.int32]  # (n,) −1: none
     u: NDArray[np.float32]  # (n,) barycentrics
@@ -87,7 +87,7 @@ def accelerator(vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> 
 
 
 class ByRun:
-    """By embreex's Python interface."""
+    """The accelerator by embreex's Python interface."""
 
     def __init__(self, vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> None:
         self._scene = EmbreeScene()  # robust is its default
@@ -165,10 +165,10 @@ class ByRun:
 
 
 class Direct:
-    """By Embree's C interface."""
+    """The accelerator by Embree's C interface."""
 
     def __init__(self, vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> None:
-        """triangles are kept and not copied."""
+        """triangles: the array is kept and not copied."""
         device = _device()
         assert device is not None
         e, self._release = device.library, device.library.rtcReleaseScene
@@ -289,7 +289,7 @@ def _libraries() -> list[Path]:
 
 
 def _declare(library: ctypes.CDLL) -> None:
-    """The C types of the functions that are called from here."""
+    """Declare the C types of the functions that are called from here."""
     pointer, number, size = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
     for name, result, *takes in (
         ("rtcNewDevice", pointer, ctypes.c_char_p), ("rtcGetDeviceProperty", ctypes.c_ssize_t, pointer, number),
@@ -305,5 +305,5 @@ def _declare(library: ctypes.CDLL) -> None:
 
 
 def room_for(n: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Arrays for n ready-made rays: o, d and t."""
+    """Return arrays for n ready-made rays: o, d and t."""
     return np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, np.float32)

@@ -71,7 +71,7 @@ class Hits(NamedTuple):
 
     @property
     def unbent(self) -> Any:
-        """The normals (n,3) that shaders bend; None: they are Ns."""
+        """Return the shading normals (n,3) before shaders bend them; None if they are Ns."""
         return self.smooth if self.displaced is None else self.displaced
 
     def at(self, rows: Any) -> Hits:

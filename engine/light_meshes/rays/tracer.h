@@ -53,8 +53,8 @@ static inline f32 way_to(const f32 *start, const f64 *end, int directional, f64 
 }
 
 /* Kernels of tracer.c that embree.c calls, too. */
-i64 tracer_rays(i64 n, const f64 *centre, f64 scale, f64 reach, const f64 *origin, const f64 *direction,
-                const f64 *normal, const f64 *length, f32 *o, f32 *d, f32 *t);
-i64 tracer_segments(i64 m, i64 n, i64 q, const f64 *centre, f64 scale, f64 reach, const f64 *origin, const f64 *normal,
-                    const i32 *origin_of, const f64 *position, const u8 *directional, const i32 *target_of, i64 closed,
-                    f32 *o, f32 *d, f32 *t);
+EXPORT i64 tracer_rays(i64 n, const f64 *centre, f64 scale, f64 reach, const f64 *origin, const f64 *direction,
+                       const f64 *normal, const f64 *length, f32 *o, f32 *d, f32 *t);
+EXPORT i64 tracer_segments(i64 m, i64 n, i64 q, const f64 *centre, f64 scale, f64 reach, const f64 *origin,
+                           const f64 *normal, const i32 *origin_of, const f64 *position, const u8 *directional,
+                           const i32 *target_of, i64 closed, f32 *o, f32 *d, f32 *t);

@@ -94,7 +94,7 @@ class Tracer:
         self.embree_scenes = len(self.built)
 
     def has(self, kind: str, casters: int = 0) -> bool:
-        """Whether rays of this kind can meet any triangle of this set of casters."""
+        """Return whether rays of this kind can meet any triangle of this set of casters."""
         _, original = self._embree[kind, casters]
         return original is None or len(original) > 0
 

@@ -116,8 +116,8 @@ class Camera:
                 up: Sequence[float] = (0.0, 0.0, 1.0), **more: Any) -> Camera:
         """Return a perspective camera at `eye` that looks at `target`, for a picture of width × height pixels.
 
-        degrees is its field of view over the longer side, as in Blender; `more` are fields of Camera, by their names.
-        Raises SceneError where that is no view.
+        degrees: the field of view along the longer side, as in Blender. `more`: fields of Camera, by their names.
+        Raises SceneError if these numbers describe no view.
         """
         angle = float(numbers(degrees, "camera: the field of view", ()))
         if not 0 < angle < 180:
@@ -141,7 +141,7 @@ class Camera:
 
 
 def _check_pixels(width: int, height: int) -> None:
-    """Raise SceneError unless these are a picture's."""
+    """Raise SceneError unless these are the width and height of a picture, in pixels."""
     at_least(1, width, "camera: its width in pixels")
     at_least(1, height, "camera: its height in pixels")
 
@@ -311,7 +311,7 @@ class Geometry:
 
 
 def _stack(arrays: Sequence[NDArray[Any]], empty: tuple[int, ...], dtype: type) -> NDArray[Any]:
-    """Return the arrays one after the other; of shape `empty` where they have no rows."""
+    """Return the arrays joined one after the other; if they have no rows, an array of shape `empty`."""
     arrays = [a for a in arrays if len(a)]
     return np.concatenate(arrays).astype(dtype) if arrays else np.zeros(empty, dtype)
 

@@ -28,7 +28,8 @@ class Mesh:
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None,
                  uvs: ArrayLike | None = None) -> None:
-        """Lists, tuples and arrays will do. Raises SceneError where shapes, numbers or indices are wrong."""
+        """Take the arrays; lists and tuples are converted. Raises SceneError if a shape, a number or an index is wrong.
+        """
         points = numbers(vertices, "a mesh's vertices", (-1, 3))
         corners = _indices(triangles, len(points))
         object.__setattr__(self, "vertices", points)
@@ -49,9 +50,8 @@ class Mesh:
 
 
 def numbers(values: ArrayLike, what: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """`values` as an array of float64 of this shape, in which −1 stands for any length. Raises SceneError.
-
-    `what` begins the error's sentence.
+    """Return `values` as a float64 array of this shape, in which −1 stands for any length. Raises SceneError; `what`
+    begins its sentence.
     """
     try:
         found = np.asarray(values, np.float64)
@@ -61,13 +61,14 @@ def numbers(values: ArrayLike, what: str, shape: tuple[int, ...]) -> NDArray[np.
 
 
 def at_least(least: int, count: int, what: str) -> None:
-    """Raise SceneError unless `count` is a whole number from `least` up. `what` begins the error's sentence."""
+    """Raise SceneError unless `count` is a whole number of at least `least`; `what` begins its sentence."""
     if not isinstance(count, int | np.integer) or isinstance(count, bool) or count < least:
         raise SceneError(f"{what} must be a whole number from {least} up, not {quoted(count)}")
 
 
 def _shaped(found: NDArray[Any], what: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """`found`, if it has this shape; an empty one may have lost it, as a list does."""
+    """Return `found` if it has this shape. An empty list has lost its shape when it became an array, and gets it back.
+    """
     if not found.size and shape and shape[0] in (-1, 0):
         found = found.reshape(0, *shape[1:])
     if found.ndim != len(shape) or any(n not in (-1, m) for n, m in zip(shape, found.shape, strict=True)):
@@ -78,7 +79,7 @@ def _shaped(found: NDArray[Any], what: str, shape: tuple[int, ...]) -> NDArray[A
 
 
 def _indices(triangles: ArrayLike, vertices: int) -> NDArray[np.int64]:
-    """`triangles` as an array (t,3) of indices below `vertices`. Raises SceneError."""
+    """Return `triangles` as an array (t,3) of indices below the number of `vertices`. Raises SceneError."""
     what = "a mesh's triangles"
     try:
         found = _shaped(np.asarray(triangles), what, (-1, 3))
@@ -109,10 +110,8 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 
 def cylinder(radius: float, z0: float, z1: float, sides: int = 48, smooth: bool = False) -> Mesh:
-    """Return a closed prism around the z axis from z0 to z1, with so many sides; smooth: they are shaded as a round
-    one's.
-
-    Raises SceneError with fewer than 3 sides.
+    """Return a closed prism with `sides` sides around the z axis, from z0 to z1. smooth: shade the sides as one round
+    surface. Raises SceneError with fewer than 3 sides.
     """
     at_least(3, sides, "a cylinder's sides")
     angle = 2 * np.pi * np.arange(sides) / sides
@@ -135,10 +134,9 @@ def cylinder(radius: float, z0: float, z1: float, sides: int = 48, smooth: bool 
 
 
 def sphere(radius: float, segments: int = 32, rings: int = 16, smooth: bool = True) -> Mesh:
-    """Return a sphere around the origin with its poles on z, of so many meridians and, from pole to pole, rings of
-    faces.
-
-    smooth: shaded as a round one, not flat. Raises SceneError with fewer than 3 segments or 2 rings.
+    """Return a sphere around the origin with its poles on the z axis. It has `segments` meridians, and `rings` rings of
+    faces from pole to pole. smooth: shade it as round, and not flat. Raises SceneError with fewer than 3 segments or 2
+    rings.
     """
     at_least(3, segments, "a sphere's segments")
     at_least(2, rings, "a sphere's rings")

@@ -1,4 +1,4 @@
-"""How much light luminaires send where, as IES files say it: operation "ies" of lamps' programs looks it up."""
+"""The light of luminaires by angle, as in IES files; the operation "ies" of lamps' programs looks it up."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ MOST = 1 << 22  # numbers in a profile
 
 @dataclass(frozen=True)
 class Profile:
-    """The light by angles, on a grid of rising angles in radians. `values` has a row of all `vertical` angles for each
-    of the `horizontal` ones. Vertical angles are 0 at −z and π at +z of the vector that the program asks by.
+    """The light by angles, on a grid of rising angles in radians. `values` has one row for each horizontal angle, with
+    one value for each vertical angle. The vertical angle is 0 at −z and π at +z of the vector that the program passes.
     """
 
     name: str
@@ -27,7 +27,7 @@ class Profile:
 
 
 def profile(data: Any, where: str) -> Profile:
-    """Return the checked profile of a JSON object. Raises SceneError; `where`: which one it is."""
+    """Return the checked profile of a JSON object. Raises SceneError; `where` names the profile in its sentence."""
     if not isinstance(data, dict) or set(data) != {"name", "horizontal", "vertical", "values"} or not isinstance(
             data["name"], str):
         raise SceneError(f"{where} must be an object of name, horizontal, vertical and values")

@@ -1,10 +1,10 @@
-"""Programs: what the nodes of a material compute for each point of a surface, or those of a lamp for each point that
-it lights, as a list of operations.
+"""Programs: lists of operations that compute, as Blender's nodes do, values of a material for each point of a surface,
+or values of a lamp for each point that it lights.
 
-An operation is [name, argument …]. Its outputs are registers, numbered through the whole program from 0; an argument
-is a number, the register [n] of an operation before, or, of a `table`, a list of numbers. Every register is one number
-a point: a colour takes three. `values` says which parameters of the material the program sets, by number or register.
-The list comes from a file, which is not trusted: `program` checks it, once.
+An operation is [name, argument …]. Its outputs are registers, numbered through the whole program from 0; an argument is
+a number, the register [n] of an earlier operation, or, of a `table`, a list of numbers. Every register is one number a
+point: a colour takes three. `values` says which parameters of the material the program sets, by number or register. The
+list comes from a file, which is not trusted: `program` checks it, once.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Program:
         return hash((self.operations, tuple(self.values.items())))
 
     def needed(self, names: Collection[str]) -> tuple[list[bool], set[int]]:
-        """Which operations the parameters of these names need, and which registers."""
+        """Return the operations and the registers that the parameters of these names need."""
         starts = [0]
         for operation in self.operations:
             starts.append(starts[-1] + OPERATIONS[operation.name][1])
@@ -98,11 +98,11 @@ class Program:
         return needs, asked
 
     def images(self) -> set[int]:
-        """Return the images that it looks at."""
+        """Return the images that the program looks up."""
         return {int(o.arguments[0]) for o in self.operations if o.name == "image"}
 
     def profiles(self) -> set[int]:
-        """Return the profiles that it looks at."""
+        """Return the profiles that the program looks up."""
         return {int(o.arguments[0]) for o in self.operations if o.name == "ies"}
 
     def asks(self) -> set[str]:
@@ -110,11 +110,11 @@ class Program:
         return {o.name for o in self.operations}
 
     def sees(self, *names: str) -> bool:
-        """Return whether it has an operation of one of these names."""
+        """Return whether the program has an operation with one of these names."""
         return any(o.name in names for o in self.operations)
 
     def sees_camera(self) -> bool:
-        """Return whether what it gives depends on where the camera is."""
+        """Return whether the results depend on where the camera is."""
         return any(o.name in ("to_camera", "from_camera", "in_camera", "window") or (
             o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0]) for o in self.operations)
 
@@ -131,7 +131,9 @@ def plain(program: Program) -> dict[str, Any]:
 
 
 def of_lamp(data: Any, where: str) -> Program:
-    """Return the checked program of a lamp, of a JSON object. Raises SceneError; `where`: of which lamp."""
+    """Return the checked program of a lamp, from a JSON object. Raises SceneError; `where` names the lamp in its
+    sentence.
+    """
     made = program(data, where, OF_LIGHT, NOT_OF_LAMPS)
     if any(o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0] for o in made.operations):
         raise SceneError(f"{where}: its program takes a value beside a point, which lamps have not")
@@ -139,9 +141,8 @@ def of_lamp(data: Any, where: str) -> Program:
 
 
 def program(data: Any, where: str, names: Collection[str] = PARAMETERS, without: Collection[str] = OF_LAMPS) -> Program:
-    """Return the checked program of a JSON object. Raises SceneError, which says where; `where`: of which material.
-
-    names: of what it may set; without: which operations it may not have.
+    """Return the checked program of a JSON object. Raises SceneError; `where` names the material in its sentence.
+    names: the parameters that the program may set. without: the operations that it may not have.
     """
     if not isinstance(data, dict) or set(data) - {"operations", "values"} or not isinstance(
             data.get("operations"), list) or not isinstance(data.get("values"), dict):
@@ -186,7 +187,7 @@ def program(data: Any, where: str, names: Collection[str] = PARAMETERS, without:
 
 
 def layer_of(name: str) -> tuple[int, str]:
-    """The layer that a name of a program's values is about, 0 for the material itself, and the parameter."""
+    """Return the layer and the parameter that a name in a program's values means; layer 0 is the material itself."""
     layer, dot, bare = name.partition(".")
     return (int(layer), bare) if dot and layer in _LAYERS else (0, name)
 

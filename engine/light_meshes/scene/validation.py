@@ -1,4 +1,6 @@
-"""A scene that a program made, checked as one that a snapshot holds: the same bounds, the same sentences."""
+"""Checks a scene that a Python program made in the same way as one from a snapshot: the same bounds, the same
+sentences.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,10 @@ _ONE = {"camera": Camera, "geometry": Geometry, "settings": Settings}
 
 
 def checked(scene: Scene) -> Scene:
-    """`scene` with its values in their types: lists and arrays become tuples where the description has tuples.
+    """Return `scene` with all values in their types: lists and arrays become tuples where the description has tuples.
 
-    Use it before a scene that did not come from `snapshot.read` is rendered or written. Raises SceneError where a
-    value, a shape, a type or an index is wrong. Vertex values are not looked at.
+    Use it before a scene that did not come from `snapshot.read` is rendered or written. Raises SceneError if a value, a
+    shape, a type or an index is wrong. The values of vertices are not checked.
     """
     _check_kind(scene, Scene, "what is rendered")
     for name, kind in _ONE.items():
@@ -71,7 +73,7 @@ def _values(item: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """`value` without numpy's types; of a program what a snapshot holds."""
+    """Return `value` without numpy's types; a program becomes what a snapshot holds."""
     if isinstance(value, Program):
         return plain(value)
     if isinstance(value, np.ndarray | np.generic):

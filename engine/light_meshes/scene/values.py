@@ -1,4 +1,5 @@
-"""Values from files and commands that are not trusted: each is checked against a sample of its type, and bounds."""
+"""Values from files and commands, which are not trusted: each is checked against a sample of its type, and its bounds.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from .errors import SceneError
 
 
 class Declared(Protocol):
-    """What is said of a value before there is one."""
+    """The declaration of a value: its default, and which values are allowed."""
 
     default: Scalar
     low: float
@@ -23,7 +24,7 @@ class Declared(Protocol):
 
 
 def checked_mapping(where: str, given: Mapping[str, Any], declared: Mapping[str, Any]) -> dict[str, Scalar]:
-    """Return the values of all that is `declared` (name → `Declared`): those given, defaults elsewhere. Raises
+    """Return a value for every name that is `declared` (name → `Declared`): the given one, or the default. Raises
     SceneError.
     """
     for name in given:
@@ -38,7 +39,9 @@ def checked_mapping(where: str, given: Mapping[str, Any], declared: Mapping[str,
 
 
 def bounded(where: str, name: str, value: Any, choices: tuple[str, ...], low: float, high: float) -> Any:
-    """`value`, if it is one of the choices, where there are any, and its numbers lie between the bounds."""
+    """Return `value` if it is one of the choices (if there are any) and its numbers are within the bounds. Raises
+    SceneError.
+    """
     if choices and value not in choices:
         raise SceneError(f"{where}: {name} is {quoted(value)}; choose one of {', '.join(choices)}")
     for number in np.ravel(value).tolist() if isinstance(value, tuple) else (value,):
@@ -48,7 +51,7 @@ def bounded(where: str, name: str, value: Any, choices: tuple[str, ...], low: fl
 
 
 def typed(where: str, name: str, sample: Any, value: Any) -> Any:
-    """`value` as the type of `sample`, or a SceneError."""
+    """Return `value` in the type of `sample`. Raises SceneError if it cannot be converted."""
     if isinstance(sample, tuple):
         if not isinstance(value, list | tuple) or len(value) != len(sample):
             raise SceneError(f"{where}: {name} must be {len(sample)} numbers")

@@ -20,11 +20,12 @@ _sample, _sized_sample = kernel("area_sample"), kernel("sized_sample")
 
 
 class AreaSampling(Method):
-    """S_i(P) as the mean of N rays to points on the light.
+    """Computes S_i(P) as the mean of N rays to points on the light.
 
-    Of a light of softness SIZE it is Σ V_j·Ω_j ÷ Σ Ω_j. Ω_j is what a matt surface gets from the j-th point, so S·Ω is
-    what the whole lamp gives past its blockers, and the picture converges to it as N grows. Of other lights only the
-    visibility is sampled. Their Ω is that of the point source, so that all methods agree away from shadows.
+    For a light of softness SIZE it is Σ V_j·Ω_j ÷ Σ Ω_j, where Ω_j is the light that a matt surface gets from the j-th
+    point. So S·Ω is the light of the whole lamp past its blockers, and the picture converges to it as N grows. For
+    other lights only the visibility is sampled, and Ω is that of the point source, so that all methods agree away from
+    shadows.
     """
 
     def __init__(self, setup: Setup) -> None:

@@ -49,7 +49,7 @@ def union(groups: tuple[Group, ...], count: int) -> NDArray[np.uint64]:
 
 
 def kept(casters: Casters, lights: NDArray[np.uint64]) -> Casters:
-    """`casters` with soft shadows of `lights` (W,) only."""
+    """Return `casters` with soft shadows of `lights` (W,) only."""
     def left(groups: tuple[Group, ...]) -> tuple[Group, ...]:
         those = (g._replace(lights=g.lights & lights) for g in groups)
         return tuple(g for g in those if g.lights.any())

@@ -26,23 +26,23 @@ PARTS = 1 << 30  # in which the share of light is counted
 
 
 class Grouped(Method):
-    """Another method, asked for one lamp of each group."""
+    """Asks another method for one lamp of each group."""
 
     weighs = True
 
     def __init__(self, setup: Setup, of: Method, told: bool = True) -> None:
-        """of: the method for single lamps. told: whether the statistics tell the bound."""
+        """of: the method for single lamps. told: add the bound to the statistics."""
         self._of, self._threshold, self._stats = of, setup.settings.light_threshold, setup.stats
         self._told = told
         self.order, self.together = tree(setup)
 
     @property
     def nodes(self) -> tuple[Nodes, ...]:  # type: ignore[override]
-        """Those of the method for single lamps."""
+        """Return the nodes of the method for single lamps."""
         return self._of.nodes
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
-        """S, see `Method`."""
+        """Return S, see `Method`."""
         if at.weight is None:
             return self._of(at, check, probe)
         e = at.weight
@@ -61,10 +61,11 @@ class Grouped(Method):
 
 
 def tree(setup: Setup) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-    """The lamps in the order of the tree's leaves (l,), −1 where there is none, and which of its nodes (2·l,), from the
-    root, 1, on, may be groups: their lamps have the same casters.
+    """Return a binary tree of the lamps, as two arrays: the lamps in the order of the leaves (l,), −1 for an empty
+    leaf; and which of the nodes (2·l,) may be groups, where node 1 is the root.
 
-    Suns, which are seen in one direction from everywhere, are no group with others.
+    The lamps of a group must have the same casters. Suns are in no group with other lamps, because they are seen in the
+    same direction from everywhere.
     """
     count = len(setup.lights)
     kinds = _kinds(setup.casters, count)
@@ -99,7 +100,7 @@ def tree(setup: Setup) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
 
 
 def _kinds(casters: Casters, count: int) -> NDArray[np.int64]:
-    """A number (L,) of each light, equal for those with the same casters."""
+    """Return a number (L,) for each light, which is equal for lights with the same casters."""
     of = [[next((k for k, group in enumerate(groups) if has(group.lights, i)), -1) for i in range(count)]
           for groups in (casters.whole, casters.soft, casters.sharp)]
     soft = union(casters.soft, count)

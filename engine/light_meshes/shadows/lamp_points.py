@@ -1,10 +1,11 @@
-"""Points on lamps with a size: what nodes and receivers aim at, when they ask how much of a lamp they see.
+"""Points on lamps with a size. Nodes and receivers aim rays at them to find how much of a lamp they see.
 
-A lamp is a sphere (point, spot), a disc of the sky (sun), or a rectangle or ellipse (area). Of any 16 points each has
-a stratum of its own, of equal area, where it stands at random; in the other axis they follow van der Corput's sequence,
-turned by whoever asks, so that neighbours complement each other. (Hammersley's points, jittered: of the patterns that
-were tried they had the least error for straight edges, .037 of a disc at 16 points; Sobol's, turned, had .051 to .061.)
-They depend on nothing else: the same for any tiles, threads and order.
+A lamp is a sphere (point, spot), a disc of the sky (sun), or a rectangle or ellipse (area). The face of a lamp is
+divided into strata of equal area, 16 points have 16, and each point stands at random in its own. In the other axis the
+points follow van der Corput's sequence, which each receiver and node turns in its own way, so that neighbours
+complement each other. (These are Hammersley's points, jittered: of the patterns that were tried they had the least
+error for straight edges, .037 of a disc at 16 points; Sobol's, turned, had .051 to .061.) The points do not depend on
+tiles, threads or order.
 """
 
 from __future__ import annotations
@@ -36,12 +37,12 @@ class Shapes(NamedTuple):
     own: NDArray[np.uint64]  # (L,) by which each lamp's pattern differs from the others'
 
     def alike(self, i: int) -> tuple:
-        """Return what else than its place the points of lamp i depend on."""
+        """Return everything on which the points of lamp i depend, besides its place."""
         return tuple(a[i].tobytes() for a in self)
 
 
 def shapes(lights: tuple[Light, ...]) -> Shapes:
-    """The shapes of `lights`."""
+    """Return the shapes of `lights`."""
     found = [KINDS[light.type].shape(light) for light in lights]
     kinds = [FREE if not shape.face else RECTANGLE if shape.rectangle else ELLIPSE for shape in found]
     return Shapes(np.array(kinds, np.uint8), np.array([shape.disc for shape in found], np.float64),
@@ -50,7 +51,9 @@ def shapes(lights: tuple[Light, ...]) -> Shapes:
 
 
 def _own(lights: tuple[Light, ...]) -> NDArray[np.uint64]:
-    """A number a lamp, by its name, and its place among those of the same name: it stays when others come and go."""
+    """Return a number for each lamp, made from its name and its place among the lamps of this name: it stays the same
+    when other lamps are added or removed.
+    """
     met: Counter[str] = Counter()
     out = np.empty(len(lights), np.uint64)
     for i, light in enumerate(lights):
@@ -61,14 +64,15 @@ def _own(lights: tuple[Light, ...]) -> NDArray[np.uint64]:
 
 
 def narrowest(shapes: Shapes) -> NDArray[np.float64]:
-    """Half of each lamp's least width (L,), by which its narrowest penumbra goes: scene units; of a sun at distance 1.
+    """Return half of each lamp's least width (L,), which decides how narrow its narrowest penumbra is: scene units; for
+    a sun at distance 1.
     """
     sides = np.minimum(np.sqrt((shapes.u**2).sum(1)), np.sqrt((shapes.v**2).sum(1)))
     return np.where(shapes.shape == FREE, shapes.size, sides)
 
 
 def reaches(shapes: Shapes) -> NDArray[np.float64]:
-    """How far from each lamp's middle its points may be (L,): scene units; of a sun at distance 1."""
+    """Return how far from each lamp's middle its points may be (L,): scene units; for a sun at distance 1."""
     sides = np.sqrt((shapes.u**2).sum(1)) + np.sqrt((shapes.v**2).sum(1))
     return np.where(shapes.shape == FREE, shapes.size, sides)
 
@@ -76,10 +80,10 @@ def reaches(shapes: Shapes) -> NDArray[np.float64]:
 def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: NDArray[np.float64],
            row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
            share: NDArray[np.int64] | None = None, sharers: int = 1) -> Targets:
-    """Points first..first+count (k·count,3) of light[k] as origin[row[k]] has them, pair after pair.
+    """Return the points first..first+count of light[k] for origin[row[k]], (k·count,3), pair after pair.
 
-    origin (m,3): who looks, world; turn (m,2): how its pattern is turned; share (m,): which it is, from 0 on, of the
-    `sharers` that have a pattern in common; None: it is alone.
+    origin (m,3): the places from which rays go, world. turn (m,2): how the pattern of each place is turned. share (m,):
+    which place it is, from 0 on, of the `sharers` that have a pattern in common; None: each has its own.
     """
     out = np.empty((len(row) * count, 3))
     _points(first, count, origin, turn, share, sharers, row, light, *targets, *shapes, out)
@@ -87,15 +91,15 @@ def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: 
 
 
 def turns_of_nodes(nodes: NDArray[np.int32]) -> NDArray[np.float64]:
-    """How the patterns (n,2) of nodes (n,3) are turned."""
+    """Return how the patterns of nodes (n,3) are turned (n,2): the cosine and sine of an angle for each."""
     out = np.empty((len(nodes), 2))
     _turns_of_nodes(nodes, out)
     return out
 
 
 def turns_of_points(P: NDArray[np.float64], sample: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
-    """How the patterns (n,2) of receivers (n,3) are turned. sample (n,2): see `Hits`; the samples of a pixel have one
-    pattern.
+    """Return how the patterns of receivers (n,3) are turned (n,2). sample (n,2): see `Hits`; the samples of a pixel
+    have one pattern.
     """
     out = np.empty((len(P), 2))
     _turns_of_points(P, sample, out)

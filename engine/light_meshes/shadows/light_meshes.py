@@ -1,4 +1,4 @@
-"""Soft shadows by light meshes, the method of this project: Ψ for opaque surfaces, and eq. (7) where they let light
+"""Soft shadows by light meshes, the method of this project: Ψ for opaque surfaces, and eq. (7) where surfaces let light
 through.
 """
 
@@ -14,10 +14,11 @@ from .sized import SizedLamps
 
 
 def make(setup: Setup) -> Method:
-    """Light meshes with bits at the nodes, or numbers where surfaces let light through; with shares for lamps of SIZE.
+    """Return light meshes whose nodes hold bits, or numbers if surfaces let light through; lamps of softness SIZE have
+    nodes with shares.
 
-    Where shadow paths bend, lamps of SIZE have the shadow of their own shape, in which what bends light is opaque, and
-    the refracted paths from their centres.
+    Where shadow paths bend, lamps of SIZE have the shadow of their own shape, in which surfaces that bend light are
+    opaque, and the refracted paths from their centres.
     """
     count = len(setup.lights)
     sized = mask_of((i for i, light in enumerate(setup.lights) if light.softness == "SIZE"), count)

@@ -25,10 +25,11 @@ _points = kernel("lobe_points")
 def points(shapes: Shapes, targets: Targets, P: NDArray[np.float64], N: NDArray[np.float64], way: NDArray[np.float64],
            alpha: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
            light: NDArray[np.int32]) -> tuple[Targets, NDArray[np.float64]]:
-    """DIRECTIONS points of light[k], pair after pair, that the lobe of receiver row[k] mirrors, and what each counts.
+    """Return DIRECTIONS points on light[k] that the lobe of receiver row[k] mirrors, pair after pair, and their
+    weights. A weight of 0 means that the direction passes the lamp by.
 
-    Those that count 0 pass the lamp by. P, N, way (n,3): the receivers, their shading normals, and the directions of
-    the eye's rays; alpha (n,): the square of their roughness; turn (n,2): how their patterns are turned.
+    P, N, way (n,3): the receivers, their shading normals, and the directions of the eye's rays. alpha (n,): the square
+    of their roughness. turn (n,2): how their patterns are turned.
     """
     out, weight = np.zeros((len(row) * DIRECTIONS, 3)), np.empty(len(row) * DIRECTIONS)
     _points(DIRECTIONS, P, N, way, alpha, turn, row, light, *targets, *shapes[:4], out, weight)
@@ -38,8 +39,8 @@ def points(shapes: Shapes, targets: Targets, P: NDArray[np.float64], N: NDArray[
 def matter(targets: Targets, reach: NDArray[np.float64], P: NDArray[np.float64], N: NDArray[np.float64],
            way: NDArray[np.float64], alpha: NDArray[np.float64], row: NDArray[np.int32],
            light: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Whether the lobe of receiver row[k] is near light[k], and not so wide that one share of the lamp is as good as
-    another. reach (L,): how far the lamps go from their middles. The others are as in `points`.
+    """Return for which pairs the lobe of receiver row[k] is near light[k], and narrow enough that different parts of
+    the lamp count differently. reach (L,): how far the lamps extend from their middles. The others are as in `points`.
     """
     d = targets.position[light] - np.where(targets.directional[light, None], 0.0, P[row])
     far = np.sqrt((d * d).sum(1))
@@ -52,8 +53,8 @@ def matter(targets: Targets, reach: NDArray[np.float64], P: NDArray[np.float64],
 
 
 def turns(turn: NDArray[np.float64], sample: NDArray[np.int64], samples: int) -> NDArray[np.float64]:
-    """How the patterns (n,2) of lobes are turned, from how those of pixels are, so that the `samples` of a pixel have
-    the directions that are between those of the others. sample (n,2): see `Hits`.
+    """Return how the patterns of lobes are turned (n,2), from how those of pixels are: the `samples` of a pixel have
+    the directions that lie between those of the others. sample (n,2): see `Hits`.
     """
     steps = np.array([1 / (DIRECTIONS * samples), 0.6180339887498949])
     return turn + sample[:, 1:] * steps
@@ -61,8 +62,8 @@ def turns(turn: NDArray[np.float64], sample: NDArray[np.int64], samples: int) ->
 
 def share(weight: NDArray[np.float64], visible: NDArray[np.float64],
           other: NDArray[np.float32]) -> NDArray[np.float64]:
-    """The share (k,) of highlights that is left: the mean of what is `visible` (k,DIRECTIONS), by `weight`, and of the
-    `other` light's share (k,), which counts the more the fewer directions meet the lamp.
+    """Return the share (k,) of highlights that is left: the mean of `visible` (k,DIRECTIONS), weighted by `weight`, and
+    mixed with the `other` light's share (k,), which counts more if fewer directions meet the lamp.
     """
     most = np.maximum(weight.max(1), 1e-300)
     prior = PRIOR * most * np.mean(weight == 0, axis=1)

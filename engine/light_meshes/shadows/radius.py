@@ -48,9 +48,8 @@ def check(settings: Settings) -> None:
 
 def steps(lights: Sequence[Light], settings: Settings,
           own: Mapping[int, float]) -> tuple[NDArray[np.float64], list[str]]:
-    """r/h (L,) of all lights, and a sentence a light that wants more than `MOST`.
-
-    own: r of those lights, by number, that have one of their own.
+    """Return r/h (L,) of all lights, and a sentence for each light that needs more than `MOST`. own: r of those lights,
+    by number, that have their own.
     """
     warnings = []
     reach = np.full(len(lights), settings.kI)
@@ -66,9 +65,8 @@ def steps(lights: Sequence[Light], settings: Settings,
 
 def small(lights: Sequence[Light], soft: NDArray[np.uint64], settings: Settings, reach: NDArray[np.float64],
           suits: float) -> list[str]:
-    """Sentences for the lights in soft (W,) whose r is too small for the step, or to be seen at all.
-
-    reach (L,): r/h. suits: the step h that the view asks for.
+    """Return sentences for the lights in soft (W,) whose r is too small for the step, or too small to be seen. reach
+    (L,): r/h. suits: the step h that the view needs.
     """
     h, auto = settings.h, settings.auto_h
     some = [i for i in range(len(reach)) if has(soft, i)]
@@ -92,7 +90,7 @@ def small(lights: Sequence[Light], soft: NDArray[np.uint64], settings: Settings,
 
 
 def magnified(a: NDArray[np.float64] | float, L: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """a/(L − a), infinite where the light is nearer than a."""
+    """Return a/(L − a); it is infinite where the light is nearer than a."""
     rest = np.asarray(L, np.float64) - a
     with np.errstate(divide="ignore"):
         return np.where(rest > 0, a / np.maximum(rest, 0), np.inf)

@@ -1,12 +1,13 @@
 """How many rays go from a receiver to each lamp with a size, where no nodes answer.
 
-To one of a few lamps go many, and more where these disagree. With many lamps each is a small part of the light, and so
-is its error: rays are shared out so that they lessen the error of the sum most. The error of a lamp of which a receiver
-returns e is about e·n^-3/4 with n rays that stand in strata; of all ways to share out a number of rays, n ∝ e^0.8 makes
-the sum of its squares least. A lamp that gives as much as the mean lamp, weighed by what lamps give, has `mean` rays.
+If there are few lamps, many rays go to each, and more where these disagree. If there are many lamps, each is a small
+part of the light, and so is its error: rays are shared out so that the error of the sum is smallest. The error of a
+lamp of which a receiver returns e is about e·n^-3/4 with n stratified rays; of all ways to share out a number of rays,
+n ∝ e^0.8 makes the sum of the squares least. A lamp that gives as much as the mean lamp, weighed by what lamps give,
+has `mean` rays.
 
-Receivers that rays of a rough surface meet, some of which stand for a whole lobe, count in the picture by the share of
-light that such a ray brings. They have rays by what they add to it, beside what a usual pixel has.
+Some receivers are met by rays of a rough surface, which may stand for a whole lobe. They count in the picture by the
+share of light that such a ray brings, so they get rays by what they add to the light of a usual pixel.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ BLURRED = (1.0, 2.0, 4.0, 8.0, 16.0)  # what there is where receivers are seen b
 
 
 class Rays(NamedTuple):
-    """Rays from one receiver to one lamp."""
+    """Numbers of rays from one receiver to one lamp."""
 
     first: int
     most: int  # where the first disagree
@@ -36,7 +37,7 @@ class Rays(NamedTuple):
 
 
 class Shared(NamedTuple):
-    """How rays are shared out between many lamps."""
+    """The rules by which rays are shared out between many lamps."""
 
     mean: float  # rays of a mean lamp, where a pixel has one sample
     counts: tuple[float, ...]  # what there is of such; to a lamp that gets the last of these
@@ -51,12 +52,12 @@ SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many t
 
 
 def many(lamps: int) -> bool:
-    """Whether rays are shared out between so many lamps, and not the same for all."""
+    """Return whether rays are shared out between so many lamps, instead of the same number for each."""
     return lamps > FEW
 
 
 def shared(kI: float) -> Shared:
-    """How they are shared out, from kI = FINE on more to each."""
+    """Return how rays are shared out: from kI = FINE on, each lamp gets more."""
     return BEST if kI >= FINE else BALANCED
 
 
@@ -66,16 +67,16 @@ def in_blocks(kI: float) -> Shared:
 
 
 def most(kI: float, lamps: int) -> Rays:
-    """The rays of a lamp to which the most go."""
+    """Return the largest number of rays that a lamp may get."""
     of = shared(kI)
     return Rays(int(of.counts[-1]), of.most) if many(lamps) else Rays(RAYS, MORE_RAYS, alone=True)
 
 
 class RayCounts:
-    """The rays of each pair of a receiver and a lamp."""
+    """The number of rays for each pair of a receiver and a lamp."""
 
     def __init__(self, kI: float, lamps: int, samples: int) -> None:
-        """lamps: how many have a size. samples: of a pixel."""
+        """lamps: the number of lamps with a size. samples: the samples of a pixel."""
         self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
         self._fewer = FEWER if samples >= SEVERAL else 1.0
         self._mean = self._of.mean * self._fewer
@@ -84,8 +85,10 @@ class RayCounts:
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,
                  shown: NDArray[np.float64] | None) -> NDArray[np.uint8]:
-        """How many rays (n,L), or (n,1) where all get as many, go to each active lamp (n,W), of which receivers return
-        e (n,L). shown: see `Receivers`. Where nothing differs e is not asked for.
+        """Return how many rays go to each active lamp (n,W): (n,L), or (n,1) if all lamps get the same number.
+
+        e (n,L): how much of each lamp receivers return; it is not needed where all get the same number. shown: see
+        `Receivers`.
         """
         first = self._most.first
         if e is None:
@@ -111,5 +114,5 @@ class RayCounts:
         return out
 
     def kind(self, count: int) -> Rays:
-        """What rays a lamp has that gets so many at first."""
+        """Return the numbers of rays for a lamp that gets this many at first."""
         return self._most if count == self._most.first else Rays(count, count)

@@ -1,15 +1,15 @@
-"""Nodes that hold the share of a lamp that they see, on one lattice, and the means of it at receivers.
+"""Nodes of one lattice that store which share of a lamp they see, and the means of these shares at receivers.
 
 A node that some receiver asks for traces FIRST points of the lamp. Receivers of one lattice cell on one triangle are a
 *group*, with one set of candidates: where all of them see all of these points, or none, the group is done. Only the
-nodes of the others trace all POINTS, and note how far away the nearest thing in the way is.
+nodes of the other groups trace all POINTS, and store the distance of the nearest thing in the way.
 
-Where surfaces let light through, nodes tell whether one is in the way of the points that nothing opaque hides. What
-such a node sees is no count of points, and so rays answer there.
+Where surfaces let light through, nodes also store whether such a surface is in the way of points that nothing opaque
+hides. The number of points is no answer then, so receivers trace rays instead.
 
-A receiver's mean takes each node *slid* onto the receiver's plane, along the way from the lamp's centre: what the node
-sees is what that place sees, as long as nothing lies between. So it is asked for only where the certificate says that
-nothing does.
+A receiver's mean takes each node *slid* onto the receiver's plane, along the way from the lamp's centre: the node sees
+the same as that place, as long as nothing lies between. So it is only used where the certificate says that nothing
+does.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _uneven = kernel("shares_uneven")
 
 
 class Groups(NamedTuple):
-    """Receivers by cells and triangles, and their candidates."""
+    """Receivers grouped by cells and triangles, and their candidates."""
 
     group: NDArray[np.int32]  # (n,) of each receiver
     first: NDArray[np.int64]  # (g,) its first receiver
@@ -60,7 +60,7 @@ class Groups(NamedTuple):
 
 
 class Lamps(NamedTuple):
-    """What nodes and receivers must know of the lamps."""
+    """The data of the lamps that nodes and receivers need."""
 
     targets: Targets  # their centres
     shapes: Shapes
@@ -69,10 +69,10 @@ class Lamps(NamedTuple):
 
 
 class LampNodes(Nodes):
-    """Values of nodes of one lattice that are of several points of each lamp."""
+    """Values of the nodes of one lattice; a value comes from several points of a lamp."""
 
     def __init__(self, of: Lattice, lamps: Shapes, points: int, numbers: int) -> None:
-        """points: of each lamp that a value is of. numbers: bytes of a value."""
+        """points: the number of points of each lamp for one value. numbers: the bytes of a value."""
         self.lattice, self.lamps, self.points, self.paths = of, lamps, points, None
         self.store = NodeStore(len(lamps.shape), numbers, np.uint8)
 
@@ -82,10 +82,12 @@ class LampNodes(Nodes):
 
 
 class Shares:
-    """One lattice of such nodes."""
+    """One lattice whose nodes store shares."""
 
     def __init__(self, lamps: Lamps, setup: Setup, h: float, enough: int = POINTS) -> None:
-        """h: step, world; r = h·kI. enough: HALF or all of the POINTS, which are not traced where so many agree."""
+        """h: the step, world units; r = h·kI. enough: HALF or all of the POINTS; where the first HALF agree, the rest
+        is not traced.
+        """
         assert setup.lattice is not None
         settings, self.count = setup.settings, len(lamps.narrow)
         self.h, self.r, self._enough = h, h * settings.kI, enough
@@ -105,11 +107,11 @@ class Shares:
 
     @property
     def reach(self) -> float:
-        """How far from a receiver its group's candidates may be, world."""
+        """Return how far from a receiver its group's candidates may be, world units."""
         return self.h * (float(self.lattice.reach[-1]) + ACROSS)
 
     def groups(self, at: Receivers) -> Groups:
-        """The groups of receivers, which ask for the lights in at.active."""
+        """Return the groups of receivers, which ask for the lights in at.active."""
         n, s, L, N = len(at.P), self._surfaces, self.lattice, at.normals()
         table = np.full(1 << int(2 * n + 2).bit_length(), -1, np.int32)
         cells, group = np.empty((n, 3), np.int64), np.empty(n, np.int32)
@@ -122,8 +124,9 @@ class Shares:
 
     def sorted(self, g: Groups, check: Check) -> tuple[NDArray[np.uint64], NDArray[np.uint64], NDArray[np.uint64],
                                                        NDArray[np.uint8]]:
-        """Lights that all candidates of each group see (g,W); those that they do not agree on; and of these those that
-        some see through something. Also which of the FIRST points the nodes see (u,L), see `_trace_first`.
+        """Return sets of lights for each group (g,W): those that all candidates see; those on which the candidates
+        disagree; and of these the ones that some candidates see through a surface. Also return which of the FIRST
+        points the nodes see (u,L), see `_trace_first`.
         """
         need = self._need(g, g.lit)
         seen_points = self._first.store.values(g.nodes, need, lambda nodes, todo: self._trace_first(nodes, todo, check))
@@ -134,11 +137,12 @@ class Shares:
     def agreed(self, at: Receivers, g: Groups, seen_points: NDArray[np.uint8], asked: NDArray[np.uint64],
                slid: float, to: NDArray[np.intp], rest: NDArray[np.float32],
                S: NDArray[np.float32]) -> NDArray[np.uint64]:
-        """Add to S[to] (…,L,C) what nodes near receivers say of lights of asked (n,W), by how much that counts, rest
-        (…,L). Returns the lights of which they say something.
+        """Let the nodes near receivers answer for lights of asked (n,W): add to S[to] (…,L,C), weighted by rest (…,L),
+        and return the lights for which they had an answer.
 
-        Nodes are near that are less than FAR steps from a receiver, and less than `slid` steps when they are slid onto
-        its plane. They say something where all agree, and are not too few. seen_points: from `sorted`.
+        Nodes are near if they are less than FAR steps from a receiver, and less than `slid` steps when they are slid
+        onto its plane. They have an answer if all of them agree, and if they are not too few. seen_points: from
+        `sorted`.
         """
         known = np.empty_like(asked)
         needs_memory(_agreed(at.P, at.N, g.group, g.start, g.candidate, g.position, (1 << FIRST) - 1, seen_points,
@@ -147,28 +151,29 @@ class Shares:
         return known
 
     def grazing(self, g: Groups, N: NDArray) -> NDArray[np.uint64]:
-        """Lamps (g,W) that the plane of a group may cut."""
+        """Return the lamps (g,W) that the plane of a group may cut."""
         out = np.empty_like(g.lit)
         _grazing(g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes[:4], g.lit, out)
         return out
 
     def uneven(self, g: Groups, N: NDArray, mixed: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """Which lights of `mixed` (g,W) are so wide and near, or so aslant, that a count of their points says little of
-        how much of their light arrives. N (n,3): the receivers' normals.
+        """Return the lights of `mixed` (g,W) that are so wide and near, or so oblique, that the number of visible
+        points tells little about how much of their light arrives. N (n,3): the receivers' normals.
         """
         out = np.empty_like(mixed)
         _uneven(UNEVEN, g.place, N, g.first, *self._lamps.targets, *self._lamps.shapes[:4], mixed, out)
         return out
 
     def shares(self, g: Groups, lights: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
-        """Shares and distances (u,2L) of the nodes of groups, right for `lights` (g,W)."""
+        """Return shares and distances (u,2L) of the nodes of groups; they are valid for `lights` (g,W)."""
         found: NDArray[np.uint8] = self._all.store.values(g.nodes, self._need(g, lights),
                                                           lambda nodes, todo: self._trace_all(nodes, todo, check))
         return found
 
     def mean(self, at: Receivers, row: NDArray[np.int32], light: NDArray[np.int32], g: Groups,
              shares: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """S (k,) of pairs of receiver and light, and the width of the narrowest penumbra near, in r; 0: too few nodes.
+        """Return S (k,) of pairs of a receiver and a light, and the width of the narrowest penumbra near, in r; 0 if
+        there are too few nodes.
         """
         S, width = np.empty(len(row), np.float32), np.empty(len(row), np.float32)
         _mean(at.P, at.N, row, light, g.group, g.start, g.candidate, g.position, shares, POINTS, self.h, self.r,
@@ -182,7 +187,7 @@ class Shares:
 
     def _pairs(self, todo: NDArray[np.uint64],
                check: Check) -> Iterator[tuple[NDArray[np.int32], NDArray[np.int32], int]]:
-        """(row, light, casters) of what is to be traced, in bounded pieces."""
+        """Yield the pairs to be traced as (row, light, casters), in pieces of bounded length."""
         for casters in self._casters:
             for i in range(0, len(todo), PAIRS):
                 for row, light in pairs.blocks(todo[i:i + PAIRS] & casters.lights, self.count):
@@ -191,7 +196,7 @@ class Shares:
                         yield row[k:k + PAIRS] + np.int32(i), light[k:k + PAIRS], casters.casters
 
     def _trace_first(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
-        """Which of the FIRST points nodes (n,3) see, as bits, of the lights in todo (n,W): (n,L)."""
+        """Return which of the FIRST points of lights in todo (n,W) the nodes (n,3) see, as bits: (n,L)."""
         found = np.zeros((len(nodes), self.count), np.uint8)
         x, turn = self.lattice.position(nodes), turns_of_nodes(nodes)
         for row, light, casters in self._pairs(todo, check):
@@ -202,7 +207,7 @@ class Shares:
         return found
 
     def _trace_all(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray[np.uint8]:
-        """How many of all POINTS they see, and how far away something in the way is, as 8 bits or 0: (n,2L)."""
+        """Return how many of all POINTS nodes see, and the distance of something in the way, as 8 bits or 0: (n,2L)."""
         found = np.zeros((len(nodes), self.count, 2), np.uint8)
         first = self._first.store.values(nodes, todo, lambda some, wanted: self._trace_first(some, wanted, check))
         x, turn = self.lattice.position(nodes), turns_of_nodes(nodes)
@@ -225,7 +230,7 @@ class Shares:
 
     def _behind_glass(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
                       light: NDArray[np.int32], blocked: NDArray[np.bool_], casters: int) -> NDArray[np.intp]:
-        """The pairs from which points that are not blocked (k,count) are seen through something."""
+        """Return the pairs from which points that are not blocked (k,count) are seen through a surface."""
         if casters not in self._through:
             return np.zeros(0, np.intp)
         count = blocked.shape[1]
@@ -238,7 +243,7 @@ class Shares:
 
     def _blocked(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
                  light: NDArray[np.int32], first: int, count: int, casters: int) -> NDArray[np.bool_]:
-        """Whether something is between x[row] and points first..first+count of light: (k,count)."""
+        """Return whether something is between x[row] and the points first..first+count of light: (k,count)."""
         target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, first, count)
         order = np.arange(len(row) * count, dtype=np.int32)
         self._stats.add(long_rays=len(order))
@@ -247,7 +252,9 @@ class Shares:
 
     def _nearest(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
                  light: NDArray[np.int32], blocked: NDArray[np.bool_], casters: int) -> NDArray[np.uint8]:
-        """How far away the nearer is of what blocks the first and the last of the blocked points (k,POINTS)."""
+        """Return the distance of what blocks the first or the last of the blocked points (k,POINTS), whichever is
+        nearer.
+        """
         out, some = np.zeros(len(row), np.uint8), np.flatnonzero(blocked.any(1))
         at, to = x[row[some]], (self._lamps.shapes, self._lamps.targets, x, turn, row[some], light[some])
         target = points(*to, 0, POINTS)
@@ -259,7 +266,9 @@ class Shares:
 
     def _distance(self, origin: NDArray[np.float64], targets: Targets, target: NDArray[np.intp],
                   casters: int) -> NDArray[np.uint8]:
-        """How far from origins (n,3) the first thing on the way to their targets is, as 8 bits; 0: there is none."""
+        """Return the distance from origins (n,3) of the first thing on the way to their targets, as 8 bits; 0: there is
+        none.
+        """
         s, directional, out = self._surfaces, targets.directional[target], np.empty(len(origin), np.uint8)
         way = targets.position[target] - np.where(directional[:, None], 0.0, origin)
         length = np.sqrt((way * way).sum(1))

@@ -57,7 +57,7 @@ class Batch(NamedTuple):
     probe: NDArray[np.float64] | None  # see Method
 
     def of(self, rows: NDArray[np.integer], active: NDArray[np.uint64]) -> Batch:
-        """Some of the receivers, asked for other lights."""
+        """Return some of the receivers, asked for other lights."""
         on = self.at.triangle
         at = Receivers(self.at.P[rows], self.at.normals()[rows], active, None if on is None else on[rows])
         return self._replace(at=at, rows=self.rows[rows])
@@ -268,7 +268,7 @@ class SizedLamps(Method):
                                          batch.rest, batch.S)
 
     def _hidden(self, at: Receivers, g: Groups, rows: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Those of these receivers whose nearest candidate is not seen: all of them may be behind something."""
+        """Return those of these receivers whose nearest candidate is not seen: all of them may be behind something."""
         with self._stats.stage("short rays"):
             nearest = g.candidate[g.start[g.group[rows], 0]]
             self._stats.add(short_rays=len(rows))
@@ -289,7 +289,9 @@ class SizedLamps(Method):
 
     def _coarser(self, level: Shares, batch: Batch, row: NDArray[np.int32],
                  light: NDArray[np.int32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """What a coarser level says of pairs (k,): S, and the penumbra's width in its r; 0 where it has no say."""
+        """Return S of a coarser level for pairs (k,), and the penumbra's width in its r; 0 where this level has no
+        answer.
+        """
         some, of = np.unique(row, return_inverse=True)
         soft = np.zeros((len(some), batch.at.active.shape[1]), np.uint64)
         np.bitwise_or.at(soft, (of, light >> 6), np.uint64(1) << (light & 63).astype(np.uint64))
@@ -314,7 +316,7 @@ class SizedLamps(Method):
 
     def _by_rays(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
                  alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
-        """The share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
+        """Return the share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         with self._stats.stage("rays near contact"):
             clear, whole = self._clear(at, lift, row, light, 0, rays.first, check)
             if rays.most > rays.first:
@@ -359,26 +361,26 @@ class SizedLamps(Method):
 
 
 def lamps(setup: Setup) -> Lamps:
-    """What nodes and receivers must know of the lights."""
+    """Return the data of the lights that nodes and receivers need."""
     found = shapes(setup.lights)
     facing = np.array([light.direction for light in setup.lights], np.float64).reshape(-1, 3)
     return Lamps(setup.targets, found, narrowest(found), facing * (found.shape != 0)[:, None])
 
 
 def _trust(width: NDArray[np.float32], least: float) -> NDArray[np.float32]:
-    """How far a level counts where the penumbra is so many r wide, and must be `least`."""
+    """Return how much a level counts if the penumbra is so many r wide and must be at least `least`."""
     with np.errstate(divide="ignore"):
         octaves = np.log2(width / least)
     return np.clip(octaves / BLEND, 0, 1).astype(np.float32)
 
 
 def _in(words: NDArray[np.uint64], light: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Whether each light is in a set (W,)."""
+    """Return whether each light is in a set (W,)."""
     found: NDArray[np.bool_] = (words[light >> 6] >> (light & 63).astype(np.uint64) & np.uint64(1)) != 0
     return found
 
 
 def _each(mask: NDArray[np.uint64], lights: int) -> NDArray[np.int64]:
-    """How many rows of mask (n,W) have the bit of each light: (L,)."""
+    """Return how many rows of mask (n,W) have the bit of each light: (L,)."""
     bits = np.unpackbits(np.ascontiguousarray(mask).view(np.uint8), axis=1, count=lights, bitorder="little")
     return bits.sum(0, dtype=np.int64)

@@ -13,7 +13,7 @@ _came = False
 
 
 def listen() -> None:
-    """From now on Ctrl-C, the cancel signal of a farm, and a closed terminal raise KeyboardInterrupt. With nohup a
+    """Let Ctrl-C, the cancel signal of a farm, and a closed terminal raise KeyboardInterrupt from now on. With nohup a
     closed terminal is ignored.
     """
     for each in _signals():

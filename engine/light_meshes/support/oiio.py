@@ -6,7 +6,7 @@ from typing import Any
 
 
 class _Library:
-    """Has everything that the module OpenImageIO has."""
+    """Stands for the module OpenImageIO, which it imports when an attribute is first used."""
 
     def __getattr__(self, name: str) -> Any:
         import OpenImageIO

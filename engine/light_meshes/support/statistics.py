@@ -42,7 +42,8 @@ class Statistics:
 
 
 class Stage:
-    """A stage that is being measured. It has no generator, because there are dozens a tile."""
+    """A stage that is being measured. It is a class and no generator, because there are dozens of stages for each tile.
+    """
 
     __slots__ = ("_began", "_name", "_of")
 

@@ -1,13 +1,13 @@
-"""The sky of a clear day by direction: what operation "sky" of programs gives, as Blender's Sky Texture has it.
+"""The sky of a clear day by direction. The operation "sky" of programs computes it, like Blender's Sky Texture.
 
 Two models follow sunlight through the air: SINGLE, light that was scattered once (Nishita et al., "Display of the earth
 taking into account atmospheric scattering", 1993, with ozone), at 21 wavelengths; MULTIPLE, with an approximation of
-what was scattered more often and what the ground returns (García Liñán, "Spectral sky", 2024), at 4. PREETHAM is a
+light that was scattered more often or returned by the ground (García Liñán, "Spectral sky", 2024), at 4. PREETHAM is a
 formula that was fitted to such skies (Preetham, Shirley, Smits, "A practical analytic model for daylight", 1999).
 
-What costs time is done once a sky: the light that air and dust scatter, without their phase functions, in a table by
-azimuth from the sun and elevation, in which it is smooth. Colours are CIE XYZ; lengths are metres, and kilometres in
-MULTIPLE.
+The slow part is done once for each sky: a table of the light that air and dust scatter, without their phase functions,
+by azimuth from the sun and elevation, in which this light is smooth. Colours are CIE XYZ; lengths are metres, and
+kilometres in MULTIPLE.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ AZIMUTHS, ELEVATIONS = 33, 129  # of the tables: from the sun to the other side,
 
 
 class Weather(NamedTuple):
-    """What a sky depends on. Not all of it means something to all models."""
+    """The parameters of a sky. Not every model uses all of them."""
 
     model: float
     elevation: float  # of the sun, radians
@@ -41,7 +41,9 @@ class Weather(NamedTuple):
 
 
 def sky(n: int, *arguments: Any) -> tuple[NDArray[np.float64], ...]:
-    """X, Y and Z, each (n,), of the light from directions; arguments: those of `Weather`, and x, y, z (n,)."""
+    """Return X, Y and Z, each (n,), of the light from directions x, y, z (n,). The other arguments are those of
+    `Weather`.
+    """
     weather, place = Weather(*arguments[:-3]), arguments[-3:]
     direction = np.stack([np.broadcast_to(np.asarray(p, np.float64), n) for p in place], axis=1)
     length = np.linalg.norm(direction, axis=1, keepdims=True)
@@ -83,7 +85,7 @@ def _scattered(w: Weather, direction: NDArray[np.float64], sun: NDArray[np.float
 
 
 def _henyey(mu: NDArray[np.float64], g: float) -> NDArray[np.float64]:
-    """Henyey and Greenstein's phase function."""
+    """Return Henyey and Greenstein's phase function."""
     return (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * mu) ** 1.5)
 
 
@@ -160,7 +162,8 @@ _NODES, _WEIGHTS = _NODES / 25, _WEIGHTS * np.exp(_NODES) / 25
 
 
 def _densities(P: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of air, dust and ozone at places (…,3) around the earth's middle, as shares of the largest."""
+    """Return the densities of air, dust and ozone at places (…,3) around the earth's middle, as shares of the largest.
+    """
     height = np.linalg.norm(P, axis=-1) - _GROUND
     ozone = np.maximum(1 - np.abs(height - 25e3) / 15e3, 0)
     return np.stack([np.exp(-height / 8e3), np.exp(-height / 1.2e3), ozone], -1)
@@ -234,7 +237,7 @@ _HEIGHTS, _COSINES = 64, 256  # of the table of transmittances
 
 
 class _Air(NamedTuple):
-    """What the air does at places (…,4), 1/km."""
+    """The properties of air at places (…,4), 1/km."""
 
     molecules: NDArray[np.float64]  # scatter
     particles: NDArray[np.float64]
@@ -312,7 +315,9 @@ def _between(lit: NDArray[np.float64], cosine: NDArray, height: NDArray) -> NDAr
 
 
 def _often(lit: NDArray[np.float64], cosine: NDArray, height: NDArray, distance: NDArray) -> NDArray[np.float64]:
-    """Return what comes to places from everywhere: from the ground, and (a fit) from air that was lit by air."""
+    """Return the light that comes to places from all sides: from the ground, and (by a fit) from air that was lit by
+    air.
+    """
     seen = 2 * np.pi * (1 - np.sqrt(np.maximum(1 - (EARTH / distance) ** 2, 0)))[:, None]  # solid angle of the earth
     up = np.ones_like(cosine)
     climbed = _between(lit, up, 0 * up) / _between(lit, up, height)
@@ -343,12 +348,12 @@ _ZENITH = np.array([
 
 
 def _perez(k: NDArray[np.float64], cosine: Any, angle: Any) -> Any:
-    """Perez's shape of the sky: k (5,), the cosine to the zenith, the angle to the sun."""
+    """Return Perez's shape of the sky for the parameters k (5,), the cosine to the zenith, and the angle to the sun."""
     return (1 + k[0] * np.exp(k[1] / cosine)) * (1 + k[2] * np.exp(k[3] * angle) + k[4] * np.cos(angle) ** 2)
 
 
 def _fitted(w: Weather, direction: NDArray[np.float64], sun: NDArray[np.float64]) -> NDArray[np.float64]:
-    """PREETHAM's light (n,3)."""
+    """Return the light of PREETHAM (n,3)."""
     T, zenith = w.turbidity, np.pi / 2 - w.elevation
     shape = _SHAPE @ (T, 1.0)
     high = np.array([(4.0453 * T - 4.9710) * np.tan((4 / 9 - T / 120) * (np.pi - 2 * zenith)) - 0.2155 * T + 2.4192,

@@ -23,7 +23,8 @@ LITTLE = 0.01  # less, as a share of the microfacets' own variance, is left out
 
 
 def curvature(surfaces: Surfaces) -> NDArray[np.float32]:
-    """By how much the shading normal of each triangle (T,) turns along its surface, at most: radians a scene unit."""
+    """Return how much the shading normal of each triangle (T,) turns along its surface, at most: radians a scene unit.
+    """
     s, found = surfaces, np.empty(len(surfaces.triangles), np.float32)
     _of(s.scale, s.vertices, s.triangles, s.instance, s.source, s.corner_normals, s.normal_matrix, found)
     return found
@@ -31,9 +32,9 @@ def curvature(surfaces: Surfaces) -> NDArray[np.float32]:
 
 def variance(curved: NDArray[np.float32], camera: Camera, share: float, hits: Hits,
              direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The variance (n,) of the slopes of surfaces in that part of a pixel for which a sample stands.
+    """Return the variance (n,) of the slopes of surfaces in the part of a pixel for which a sample stands.
 
-    curved (T,): by `curvature`. share: how wide that part is, in pixels. hits (n,) are those of rays along `direction`
+    curved (T,): from `curvature`. share: the width of that part, in pixels. hits (n,): those of rays along `direction`
     (n,3) from the camera.
     """
     left, right, _, _ = camera.window
@@ -45,7 +46,7 @@ def variance(curved: NDArray[np.float32], camera: Camera, share: float, hits: Hi
 
 
 def widened(roughness: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The roughness (n,) of microfacets on surfaces whose own slopes vary by this (n,)."""
+    """Return the roughness (n,) of microfacets on surfaces whose own slopes have this variance (n,)."""
     square = np.maximum(roughness, SMOOTHEST)**4  # of the microfacets' alpha
     more = 2 * variance
     return np.where(more > LITTLE * square, np.sqrt(np.sqrt(square + more)), roughness)

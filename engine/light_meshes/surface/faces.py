@@ -154,7 +154,7 @@ class Faces:
 
 
 def _interpolated(sums: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums at places between those of the grid, (n,k) along each axis → (n,k,k,4)."""
+    """Return sums at places between those of the grid: (n,k) along each axis → (n,k,k,4)."""
     most = len(sums) - 1
     x, y = np.clip(x, 0, most), np.clip(y, 0, most)
     i, j = np.minimum(x.astype(np.int64), most - 1), np.minimum(y.astype(np.int64), most - 1)

@@ -68,7 +68,8 @@ class Lamps:
 
     def __call__(self, P: NDArray[np.float64], N: NDArray[np.float64],
                  S: NDArray[np.float32]) -> NDArray[np.float32]:
-        """S (n,L,C) of receivers at P with normals N, both (n,3), multiplied by what the lamps' nodes say; C becomes 3.
+        """Return S (n,L,C) of receivers at P with normals N, both (n,3), multiplied by the colours that the lamps'
+        nodes give; C becomes 3.
         """
         if not self.any:
             return S
@@ -84,7 +85,9 @@ class Lamps:
         return out
 
     def seen(self, i: int, origin: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what the nodes of lamp i say for rays that see it, from origin along unit direction, all (n,3)."""
+        """Return the colours (n,3) that the nodes of lamp i give for rays that see it, from origin along unit
+        direction, both (n,3).
+        """
         group = next((group for group in self._groups if i in group.lamps), None)
         if group is None:
             return np.tile(self._suns[i].astype(np.float64), (len(origin), 1))
@@ -94,7 +97,7 @@ class Lamps:
 
     def _light(self, group: Group, lamp: NDArray[np.int64], P: NDArray[np.float64],
                N: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what the nodes of lamps (n,) say for receivers: (n,3)."""
+        """Return the colours (n,3) that the nodes of lamps (n,) give for receivers."""
         if group.type == "AREA":
             return self._faces.mean(lambda points: self._run(group, points), group.fixed, lamp, P, N)
         if group.ball:
@@ -108,12 +111,12 @@ class Lamps:
 
 
 def _varies(light: Light) -> bool:
-    """Return whether the light of a lamp may change where its distance does not, or at once."""
+    """Return whether the nodes of a lamp may change its light with the direction, or abruptly."""
     return bool(light.program) and not (KINDS[light.type].directional or light.program.asks() <= _SMOOTH)
 
 
 def _groups(lights: Sequence[Light]) -> Iterator[Group]:
-    """Return the lamps that have programs, those together that run as one."""
+    """Return the lamps that have programs, in groups of those that run as one."""
     alike: dict[tuple, list[int]] = {}
     for i, light in enumerate(lights):
         if light.program:
@@ -125,14 +128,17 @@ def _groups(lights: Sequence[Light]) -> Iterator[Group]:
 
 
 def _ball(light: Light) -> bool:
-    """Return whether the light is the mean over a sphere. What a spot has as UV goes by the way alone."""
+    """Return whether the program is run as a mean over the lamp's sphere, because it asks what differs over it. The UV
+    of a spot depends on the direction only, and needs no mean.
+    """
     over = OVER_BALLS - ({"uv", "parametric"} if light.type == "SPOT" else set())
     return (light.type in ("POINT", "SPOT") and light.radius > 0 and not light.facing_disc
             and bool(light.program.asks() & over))
 
 
 def _structure(program: Program) -> Iterator[Any]:
-    """Return what must be the same in programs that run as one: all but numbers, images and profiles."""
+    """Return the parts of programs that must be equal if they run as one: everything but numbers, images and profiles.
+    """
     for o in program.operations:
         fixed = {place for place, *_ in CHOICES.get(o.name, ())}.union(_SAME.get(o.name, ()))
         yield o.name, *(a if isinstance(a, tuple) or (k in fixed and (o.name, k) not in _FREE) else None
@@ -141,7 +147,7 @@ def _structure(program: Program) -> Iterator[Any]:
 
 
 def _joined(programs: Sequence[Program], lamps: NDArray[np.int64], count: int) -> Program:
-    """Programs of one structure as one, in which an array (count,) stands for a number that differs."""
+    """Return programs of one structure as one program, in which an array (count,) stands for a number that differs."""
     def one(arguments: tuple[Any, ...]) -> Any:
         if all(a == arguments[0] for a in arguments):
             return arguments[0]

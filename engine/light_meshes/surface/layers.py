@@ -1,4 +1,4 @@
-"""Layers: what else reflects light at the same points, as where two shaders are mixed whose roughness differs.
+"""Layers: further surfaces that reflect light at the same points, for shaders that are mixed and differ in roughness.
 
 A hit names the row of its first layer; the table of materials says which row the next one is (`Materials.also`), and
 its own normal. All layers of a point have one visibility of each lamp, and each returns light by itself.
@@ -26,19 +26,20 @@ class Layer(NamedTuple):
     Od: NDArray[np.float64]  # (k,3) its diffuse colour, as lights see it
 
     def at(self, part: slice) -> Layer:
-        """Of the hits `part` of the batch, which are a batch of their own then."""
+        """Return the layer for the hits `part` of the batch, which become a batch of their own."""
         low, high = np.searchsorted(self.rows, [part.start, part.stop])
         own = slice(int(low), int(high))
         return Layer(self.rows[own] - part.start, self.hits.at(own), self.direction[own], self.Od[own])
 
     def among(self, rows: NDArray[np.int64]) -> Layer:
-        """Of the hits `rows` of the batch, ascending, which are a batch of their own then."""
+        """Return the layer for the hits `rows` of the batch, ascending, which become a batch of their own."""
         own = np.flatnonzero(np.isin(self.rows, rows))
         return Layer(np.searchsorted(rows, self.rows[own]), self.hits.at(own), self.direction[own], self.Od[own])
 
 
 def further(hits: Hits) -> list[tuple[NDArray[np.int64], Hits]]:
-    """The further layers of hits: each with the rows (k,) of the hits that have it, ascending, and how they are there.
+    """Yield the further layers of hits: each with the rows (k,) of the hits that have it, ascending, and its surfaces
+    there.
     """
     found, m = [], hits.table
     rows, row = np.flatnonzero(m.also[hits.row] >= 0), hits.row
@@ -56,7 +57,7 @@ def further(hits: Hits) -> list[tuple[NDArray[np.int64], Hits]]:
 
 def lit(layers: Sequence[tuple[NDArray[np.int64], Hits]], direction: NDArray[np.float64],
         textures: Sequence[Texture | None]) -> list[Layer]:
-    """These layers of hits of rays along `direction` (n,3), as lights see them."""
+    """Return these layers of hits of rays along `direction` (n,3), in the form in which lights see them."""
     made = []
     for rows, hits in layers:
         way, Od = direction[rows], colours.matt(hits, textures)

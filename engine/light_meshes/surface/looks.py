@@ -1,7 +1,7 @@
-"""What materials are at the points that rays hit: the table of materials, with a row more for each point of a program.
+"""The materials at the points that rays hit: the table of materials, with one more row for each point of a program.
 
-Every hit names its row of a table (`Hits.row`, `Hits.table`). Where no material has a program that is the scene's own
-table and the material's number, and nothing is computed.
+Every hit names its row of a table (`Hits.row`, `Hits.table`). Where no material has a program, the table is the scene's
+own and the row is the material's number; then nothing is computed.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Looks:
 
 
 def _rows(table: Materials, material: int, n: int, first: int) -> list[Materials]:
-    """n rows for a material and each of its layers, for a table in which they begin at row `first`."""
+    """Return n rows for a material and for each of its layers, for a table in which they begin at row `first`."""
     made, row = [], material
     while row >= 0:
         one = Materials._make(np.repeat(column[row:row + 1], n, axis=0) for column in table)

@@ -1,4 +1,4 @@
-"""Points of surfaces, as programs of materials ask about them."""
+"""Points of surfaces: everything that programs of materials may ask about them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CAMERA, SHADOW, REFLECTED, TRANSMITTED, LIGHTING = range(5)
 
 
 class Around:
-    """What does not differ from point to point: spaces of instances, attributes, the camera."""
+    """The values that are the same for all points: spaces of instances, attributes, the camera."""
 
     def __init__(self, scene: Scene, surfaces: Surfaces, camera: Camera) -> None:
         g = scene.geometry
@@ -64,7 +64,7 @@ class Points(NamedTuple):
         return self.around.surfaces.instance[self.triangle]
 
     def at_corners(self, values: NDArray) -> NDArray[np.float64]:
-        """Values (n,k) that vary evenly over triangles, from those at corners (scene triangles,3,k)."""
+        """Return values (n,k) that vary evenly over triangles, from those at their corners (scene triangles,3,k)."""
         s = self.around.surfaces
         a, b, c = np.moveaxis(s.vertices[s.triangles[self.triangle]].astype(np.float64), 1, 0)
         e, f, q = b - a, c - a, (self.P - s.centre) / s.scale - a
@@ -81,7 +81,9 @@ class Points(NamedTuple):
         return self.at_corners(np.broadcast_to(np.eye(3), (len(self.around.surfaces.materials), 3, 3)))[:, :2]
 
     def steps(self, width: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Two steps (n,3) of `width` pixels on the surface, square to each other, in directions that Cycles takes."""
+        """Return two steps (n,3) of `width` pixels on the surface, at right angles to each other, in the directions of
+        Cycles.
+        """
         x, y, z = self.Ng.T
         along = np.where(((x == y) & (x == z))[:, None], np.stack([z - y, x + z, -y - x], 1),
                          np.stack([z - y, x - z, y - x], 1))
@@ -89,8 +91,8 @@ class Points(NamedTuple):
         return along, np.cross(self.Ng, along)
 
     def shifted(self, direction: int, width: float) -> Points:
-        """Return these points, moved by the first (1) or second (2) of `steps`; 0: not moved. What a triangle has at
-        its corners goes on evenly beyond its edges.
+        """Return these points, moved by the first (1) or second (2) of `steps`; 0: not moved. Values at the corners of
+        a triangle are continued evenly beyond its edges.
         """
         P = self.P + self.steps(width)[direction - 1] if direction else self.P
         moved = self._replace(P=P)

@@ -17,7 +17,7 @@ _voronoi = kernel("procedural_voronoi")
 
 
 def _block(n: int, *registers: Register) -> NDArray[np.float64]:
-    """Registers as the columns of an array (n,k)."""
+    """Return registers as the columns of an array (n,k)."""
     out = np.empty((n, len(registers)))
     for k, register in enumerate(registers):
         out[:, k] = register
@@ -45,7 +45,7 @@ def white_noise(n: int, dimensions: float, *place: Register) -> Sequence[Registe
 
 
 def bend(n: int, x: Register, y: Register, z: Register, detail: Register, roughness: Register) -> Sequence[Register]:
-    """Return what the Wave texture is distorted by, from −1 to 1."""
+    """Return the distortion of the Wave texture, from −1 to 1."""
     out = np.empty(n)
     _bend(_block(n, x, y, z, 0.0), _block(n, detail, roughness), out)
     return (out,)

@@ -1,4 +1,4 @@
-"""Profiles of luminaires, looked up at angles: cubic between the angles of an IES file, as Cycles has it."""
+"""Profiles of luminaires, looked up by angles: cubic interpolation between the angles of an IES file, as in Cycles."""
 
 from __future__ import annotations
 

@@ -25,10 +25,10 @@ Register = Any  # (n,) float64, or a number
 
 def run(program: Program, points: Points, textures: Sequence[Texture | None],
         wanted: Collection[str] | None = None) -> dict[str, NDArray[np.float64]]:
-    """Return the parameters that `program` sets: (n,) or, of colours, (n,3), held to what a Material may have.
+    """Return the parameters that `program` sets: (n,), or (n,3) for colours, held within the bounds of a Material.
 
-    wanted: of which parameters only, None: of all, also of layers; what they do not need is not computed. An argument
-    may be an array instead of a number, with one for each instance: so programs that differ in numbers only are run as
+    wanted: the parameters that are needed; None: all, also those of layers. What they do not need is not computed. An
+    argument may be an array with one number for each instance, so that programs which differ only in numbers are run as
     one (`lamps`).
     """
     wanted = program.values if wanted is None else wanted
@@ -87,7 +87,7 @@ def _columns(a: NDArray) -> tuple[NDArray, ...]:
 
 
 def _moved(matrix: NDArray[np.float64], points: Points) -> tuple[NDArray, ...]:
-    """P in another space of each instance: matrix (I,3,4)."""
+    """Return P in another space of each instance: matrix (I,3,4)."""
     of = matrix[points.instance]
     return _columns(np.einsum("nij,nj->ni", of[:, :, :3], points.P) + of[:, :, 3])
 
@@ -97,7 +97,7 @@ def _object_normal(points: Points) -> tuple[NDArray, ...]:
 
 
 def _to_object_normal(points: Points, x: Register, y: Register, z: Register) -> tuple[NDArray, ...]:
-    """A normal of the world in the object's own space, with length 1; 0 where it has no direction."""
+    """Return a normal of the world in the object's own space, with length 1; 0 where it has no direction."""
     # Normals go by the transpose of the way back.
     turned = np.einsum("nji,nj->ni", np.linalg.pinv(points.around.to_object[:, :, :3])[points.instance],
                        _stacked(points, x, y, z))
@@ -105,27 +105,27 @@ def _to_object_normal(points: Points, x: Register, y: Register, z: Register) -> 
 
 
 def _to_object(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
-    """A vector of the world, or a point (1), in the object's own space."""
+    """Return a vector of the world, or a point (1), in the object's own space."""
     m = points.around.to_object[points.instance]
     return _columns(np.einsum("nij,nj->ni", m[:, :, :3], _stacked(points, x, y, z)) + point * m[:, :, 3])
 
 
 def _to_world(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
-    """A vector of the object's own space, or a point (1), in the world."""
+    """Return a vector of the object's own space, or a point (1), in the world."""
     back = np.linalg.pinv(points.around.to_object[:, :, :3])[points.instance]
     moved = _stacked(points, x, y, z) - point * points.around.to_object[points.instance, :, 3]
     return _columns(np.einsum("nij,nj->ni", back, moved))
 
 
 def _from_camera(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
-    """A vector of the camera's space, as `_camera_vector` has it, or a point (1), in the world."""
+    """Return a vector of the camera's space, as `_camera_vector` has it, or a point (1), in the world."""
     m = points.around.to_camera
     moved = _stacked(points, x, y, z) * (1.0, 1.0, -1.0) - point * m[:, 3]
     return _columns(moved @ np.linalg.inv(m[:, :3]).T)
 
 
 def _camera_vector(points: Points, x: Register, y: Register, z: Register, point: float) -> tuple[NDArray, ...]:
-    """A vector of the world, or a point (1), as the camera has it: x to the right, y up, z away from it."""
+    """Return a vector of the world, or a point (1), in the camera's space: x to the right, y up, z away from it."""
     m = points.around.to_camera
     return _columns((_stacked(points, x, y, z) @ m[:, :3].T + point * m[:, 3]) * (1.0, 1.0, -1.0))
 
@@ -196,7 +196,7 @@ def _bump(points: Points, here: Register, first: Register, second: Register, x: 
 
 
 def unit(a: NDArray[np.float64], otherwise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (n,3) with length 1, and others where they have none."""
+    """Return vectors (n,3) with length 1; `otherwise` for those without a direction."""
     length = np.linalg.norm(a, axis=1, keepdims=True)
     usable = (length > 0) & np.isfinite(length)
     return np.where(usable, a / np.where(usable, length, 1.0), otherwise)
@@ -234,7 +234,7 @@ def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Re
 
 
 def _covered(points: Points, *values: Register) -> Sequence[Register]:
-    """What of light from below gets through a coat (6 values) and fibres (5)."""
+    """Return the share of light from below that gets through a coat (6 values) and fibres (5)."""
     return _columns(covered(values[:6], values[6:], points.Ns, points.incoming))
 
 
@@ -302,7 +302,8 @@ def _table(x: Register, table: NDArray[np.float64], interpolates: bool, extrapol
 
 def _images(textures: Sequence[Texture | None], points: Points, alpha: bool, number: Register, x: Register,
             y: Register) -> Sequence[Register]:
-    """Colour and alpha of images at (x, y), if alpha is wanted; number: the same for all points, or one for each."""
+    """Return colour of images at (x, y), and alpha if it is wanted. number: one image for all points, or one for each.
+    """
     if np.ndim(number) == 0:
         return _image(textures[int(number)], x, y, len(points.P), alpha)
     out = np.empty((len(points.P), 4))
@@ -315,7 +316,7 @@ def _images(textures: Sequence[Texture | None], points: Points, alpha: bool, num
 
 
 def _image(texture: Texture | None, x: Register, y: Register, n: int, alpha: bool) -> Sequence[Register]:
-    """Colour and alpha of an image at (x, y); one that cannot be read is light grey."""
+    """Return colour and alpha of an image at (x, y); an image that cannot be read is light grey."""
     if texture is None:
         return 0.8, 0.8, 0.8, 1.0
     place = np.empty((n, 2), np.float32)

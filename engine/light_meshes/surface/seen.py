@@ -1,7 +1,7 @@
-"""Lamps with a size, seen: in mirrors, through glass, and by the camera, where the artist lets them be.
+"""Lamps with a size that rays see: in mirrors, through glass, and from the camera, if the artist allows it.
 
-A lamp is drawn as what lights surfaces: a sphere or a disc that is turned to the eye (POINT, SPOT), a disc of the sky
-(SUN), a rectangle or an ellipse (AREA), with the radiance that its light has. As in Cycles a lamp hides nothing.
+A lamp is drawn with the shape that lights surfaces: a sphere or a disc that is turned to the eye (POINT, SPOT), a disc
+of the sky (SUN), a rectangle or an ellipse (AREA), with the radiance of its light. As in Cycles a lamp hides nothing.
 """
 
 from __future__ import annotations

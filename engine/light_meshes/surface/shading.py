@@ -125,7 +125,8 @@ class Materials(NamedTuple):
         return found
 
     def behind(self) -> Materials:
-        """Return what surfaces are for the light that comes through them, scattered: matt on their other side."""
+        """Return the surfaces as light sees them that comes through them, scattered: matt surfaces on their other side.
+        """
         none, black = np.zeros_like(self.kd), np.zeros_like(self.Od)
         return self._replace(Od=self.translucent, ka=np.ones_like(none), kd=np.ones_like(none), ks=none, emission=black,
                              image=np.full_like(self.image, -1), also=np.full_like(self.also, -1),
@@ -137,17 +138,16 @@ class Materials(NamedTuple):
         return self.kd, self.ks, self.Os, self.nShiny, *self.facets()
 
     def gloss(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """ks (M,) and Os (M,3), by which highlights are multiplied that `gather` returns of ks = Os = 1.
-
-        Those of GGX have their colour in them.
+        """Return ks (M,) and Os (M,3), the factors of the highlights that `gather` returns for ks = Os = 1. Highlights
+        of GGX contain their colour already.
         """
         return np.where(self.ggx, 1.0, self.ks), np.where(self.ggx[:, None], 1.0, self.Os)
 
 
 @cache
 def _facet_tables() -> NDArray[np.float64]:
-    """Return what microfacets reflect in all, by roughness and angle (ggx.h): the same for all scenes, made when
-    needed.
+    """Return how much microfacets reflect in all, by roughness and angle (ggx.h). All scenes share these tables; they
+    are made when they are first needed.
     """
     tables = np.empty(TABLES)
     if _tables(tables):
@@ -263,9 +263,8 @@ def gather(lit: Lit, S: NDArray[np.float32], colour: NDArray[np.float64], matt: 
 
 
 def alphas(m: Materials, row: NDArray[np.int32]) -> NDArray[np.float64]:
-    """The square of the roughness (n,) of highlights of facets, that of a coat if it is smoother; 0: there are none.
-
-    row (n,): of the materials.
+    """Return the square of the roughness (n,) of GGX highlights, that of a coat if it is smoother; 0 without such
+    highlights. row (n,): the rows of the materials.
     """
     coated = (m.coat > 0) & (m.coat_roughness >= 0)
     rough = np.where(coated, np.minimum(m.roughness, m.coat_roughness), m.roughness)
@@ -273,7 +272,8 @@ def alphas(m: Materials, row: NDArray[np.int32]) -> NDArray[np.float64]:
 
 
 def each(lit: Lit, active: NDArray[np.uint64]) -> NDArray[np.float32]:
-    """How much of each active light (n,W) surfaces return if nothing is in its way: (n,L), the largest of RGB."""
+    """Return how much of each active light (n,W) surfaces return if nothing is in its way: (n,L), the largest of RGB.
+    """
     out = np.empty((len(lit.hits.P), len(lit.lights.type)), np.float32)
     _each(*lit.taken, active, out)
     return out
@@ -312,7 +312,9 @@ def unlit(materials: Materials, material: NDArray[np.int32], Ia: NDArray[np.floa
 
 
 def dim(materials: Materials, hits: Hits, direction: NDArray[np.float64], Od: NDArray[np.float64]) -> None:
-    """Take from Od (n,3) of hits of rays along `direction` what a dielectric above reflects before it gets there."""
+    """Multiply Od (n,3) of hits of rays along `direction` by the share of light that a dielectric above does not
+    reflect.
+    """
     ggx, tables = materials.facets()
     if ggx is not None and (
             materials.layered.any() or materials.coat.any() or materials.sheen.any()):
@@ -320,7 +322,9 @@ def dim(materials: Materials, hits: Hits, direction: NDArray[np.float64], Od: ND
 
 
 def mirroring(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The normals (n,3) by which lobes mirror: nodes do not bend them so far that rays along `direction` go inside."""
+    """Return the normals (n,3) at which lobes mirror: the normals of nodes, bent back where a ray along `direction`
+    would be mirrored into the surface.
+    """
     if hits.unbent is None:
         return hits.Ns
     out = np.empty_like(hits.Ns)
@@ -330,9 +334,9 @@ def mirroring(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]
 
 def covered(coat: tuple[Any, ...], sheen: tuple[Any, ...], Ns: NDArray[np.float64],
             incoming: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What of light from below gets through a coat and fibres (n,3), to eyes along `incoming` (n,3).
+    """Return the share (n,3) of light from below that gets through a coat and fibres, to eyes along `incoming` (n,3).
 
-    coat: weight, roughness, ior and the tint's channels; sheen: weight, roughness and the tint's channels; each a
+    coat: weight, roughness, ior and the tint's channels. sheen: weight, roughness and the tint's channels. Each is a
     number or (n,).
     """
     n = len(Ns)

@@ -85,7 +85,7 @@ class Sky:
         return tuple(light for light, _ in self.found)
 
     def decisions(self) -> list[tuple[str, str, str]]:
-        """For the plan: what was decided about the world, and why."""
+        """Return the decisions about the world, with their reasons, for the plan."""
         if not self.varies:
             return []
         table = self._table
@@ -121,14 +121,15 @@ class Sky:
 
 
 def _turned(camera: Camera) -> Any:
-    """Return what programs ask about a camera, which looks at directions only: where it is does not count."""
+    """Return the camera's data that programs may ask about. Only directions are looked at, so its place does not count.
+    """
     to_camera = np.linalg.inv(camera.matrix)[:3]
     to_camera[:, 3] = 0
     return SimpleNamespace(camera=camera, to_camera=to_camera)
 
 
 def _key(scene: Scene, textures: Sequence[Texture | None], camera: Camera) -> tuple[Any, ...]:
-    """Return all on which the table depends."""
+    """Return everything on which the table depends."""
     s = scene.settings
     seen = (camera.matrix.tobytes(), camera.window, camera.perspective) if scene.world.sees_camera() else None
     images = [(t := textures[i]) and t.key for i in sorted(scene.world.images())]

@@ -102,7 +102,9 @@ def _means(radiance: Radiance, texels: NDArray[np.int64], size: int, samples: in
 
 
 def _steepness(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """By how much each texel differs from those beside it, the largest channel; beyond edges nothing is compared."""
+    """Return how much each texel differs from those beside it, in the largest channel. Nothing is compared across the
+    edges of the square.
+    """
     steep = np.zeros(table.shape[:2])
     for axis in (0, 1):
         change = np.abs(np.diff(table, axis=axis)).max(2)

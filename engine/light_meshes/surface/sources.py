@@ -1,8 +1,8 @@
 """Points of lamps, as programs of lamps ask about them: one for each receiver that a lamp lights.
 
-What Cycles gives to a lamp's nodes: its point, the way from there to the receiver as normal and as Incoming, a place on
-its face or in its cone as UV and Parametric, and how far the receiver is. A lamp is asked at its centre; of a face
-`faces` says where.
+A lamp's nodes get the same inputs as in Cycles: its point, the way from there to the receiver as normal and as
+Incoming, a place on its face or in its cone as UV and Parametric, and the distance of the receiver. The point is the
+lamp's centre; on a face, `faces` chooses it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CELLS = 5  # along each side of what is seen of a lamp
 
 
 class Cells:
-    """Cells of a square with sides of 1, as large along each side as Gauss's rule has it."""
+    """Cells of a square with sides of 1. Along each side their widths are the weights of Gauss's rule."""
 
     def __init__(self, count: int) -> None:
         at, wide = np.polynomial.legendre.leggauss(count)
@@ -48,7 +48,7 @@ DISC = _disc()
 
 
 class Spaces:
-    """What is the same for all points of a lamp: its own space; and what programs may ask beside that."""
+    """The data that is the same for all points of a lamp: its own space, and what else programs may ask for."""
 
     def __init__(self, lights: Sequence[Light], camera: Camera, profiles: Sequence[Lookup]) -> None:
         matrix = np.array([light.matrix or np.eye(4)[:3] for light in lights], np.float64).reshape(-1, 3, 4)
@@ -102,7 +102,7 @@ class Sources:
         return self.uv
 
     def shifted(self, direction: int, width: float) -> Sources:
-        """Nothing: programs of lamps ask for no points beside."""
+        """Return these points: programs of lamps never ask for points beside them."""
         return self
 
 
@@ -134,7 +134,8 @@ def met(spaces: Spaces, instance: NDArray[np.int64], origin: NDArray[np.float64]
 
 
 def balls(spaces: Spaces, instance: NDArray[np.int64], P: NDArray[np.float64]) -> Sources:
-    """Points of lamps that are spheres, CELLS² of each of `instance` (n,), over what a receiver at P (n,3) sees of it.
+    """Return points on spherical lamps: CELLS² for each of `instance` (n,), over the part that a receiver at P (n,3)
+    sees.
     """
     way = P - spaces.centre[instance]
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)

@@ -1,8 +1,8 @@
-"""What is small and bright in a world: suns, lamps of a studio. Each becomes a lamp, and is taken out of the table.
+"""Small and bright places of a world: suns, lamps of a studio. Each becomes a lamp, and is removed from the table.
 
-A table of the sky gives soft light; the shadow of a sun is as sharp as the sun is small. So what gives a good share of
-all light from a small part of the sky becomes a lamp of type SUN, with the direction, the angle and the colour that it
-has there. What the lamp gives is what the table loses.
+A table of the sky gives soft light, but the shadow of a sun is as sharp as the sun is small. So a small part of the sky
+that gives a good share of all light becomes a lamp of type SUN, with its direction, angle and colour. The table loses
+exactly the light that this lamp gives.
 """
 
 from __future__ import annotations
@@ -36,8 +36,7 @@ class _Spot(NamedTuple):
 
 
 def suns(finest: NDArray[np.float64], radiance: Radiance) -> list[tuple[Light, float]]:
-    """Return the lamps for what is small and bright, each with its share of all light; `finest` loses their light.
-
+    """Return a lamp for each small and bright place, with its share of all light; their light is removed from `finest`.
     finest (size²,3): the table of `sky_table.tabulated`, of `radiance`.
     """
     size = round(len(finest) ** 0.5)

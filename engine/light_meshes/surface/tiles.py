@@ -1,4 +1,5 @@
-"""Images that do not fit into memory together: their tiles, out of OpenImageIO's cache, which has a limit."""
+"""Tiles of images that do not fit into memory together. OpenImageIO's cache, which has a limit, reads and keeps them.
+"""
 
 from __future__ import annotations
 
@@ -42,15 +43,15 @@ class Tiles:
 
     def __init__(self, cache: Cache, path: str, size: tuple[int, int], channels: int, kind: Any,
                  change: Callable[[NDArray], NDArray]) -> None:
-        """size: width and height; channels: how many are wanted; kind: the type of numbers, of numpy; change(texels
-        (h,w,c)): what is done to those of the file.
+        """size: width and height in pixels. channels: how many are wanted. kind: numpy's type of the numbers.
+        change(texels (h,w,c)): the function that converts the file's texels.
         """
         self.cache, self._path, self._size, self._channels, self._change = cache, path, size, channels, change
         self._kind, self._stored = np.dtype(kind), {np.uint8: oiio.UINT8, np.uint16: oiio.UINT16}.get(kind, oiio.FLOAT)
         self._tile(0, 0)  # what cannot be read is said now
 
     def texels(self, index: NDArray[np.int64]) -> NDArray:
-        """Return the texels (n,1,channels) at index (n,), row · width + column; of those below 0 nothing."""
+        """Return the texels (n,1,channels) at index (n,), row · width + column; 0 where the index is below 0."""
         width, _ = self._size
         out = np.zeros((len(index), 1, self._channels), self._kind)
         y, x = np.divmod(index, width)

@@ -45,4 +45,4 @@ static inline i64 slot_of(i64 size, const i64 *keys, i64 key) {
 }
 
 /* Enters all keys of a table, with their values, into a larger one that is empty. */
-i64 certificate_grown(i64 n, i64 m, const i64 *keys, const i32 *values, i64 *more, i32 *moved);
+EXPORT i64 certificate_grown(i64 n, i64 m, const i64 *keys, const i32 *values, i64 *more, i32 *moved);
