@@ -56,14 +56,16 @@ FEET = {"sphere": Light("lamp", "POINT", ONE, position=(-2.0, 0.3, 2.5), radius=
                            area_u=(0.0, 0.3, 0.0), area_v=(0.16, 0.0, 0.12))}
 
 
+@pytest.mark.parametrize(("kI", "most", "share"), [(2.0, 0.04, 0.01), (3.0, 0.03, 0.004)])
 @pytest.mark.parametrize("lamp", FEET)
-def test_a_boxs_foot(lamp):
+def test_a_boxs_foot(lamp, kI, most, share):
     """From the corner where a box stands on the floor, its shadow's edge begins with no width: 10, 50 and 90 % lie
-    within two pixels of the truth, along eight columns. In the umbra S is 0, but near its border up to .04."""
+    within two pixels of the truth, along eight columns. In the umbra S is 0, near its border up to .03, at kI 2 .04.
+    """
     shapes = [Shape(rectangle((-4, -4), (4, 4), 0.0), WHITE, "floor"),
               Shape(box((-0.4, -0.4, 0), (0, 0.4, 0.8)), WHITE, "box")]
     scene = Scene.from_shapes(shapes, look_down(0.2, 0.45, 0.6, 100, height=3.0), [FEET[lamp]],
-                              settings(h=0.0125, kI=2.0, shadows="LIGHT_MESHES"))
+                              settings(h=0.0125, kI=kI, shadows="LIGHT_MESHES"))
     seen = Seen(scene)
     S, truth = square(seen, seen.by("LIGHT_MESHES")[:, 0], seen.by("AREA_SAMPLING", 400)[:, 0])
     compared = 0
@@ -75,7 +77,7 @@ def test_a_boxs_foot(lamp):
                 compared += 1
     assert compared >= 20
     umbra = S[truth == 0]
-    assert len(umbra) > 500 and umbra.max() <= 0.04 and np.mean(umbra > 1 / 64) <= 0.01
+    assert len(umbra) > 500 and umbra.max() <= most and np.mean(umbra > 1 / 64) <= share
 
 
 def test_no_seams_where_shadows_are_wide():

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..film.passes import TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
+from ..shadows import blocks
 from ..support.rows import taken, where
 from ..surface import points, shading
 from ..surface.layers import further, lit
@@ -38,14 +39,20 @@ _AT_FIRST: dict[str, Callable[[Prepared, Hits], NDArray]] = {
 
 def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, NDArray]:
     """Return all passes of the tile `box` (x0, y0, x1, y1), each (height, width, channels)."""
-    scene = ready.scene
+    scene, asked, samples = ready.scene, box, len(ready.offsets)
+    if ready.plan.blocks:
+        box = blocks.whole(box, scene.camera.width, scene.camera.height, samples)
     with ready.stats.stage("camera rays"):
         origin, direction, far = camera_rays(scene.camera, box, ready.offsets)
+        n = len(origin)
+        pixel = np.arange(n)
+        if ready.plan.blocks:
+            pixel = blocks.ordered(box, samples)
+            origin, direction, far = (taken(a, pixel) for a in (origin, direction, far))
     reach: NDArray | None = far
     first: Box | None = box
-    n = len(origin)
     tile = Tile(ready.passes, n)
-    rays = Rays(np.arange(n), np.ones((n, 3)), origin, direction, np.zeros(n, np.int16))
+    rays = Rays(pixel, np.ones((n, 3)), origin, direction, np.zeros(n, np.int16))
     if ready.plan.transparent:
         rays = rays._replace(clear=np.ones(n, np.bool_), media=ready.glass.around(origin),
                              mirrored=np.zeros(n, np.int16))
@@ -53,7 +60,7 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
         rays = rays._replace(start=origin, last=np.full(n, -1, np.int32))
     spreads = ready.plan.blurred or ready.plan.frosted
     if spreads:
-        rays = rays._replace(fan=(-1 - np.arange(n) % len(ready.offsets)).astype(np.int32), blur=np.zeros(n))
+        rays = rays._replace(fan=(-1 - pixel % samples).astype(np.int32), blur=np.zeros(n))
     if tile.parts:
         rays = rays._replace(part=np.zeros(n, np.int8))  # DIRECT
     if tile.layers:
@@ -76,7 +83,8 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
                     ready.stats.add(secondary_rays=len(child.pixel))
             reach = first = None
         waves = {kind: joined(children) for kind, children in next_waves.items()}
-    return {name: tile.developed(name, box, len(ready.offsets)) for name in ready.passes}
+    part = np.s_[asked[1] - box[1]:asked[3] - box[1], asked[0] - box[0]:asked[2] - box[0]]
+    return {name: tile.developed(name, box, samples)[part] for name in ready.passes}
 
 
 def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: Box | None,
@@ -101,6 +109,9 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         rays, hits = patched(ready, rays, hits, origin[hit], tile, check)
     if plan.shares and first:
         hits = hits._replace(sample=_samples(ready, rays.pixel, first))
+        if plan.blocks:
+            samples = len(ready.offsets)
+            hits = hits._replace(block=blocks.numbers(rays.pixel // samples, first, samples))
     children: list[tuple[str, Rays]] = []
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)

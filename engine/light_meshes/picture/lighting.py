@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..film.passes import shadow_number
 from ..gathered.records import Gathered, Records
 from ..rays.geometry import Hits
-from ..shadows import grouped, pairs
+from ..shadows import blocks, grouped, pairs
 from ..shadows.method import Check, Lobes, Method, Receivers
 from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
@@ -207,10 +207,12 @@ class Lighting:
         method = visibility or self._method
         together = self._clusters if method.threshold and lights is None and not (unlit or whole) else None
         count, n = len(self._world.scene.lights), len(surfaces.hits.P)
-        step = even(n, max(64, SHADED // max(1, count)))
-        for i in range(0, n if count else 0, step):
+        most = max(64, SHADED // max(1, count))
+        block = surfaces.hits.block
+        step = even(n, most)
+        parts = [slice(i, min(i + step, n)) for i in range(0, n, step)] if block is None else blocks.slices(block, most)
+        for part in parts if count else ():
             check()
-            part = slice(i, min(i + step, n))
             lit = surfaces.at(part)
             some = lit.hits
             active = np.empty((len(some.P), (count + 63) // 64), np.uint64)
@@ -240,7 +242,7 @@ class Lighting:
             rows = None if narrow is None else narrow[part]
             weight, shown = self._weights(lit, active, method.weighs, asked)
             S = method(Receivers(some.P, some.Ng, active, some.triangle, lift, rows, some.apart, weight, shown,
-                                 some.sample, None if asked is None else asked.several), check, probe)
+                                 some.sample, some.block, None if asked is None else asked.several), check, probe)
             if visibility is None and method.highlights is not None and lit.materials.ggx.any():
                 lobes = Lobes(some.Ns, lit.direction, shading.alphas(lit.materials, some.row))
                 receivers = Receivers(some.P, some.Ng, active, some.triangle, lift, sample=some.sample)

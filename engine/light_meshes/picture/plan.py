@@ -17,6 +17,7 @@ from ..film.passes import DEBUG
 from ..glass.interfaces import Interfaces
 from ..scene.description import Light, Material, Scene
 from ..shadows import ray_counts
+from ..shadows.blocks import edge
 from ..shadows.casters import Casters, smooth_lights, union
 from ..shadows.method import Kind
 from ..shadows.radius import extent
@@ -48,6 +49,7 @@ class Plan:
     certificate: bool = False  # no short rays are traced where nothing else is near
     threshold: bool = False  # one lamp of a group stands for the shadows of all
     shares: bool = False  # nodes hold shares of lamps with a size
+    blocks: bool = False  # of many such lamps the blocks of the picture find out where they are seen in part
     certifies_lamps: bool = False  # the same for lamps with a size, which it spares more rays
     channels: int = 0  # of a node's value for a light: 0 a bit, 1 a number, 3 RGB
     textures: bool = False
@@ -223,14 +225,21 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
                  f"{names(small)}: one ray says all, the edges in view are {max(pinpoints.values()):.2g} pixels wide")
     if lamps:
         kI = scene.settings.kI
-        rays, least = ray_counts.most(kI, len(lamps)), int(ray_counts.shared(kI).counts[0])
+        rays, many = ray_counts.most(kI, len(lamps)), ray_counts.many(len(lamps))
+        p.shares = True
+        p.blocks = many and not p.paths and scene.settings.shadow_rate <= 1
         how, why = "shares at nodes", (
             f"{LEVELS} lattices, of h = {h:.3g} to {h * 2**(LEVELS - 1):.3g}, by the penumbra's width; "
-            + (f"{least} to {rays.most} rays, by what the lamp gives, where it is narrower than r"
-               if ray_counts.many(len(lamps)) else
+            + (f"{int(ray_counts.shared(kI).counts[0])} to {rays.most} rays, by what the lamp gives, where it is "
+               "narrower than r" if many else
                f"{rays.first} rays where it is narrower than r, up to {rays.most} where something is near")
             + (", or where light comes through surfaces" if p.channels else ""))
-        p.shares = True
+        if p.blocks:
+            few, last = (int(ray_counts.in_blocks(kI).counts[k]) for k in (0, -1))
+            wide = 2 * edge(scene.settings.samples)
+            how, why = "blocks of the picture, and rays", (
+                f"{wide}² pixels find out together what they see of each lamp; {few} to {last} rays, by what the lamp "
+                f"gives, where they do not agree; in mirrors and behind glass {how}")
         if p.paths:
             why += "; light that glass bends comes from the lamp's centre"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..film.images import Framebuffer, crop_of
 from ..gathered.patches import SharedRecordsError
 from ..scene.description import Camera, Scene
+from ..shadows import blocks
 from ..shadows.grouped import PARTS
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
@@ -53,11 +54,11 @@ class Result:
         return self.frame.passes
 
 
-def _tiles(crop: tuple[int, int, int, int], size: int) -> list[tuple[int, int, int, int]]:
-    """Return tiles of at most size × size pixels, top rows first."""
+def _tiles(crop: tuple[int, int, int, int], size: int, step: int = 1) -> list[tuple[int, int, int, int]]:
+    """Return tiles of at most size × size pixels, top rows first, that begin at multiples of `step` inside the crop."""
     x0, y0, x1, y1 = crop
-    rows = range(y0, y1, size)
-    return [(x, y, min(x + size, x1), min(y + size, y1)) for y in reversed(rows) for x in range(x0, x1, size)]
+    rows, columns = range(y0 - y0 % step, y1, size), range(x0 - x0 % step, x1, size)
+    return [(max(x, x0), max(y, y0), min(x + size, x1), min(y + size, y1)) for y in reversed(rows) for x in columns]
 
 
 def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> int:
@@ -121,7 +122,8 @@ def draw(
     if tile_size is None:
         batch = BATCH * (LARGER if ready.sparse else 1) // (SPREAD if ready.plan.spreads else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
-    tiles = _tiles(crop, tile_size)
+    step = 2 * blocks.edge(ready.scene.settings.samples) if ready.plan.blocks else 1  # no block is drawn twice
+    tiles = _tiles(crop, max(step, tile_size - tile_size % step), step)
     lock, done, saying = threading.Lock(), 0, Saying(ready, len(tiles), progress)
 
     def work(box: tuple[int, int, int, int]) -> None:

@@ -67,6 +67,7 @@ class Hits(NamedTuple):
     apart: Any = None  # (n,) about how far the next hit is, scene units; inf: a rough surface sees it, by a few rays
     weight: Any = None  # (n,) what of the light that the hit returns counts in the picture
     sample: Any = None  # (n,2) of what the camera sees first: its pixel's number, and which sample of it
+    block: Any = None  # (n,) of such hits: the block of the picture, ascending (see `shadows.blocks`)
 
     @property
     def unbent(self) -> Any:

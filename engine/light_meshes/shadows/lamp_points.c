@@ -29,14 +29,31 @@ static const f64 sixteenth[16] = {1.0,  R8,  R4,  R16,  0.0, -R16, -R4, -R8, -1.
 
 static f64 part(f64 x) { return x - floor(x); }
 
+/* Cosine and sine of x turns, to 1e-7, for x in [0,2): series for at most an eighth of a turn, by quarters. */
+static void turned_by(f64 x, f64 *cosine, f64 *sine) {
+    f64 quarter = floor(4.0 * x + 0.5), a = (x - 0.25 * quarter) * 2.0 * PI, s = a * a;
+    f64 c0 = 1.0 - s * (0.5 - s * (1.0 / 24 - s * (1.0 / 720 - s / 40320)));
+    f64 s0 = a * (1.0 - s * (1.0 / 6 - s * (1.0 / 120 - s * (1.0 / 5040 - s / 362880))));
+    i64 which = (i64)quarter & 3;
+    f64 c = which & 1 ? s0 : c0, other = which & 1 ? c0 : s0;
+    *cosine = which == 1 || which == 2 ? -c : c, *sine = which >= 2 ? -other : other;
+}
+
+/* Which point of a pattern is the j-th of one of `sharers` that have the pattern in common: each round of points has one
+   for each of them, and who has which of these changes from round to round, so that also the points of one spread. */
+static i64 in_pattern(i64 j, i64 share, i64 sharers) {
+    int even = (sharers & (sharers - 1)) == 0;
+    return sharers * j + (even ? share ^ (j & (sharers - 1)) : (share + j) % sharers);
+}
+
 /* Points first..first+count of the lamp of each pair, as origin[row] has them: its pattern is turned (on the torus) by
-   turn[row], and for each lamp in another way, by `own`. skip: how many points come before the first, by origin. shape: FREE a sphere or a sun, of which the origin sees a disc
-   of radius `size`; else half-axes u, v. */
+   turn[row], and for each lamp in another way, by `own`. share (by origin), sharers: see `in_pattern`. shape: FREE a sphere
+   or a sun, of which the origin sees a disc of radius `size`; else half-axes u, v. */
 KERNEL(lamp_points,
-       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  skip i64[m]?  row i32[k]  light i32[k]  position f64[L,3]  "
+       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  share i64[m]?  sharers i64  row i32[k]  light i32[k]  position f64[L,3]  "
        "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!")
-i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i64 *skip,
-                const i32 *row, const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
+i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i64 *share,
+                i64 sharers, const i32 *row, const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
                 const f64 *u, const f64 *v, const u64 *own, f64 *out) {
     (void)m, (void)L;
     if (p != k * count) return 1;
@@ -62,13 +79,13 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
         key = mixed(key + own[i]);
         f64 shift = mine[0] + random_of(own[i]), turned = 0.0, cosine = 1.0, sine = 0.0;
         i64 set = -1;
-        i64 begin = first + (skip ? skip[row[at]] : 0);
-        for (i64 n = begin; n < begin + count; n++) {
-            f64 *point = out + 3 * (at * count + n - begin);
+        for (i64 q = 0; q < count; q++) {
+            i64 n = share ? in_pattern(first + q, share[row[at]], sharers) : first + q;
+            f64 *point = out + 3 * (at * count + q);
             i64 j = stratum(n & 15) ^ (i64)(mixed(key + (u64)(n >> 4)) & 15);
             if (n >> 4 != set) {  /* the next 16 */
                 set = n >> 4, turned = shift + 0.5698402909980532 * (f64)set;
-                if (shape[i] != RECTANGLE) cosine = cos(2 * PI * turned), sine = sin(2 * PI * turned);
+                if (shape[i] != RECTANGLE) turned_by(part(turned), &cosine, &sine);
             }
             f64 a = ((f64)j + random_of(key ^ (u64)(256 + n - (n & 15) + j))) / 16.0, x, y;
             i64 k = reversed(j);
@@ -84,15 +101,15 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
     return 0;
 }
 
-/* Adds up what `count` points of the lamp of each pair give a matt surface at P[row], and what of it gets through to
-   there: `visible` of each point. Up to a constant of the pair; facing: the normals of lamps that have a face. */
+/* Adds up, at `to`, what `count` points of the lamp of each pair give a matt surface at P[row], and what of it gets
+   through to there: `visible` of each point. Up to a constant of the pair; facing: the normals of lamps that have a face. */
 KERNEL(lamp_sums,
        "count i64  P f64[n,3]  N f64[n,3]  row i32[k]  light i32[k]  directional bool[L]  shape u8[L]  facing f64[L,3]  "
-       "point f64[p,3]  visible f32[p,C]  clear f64[k,C]!  whole f64[k]!")
-i64 lamp_sums(i64 n, i64 k, i64 L, i64 p, i64 C, i64 count, const f64 *P, const f64 *N, const i32 *row,
+       "point f64[p,3]  visible f32[p,C]  to i32[k]  clear f64[t,C]!  whole f64[t]!")
+i64 lamp_sums(i64 n, i64 k, i64 L, i64 p, i64 C, i64 t, i64 count, const f64 *P, const f64 *N, const i32 *row,
               const i32 *light, const u8 *directional, const u8 *shape, const f64 *facing, const f64 *point,
-              const f32 *visible, f64 *clear, f64 *whole) {
-    (void)n, (void)L;
+              const f32 *visible, const i32 *to, f64 *clear, f64 *whole) {
+    (void)n, (void)L, (void)t;
     if (p != k * count) return 1;
     for (i64 at = 0; at < k; at++) {
         i64 i = light[at];
@@ -103,8 +120,8 @@ i64 lamp_sums(i64 n, i64 k, i64 L, i64 p, i64 C, i64 count, const f64 *P, const 
             f64 square = dot(way, way), length = sqrt(square), weight = dot(way, normal) / length;
             if (!(weight > 0.0)) continue;
             if (shape[i] != FREE) weight *= fabs(dot(way, facing + 3 * i)) / (square * length);
-            for (i64 c = 0; c < C; c++) clear[C * at + c] += weight * visible[C * q + c];
-            whole[at] += weight;
+            for (i64 c = 0; c < C; c++) clear[C * to[at] + c] += weight * visible[C * q + c];
+            whole[to[at]] += weight;
         }
     }
     return 0;

@@ -79,14 +79,14 @@ def reaches(shapes: Shapes) -> NDArray[np.float64]:
 
 def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: NDArray[np.float64],
            row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
-           skip: NDArray[np.int64] | None = None) -> Targets:
+           share: NDArray[np.int64] | None = None, sharers: int = 1) -> Targets:
     """Return the points first..first+count of light[k] for origin[row[k]], (k·count,3), pair after pair.
 
-    origin (m,3): the places from which rays go, world. turn (m,2): how the pattern of each place is turned. skip (m,):
-    how many points of the pattern come before the first one, because other places use them.
+    origin (m,3): the places from which rays go, world. turn (m,2): how the pattern of each place is turned. share (m,):
+    which place it is, from 0 on, of the `sharers` that have a pattern in common; None: each has its own.
     """
     out = np.empty((len(row) * count, 3))
-    _points(first, count, origin, turn, skip, row, light, *targets, *shapes, out)
+    _points(first, count, origin, turn, share, sharers, row, light, *targets, *shapes, out)
     return Targets(out, np.repeat(targets.directional[light], count))
 
 

@@ -58,6 +58,7 @@ class Receivers(NamedTuple):
     # elsewhere. None: 0 everywhere
     shown: NDArray[np.float64] | None = None
     sample: NDArray[np.int64] | None = None  # (n,2) see `Hits`
+    block: NDArray[np.int64] | None = None  # (n,) see `Hits`
     several: NDArray[np.uint64] | None = None  # (n,W) bits of lights that stand for others, too (see `grouped`)
     facet: Facet | None = None  # of receivers that are lifted above the mesh; None: they are on it, or it is not known
 
@@ -70,7 +71,8 @@ class Receivers(NamedTuple):
         """Return only these receivers (rows ascending); nothing is copied if they are all. Lift and all
         that follows are left out."""
         if len(rows) == len(self.P):
-            return self._replace(lift=None, narrow=None, apart=None, weight=None, shown=None, several=None, sample=None)
+            return self._replace(lift=None, narrow=None, apart=None, weight=None, shown=None, several=None, sample=None,
+                                 block=None)
         P, N, active, triangle = (None if a is None else taken(a, rows) for a in self[:4])
         assert P is not None and active is not None
         facet = None if self.facet is None else Facet._make(taken(a, rows) for a in self.facet)

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..support.native import kernel
+from .blocks import BALANCED as QUICK
+from .blocks import BEST as CAREFUL
 
 _counts = kernel("lamp_ray_counts")
 # Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
@@ -44,6 +46,8 @@ class Shared(NamedTuple):
 
 # As near as 4 and as 16 rays to each lamp
 BALANCED, BEST = Shared(7.5, (2.0, 4.0, 8.0), 16), Shared(43.0, (4.0, 8.0, 16.0), 16)
+# The same where blocks of the picture find out which pairs are worth more than a ray
+BALANCED_BLOCKS, BEST_BLOCKS = Shared(7.5, (2.0, 4.0, 8.0), 8), Shared(38.0, (4.0, 8.0, 16.0, 32.0), 32)
 SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many times the rays of each are as near
 
 
@@ -55,6 +59,11 @@ def many(lamps: int) -> bool:
 def shared(kI: float) -> Shared:
     """Return how rays are shared out: from kI = FINE on, each lamp gets more."""
     return BEST if kI >= FINE else BALANCED
+
+
+def in_blocks(kI: float) -> Shared:
+    """How they are shared out where blocks of the picture do not agree."""
+    return BEST_BLOCKS if kI >= FINE else BALANCED_BLOCKS
 
 
 def most(kI: float, lamps: int) -> Rays:
@@ -69,7 +78,10 @@ class RayCounts:
     def __init__(self, kI: float, lamps: int, samples: int) -> None:
         """lamps: the number of lamps with a size. samples: the samples of a pixel."""
         self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
-        self._mean = self._of.mean * (FEWER if samples >= SEVERAL else 1.0)
+        self._fewer = FEWER if samples >= SEVERAL else 1.0
+        self._mean = self._of.mean * self._fewer
+        self._in_blocks, self.stages = in_blocks(kI), QUICK if kI < FINE else CAREFUL
+        self.steps = tuple(int(n) for n in self._in_blocks.counts)
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,
                  shown: NDArray[np.float64] | None) -> NDArray[np.uint8]:
@@ -93,6 +105,12 @@ class RayCounts:
             _counts(active[some], e[some], shown[some], self._mean if self.shared else float(first),
                     np.array([n for n in BLURRED if n <= first]), found)
             out[some] = found
+        return out
+
+    def in_blocks(self, active: NDArray[np.uint64], e: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """How many rays (n,L) go at last where blocks do not agree, of lamps that are shared out."""
+        out, of = np.empty(e.shape, np.uint8), self._in_blocks
+        _counts(active, e, np.zeros(len(e)), of.mean * self._fewer, np.array(of.counts), out)
         return out
 
     def kind(self, count: int) -> Rays:

@@ -288,6 +288,15 @@ static void across(const f64 *n, f64 *e, f64 *f) {
 }
 
 #define RIDGE 0.02  /* of the variance along the plane that is added, in r² */
+#define CORE 2.0    /* steps: nodes that slide to less than these from a receiver speak alone where it sees nearly all or nothing, */
+#define BENDS 0.12  /* from so much on, and half as much: a penumbra is no plane near its borders */
+
+/* What the nodes next to a receiver say of it, `core`, the more, the nearer the plane's value is to none or all of the lamp. */
+static f64 bent(f64 value, f64 core) {
+    f64 rest = value < 1.0 - value ? value : 1.0 - value, x = (BENDS - rest) / (0.5 * BENDS);
+    x = x < 0.0 ? 0.0 : x > 1.0 ? 1.0 : x;
+    return value + x * x * (3.0 - 2.0 * x) * (core - value);
+}
 
 /* S of pairs of receiver P[row] and light: the mean of its group's candidates' shares, each slid along the light's way
    onto the receiver's plane and weighed by how far it lies there from P. shares (u,2L): of each light how many of
@@ -308,7 +317,7 @@ i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f6
         i64 p = row[at], i = light[at];
         const f64 *o = P + 3 * p, *normal = N + 3 * p, *lamp = light_position + 3 * i, *axis = facing + 3 * i;
         const i64 *range = start + s * (i64)group[p];
-        f64 total = 0.0, seen = 0.0, least = 1e30, e[3], f[3], m[2] = {0}, mm[3] = {0}, sm[2] = {0};
+        f64 total = 0.0, seen = 0.0, inner = 0.0, core = 0.0, least = 1e30, e[3], f[3], m[2] = {0}, mm[3] = {0}, sm[2] = {0};
         across(normal, e, f);
         for (i64 q = range[0]; q < range[s - 1]; q++) {
             i64 node = candidate[q];
@@ -325,6 +334,8 @@ i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f6
             f64 weight = (1.0 - off) * (1.0 - near), share = weight * shares[node * l + 2 * i];
             f64 a0 = dot(d, e), b0 = dot(d, f);
             total += weight, seen += share;
+            f64 close = 1.0 - off * square(r / (CORE * h));
+            if (close > 0.0) close *= close * (1.0 - near), inner += close, core += close * shares[node * l + 2 * i];
             m[0] += weight * a0, m[1] += weight * b0, sm[0] += share * a0, sm[1] += share * b0;
             mm[0] += weight * a0 * a0, mm[1] += weight * a0 * b0, mm[2] += weight * b0 * b0;
             u8 code = shares[node * l + 2 * i + 1];
@@ -345,7 +356,8 @@ i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f6
             f64 c2 = mm[2] / total - m[1] * m[1] + ridge, det = c0 * c2 - c1 * c1;
             f64 s0 = sm[0] / total - seen * m[0], s1 = sm[1] / total - seen * m[1];
             f64 value = (seen - ((c2 * s0 - c1 * s1) * m[0] + (c0 * s1 - c1 * s0) * m[1]) / det) / points;
-            S[at] = (f32)(value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value);
+            value = value < 0.0 ? 0.0 : value > 1.0 ? 1.0 : value;
+            S[at] = (f32)(inner > 0.8 ? bent(value, core / inner / points) : value);
         }
         width[at] = (f32)(total < 0.8 ? 0.0 : least / r);
     }

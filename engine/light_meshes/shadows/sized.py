@@ -7,6 +7,9 @@ lamp is seen through something, S is the share of points of the lamp that rays f
 
 So it is also where receivers are few: in small pictures, and where rough surfaces see them. Rays of their own are fewer
 there than those of the nodes around them.
+
+With many such lamps what the camera sees first asks no nodes: `blocks` of the picture find out where rays are worth
+while. Of few lamps nodes leave less grain, and a step between pixels would be seen.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from numpy.typing import NDArray
 from ..rays.tracer import points as places
 from ..support.bits import has
 from ..support.native import kernel
-from . import lobe_points, pairs
+from . import blocks, lobe_points, pairs
 from .casters import union
 from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
 from .method import Check, Lobes, Method, Receivers, Setup
@@ -100,17 +103,21 @@ class SizedLamps(Method):
         soft = at.active & self._soft
         if at.triangle is not None and self._receives is not None:
             soft[~self._receives[at.triangle]] = 0
-        asked, lifted = soft.copy(), np.zeros_like(soft)
+        by_nodes, lifted = soft.copy(), np.zeros_like(soft)
         if at.lift is not None:
-            touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, asked, lifted)
-        asked &= ~lifted
+            touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, by_nodes, lifted)
+        by_blocks, partly = np.zeros_like(soft), np.zeros_like(soft)
+        if self._rays.shared and at.block is not None and at.weight is not None:
+            by_blocks = soft if at.several is None else soft & ~at.several
+            partly = self._ask_blocks(at, by_blocks, lifted, self._rays.in_blocks(soft, at.weight), S, check)
+        asked = by_nodes & ~lifted & ~by_blocks
         if at.apart is not None:  # where few receivers are, rays from them are fewer than rays from nodes
             asked[DENSE * at.apart > self.levels[0].h] = 0
         if at.several is not None:  # which lamp it is differs from receiver to receiver
             asked &= ~at.several
         if at.narrow is not None:
             at.narrow[:] |= soft & ~asked
-        by_rays, rest = soft & ~asked, np.ones(S.shape[:2], np.float32)
+        by_rays, rest = soft & ~asked & ~by_blocks, np.ones(S.shape[:2], np.float32)
         own = None if probe is None else np.zeros_like(probe)
         lit = np.flatnonzero(asked.any(1))
         for i in range(0, len(lit), BATCH):
@@ -119,7 +126,7 @@ class SizedLamps(Method):
             on = None if at.triangle is None else at.triangle[rows]
             some = Receivers(at.P[rows], at.normals()[rows], asked[rows], on)
             by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow, own))
-        for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", by_rays)):
+        for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", np.bitwise_or(by_rays, partly))):
             self._stats.add_each(name, _each(pairs_of, self._count))
         if by_rays.any():
             counts = self._rays(soft, at.weight, at.shown)
@@ -135,9 +142,25 @@ class SizedLamps(Method):
         if left.any():
             S += self._others(at._replace(active=left), check, probe)  # S is 0 there so far
         if probe is not None and own is not None:
-            own[:, 2] = by_rays.any(1)
+            own[:, 2] = (by_rays | partly).any(1)
             probe += own
         return S
+
+    def _ask_blocks(self, at: Receivers, asked: NDArray[np.uint64], lifted: NDArray[np.uint64],
+                    counts: NDArray[np.uint8], S: NDArray[np.float32], check: Check) -> NDArray[np.uint64]:
+        """Set S of lights asked for (n,W), see `blocks.ask`, which needs at.block. Returns those that are seen in part.
+
+        lifted (n,W): of which rays are lifted. counts (n,L): how many rays there are at last.
+        """
+        assert at.block is not None and at.sample is not None
+
+        def add(row: NDArray[np.int32], light: NDArray[np.int32], some: NDArray[np.int32], lifts: bool, first: int,
+                count: int, clear: NDArray[np.float64], whole: NDArray[np.float64]) -> None:
+            self._add_clear(at, at.lift if lifts else None, row, light, some, first, count, clear, whole, check)
+
+        with self._stats.stage("rays of blocks"):
+            return blocks.ask(asked, at.normals(), at.block, at.sample, lifted, self._rays.stages, counts,
+                              self._rays.steps, add, S)
 
     def _add_rays(self, at: Receivers, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
                   S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
@@ -295,42 +318,46 @@ class SizedLamps(Method):
                  alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
         """Return the share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         with self._stats.stage("rays near contact"):
-            skip = None if at.sample is None else at.sample[:, 1] * rays.most
-            clear, whole = self._clear(at, lift, row, light, 0, rays.first, check, skip)
+            clear, whole = self._clear(at, lift, row, light, 0, rays.first, check)
             if rays.most > rays.first:
                 disagree = ((clear > 0) & (clear < whole[:, None])).any(1)
                 more = np.flatnonzero(disagree & alone if rays.alone else disagree)
                 found, further = self._clear(at, lift, row[more], light[more], rays.first,
-                                             rays.most - rays.first, check, skip)
+                                             rays.most - rays.first, check)
                 clear[more] += found
                 whole[more] += further
         return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
     def _clear(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], first: int,
-               count: int, check: Check,
-               skip: NDArray[np.int64] | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+               count: int, check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what points first..first+count of light[k] give P[row[k]], added up: what gets through (k,C), and what
         would if nothing stood between (k,). Ω is that of the lamp above the horizon, so the points below do not count.
-        lift: of receivers that rays are lifted from. skip (n,): of each receiver, see `points`.
+        lift: of receivers that rays are lifted from.
         """
         clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
+        self._add_clear(at, lift, row, light, np.arange(len(row), dtype=np.int32), first, count, clear, whole, check)
+        return clear, whole
+
+    def _add_clear(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32],
+                   some: NDArray[np.int32], first: int, count: int, clear: NDArray[np.float64],
+                   whole: NDArray[np.float64], check: Check) -> None:
+        """Add it to clear (k,C) and whole (k) of `some` pairs."""
         facing = at.normals() if at.lift is None else at.lift.side
         turn, targets, shapes = turns_of_points(at.P, at.sample), self._lamps.targets, self._lamps.shapes
+        share = None if at.sample is None else np.ascontiguousarray(at.sample[:, 1])
         for group in self._groups:
-            mine = np.flatnonzero(_in(group.lights, light))
+            mine = some if len(self._groups) == 1 else some[_in(group.lights, light[some])]
             for i in range(0, len(mine), RAYS_AT_ONCE // count):
                 check()
                 part = mine[i:i + RAYS_AT_ONCE // count]
-                to = points(shapes, targets, at.P, turn, row[part], light[part], first, count, skip)
+                rows, lights = row[part], light[part]
+                to = points(shapes, targets, at.P, turn, rows, lights, first, count, share, self._samples)
                 order = np.arange(len(to.position), dtype=np.int32)
-                origin, normal, of = starts(lift, at.P, at.N, to, np.repeat(row[part], count), order)
+                origin, normal, of = starts(lift, at.P, at.N, to, rows if count == 1 else np.repeat(rows, count), order)
                 visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
-                some, all_of_it = np.zeros((len(part), self._channels)), np.zeros(len(part))
-                _sums(count, at.P, facing, row[part], light[part], targets.directional, shapes.shape,
-                      self._lamps.facing, to.position, visible.astype(np.float32), some, all_of_it)
-                clear[part], whole[part] = some, all_of_it
-        self._stats.add(shadow_rays=len(row) * count)
-        return clear, whole
+                _sums(count, at.P, facing, rows, lights, targets.directional, shapes.shape, self._lamps.facing,
+                      to.position, visible.astype(np.float32), part, clear, whole)
+        self._stats.add(shadow_rays=len(some) * count)
 
 
 def lamps(setup: Setup) -> Lamps:

@@ -1,0 +1,147 @@
+"""Blocks of the picture, whose receivers find out together which of many lamps they see in part.
+
+A ray of each receiver, or of some of them, goes to a point of the lamp; the points of all of a block's receivers
+spread over the lamp. If all of the rays arrive, or none, then all of the block sees the lamp, or nothing of it. Else
+the lamp is asked about again in a block of half the size, and at last only those receivers have all their rays whose
+smallest block does not agree.
+
+A block is as large as the receivers in it need to be many, and it stands at the same place of the picture whatever is
+cropped or drawn at once: tiles are rounded up to whole blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..support.native import kernel
+from . import pairs
+
+RECEIVERS = 64  # about as many are in a small block; a large one is twice as wide
+FEWEST = 8  # receivers that can agree
+SIDES = 6  # to which surfaces may look
+Box = tuple[int, int, int, int]  # pixels x0, y0, x1, y1
+# Adds what points of light[k] give receiver row[k]. Arguments: row, light, of which pairs k, whether their rays are
+# lifted, the first point, how many, and where it is added: what gets through (k,C), and what would if nothing stood
+# between (k)
+Add = Callable[[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], bool, int, int, NDArray[np.float64],
+                NDArray[np.float64]], None]
+
+_todo, _voted, _agreed, _said = (kernel(f"blocks_{name}") for name in ("todo", "voted", "agreed", "said"))
+
+
+def edge(samples: int) -> int:
+    """How many pixels wide a small block is, where pixels have so many samples: 8, 4, 2 or 1."""
+    return max(1, 8 >> (samples.bit_length() - 1) // 2)
+
+
+def whole(box: Box, width: int, height: int, samples: int) -> Box:
+    """Return the pixels of all large blocks of the picture of width × height that `box` has a part of."""
+    step = 2 * edge(samples)
+    x0, y0, x1, y1 = box
+    return x0 - x0 % step, y0 - y0 % step, min(width, x1 + -x1 % step), min(height, y1 + -y1 % step)
+
+
+def ordered(box: Box, samples: int) -> NDArray[np.int64]:
+    """Return the samples of the pixels of `box`, row by row, in the order of the blocks (n,)."""
+    number = np.arange((box[2] - box[0]) * (box[3] - box[1]))
+    pixel = np.argsort(numbers(number, box, samples), kind="stable")
+    return (pixel[:, None] * samples + np.arange(samples)).reshape(-1)
+
+
+def numbers(pixel: NDArray[np.int64], box: Box, samples: int) -> NDArray[np.int64]:
+    """Return the small block (n,) of pixels (n,) of `box`: four of them, from a multiple of four on, are a large one.
+    """
+    small = edge(samples)
+    y, x = np.divmod(pixel, box[2] - box[0])
+    x, y = (x + box[0]) // small, (y + box[1]) // small
+    return ((y >> 1 << 20 | x >> 1) << 2 | (y & 1) << 1 | x & 1).astype(np.int64)
+
+
+def slices(block: NDArray[np.int64], most: int) -> list[slice]:
+    """Return parts of receivers, in the order of their blocks, of about `most`, so that no large block is cut."""
+    n = len(block)
+    if n <= most:
+        return [slice(0, n)] if n else []
+    first = np.flatnonzero(np.diff(block >> 2, prepend=-1))  # of each large block
+    cuts = np.unique(first[np.searchsorted(first, np.arange(0, n, most), "right") - 1])
+    return [slice(int(i), int(j)) for i, j in zip(cuts, [*cuts[1:], n], strict=True)]
+
+
+class Stage(NamedTuple):
+    """How a block is asked."""
+
+    large: bool
+    half: bool  # every second receiver, or all
+    rays: int  # from each, with those that it has sent before
+
+
+# As near as 4 and as 16 rays to each lamp
+BALANCED = Stage(True, True, 1), Stage(False, False, 1)
+BEST = Stage(True, False, 1), Stage(False, False, 2)
+
+
+class Found(NamedTuple):
+    """What is known of pairs of a receiver and a lamp."""
+
+    row: NDArray[np.int32]  # (k,)
+    light: NDArray[np.int32]
+    lifted: NDArray[np.uint64]  # (n,W) lights whose rays are lifted, by receivers
+    counts: NDArray[np.uint8]  # (n,L) how many rays they get at last
+    have: NDArray[np.uint8]  # (k,) rays that were traced
+    clear: NDArray[np.float64]  # (k,C) what they brought,
+    whole: NDArray[np.float64]  # (k,) and what they would have if nothing stood between
+
+    def trace(self, left: NDArray[np.int32], rays: int, add: Add, few: int = 0,
+              chosen: NDArray[np.uint8] | None = None) -> None:
+        """Trace so many rays of pairs `left` in all, where they are not yet.
+
+        chosen (n,): only of receivers with 0, and of those with 1 where the lamp gets more than `few` rays at last.
+        Without it, but with `few`: only of pairs with so many rays at last.
+        """
+        todo = np.empty(len(left), np.int32)
+        for first in range(rays):
+            for lifts in (False, True):
+                count = _todo(first, rays, few, lifts, self.row, self.light, left, self.lifted, chosen, self.counts,
+                              self.have, todo)
+                if count:
+                    add(self.row, self.light, todo[:count], lifts, first, rays - first, self.clear, self.whole)
+
+
+def ask(asked: NDArray[np.uint64], N: NDArray[np.float64], block: NDArray[np.int64], sample: NDArray[np.int64],
+        lifted: NDArray[np.uint64], stages: tuple[Stage, ...], counts: NDArray[np.uint8], steps: tuple[int, ...],
+        add: Add, S: NDArray[np.float32]) -> NDArray[np.uint64]:
+    """Set S (n,L,C) of lights asked for (n,W), and return those of which blocks do not agree (n,W).
+
+    N (n,3): the receivers' normals; block (n,): `numbers`, ascending; sample (n,2): see `Hits`; lifted (n,W): lights
+    whose rays are lifted; counts (n,L): how many rays are traced at last,
+    one of `steps`.
+    """
+    partly, lights, channels = np.zeros_like(asked), S.shape[1], S.shape[2]
+    side = np.abs(N).argmax(1).astype(np.int32)  # where surfaces meet, each speaks for itself
+    side = 2 * side + (N[np.arange(len(N)), side] < 0)
+    of = {large: SIDES * _counted(block >> 2 * large) + side for large in (False, True)}
+    turned = (sample[:, 0].astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(63)).astype(np.int64)
+    chosen = ((turned ^ sample[:, 1]) & 1) * 2 + (turned ^ sample[:, 1]) // 2 % 2
+    chosen = np.minimum(chosen, 2).astype(np.uint8)
+    for row, light in pairs.blocks(asked, lights):
+        k = len(row)
+        pair = Found(row, light, lifted, counts, np.zeros(k, np.uint8), np.zeros((k, channels)), np.zeros(k))
+        left = np.arange(k, dtype=np.int32)
+        for stage in stages:
+            pair.trace(left, stage.rays, add, *((steps[0], chosen) if stage.half else ()))
+            mine, votes = of[stage.large], np.zeros((int(of[stage.large][-1]) + SIDES, lights), np.uint16)
+            _voted(mine, row, light, left, pair.have, pair.clear, pair.whole, votes)
+            left = left[:_agreed(FEWEST, mine, row, light, votes, left, S)].copy()
+        for n in steps:
+            pair.trace(left, n, add, n)
+        _said(row, light, left, pair.clear, pair.whole, S, partly)
+    return partly
+
+
+def _counted(block: NDArray[np.int64]) -> NDArray[np.int32]:
+    """How many other blocks come before each (n,)."""
+    return np.cumsum(np.diff(block, prepend=block[:1]) != 0, dtype=np.int32)
