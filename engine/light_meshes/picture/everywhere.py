@@ -184,8 +184,8 @@ def ahead(world: World, records: Records, camera: Camera, offsets: NDArray[np.fl
         on = np.flatnonzero(share > world.scene.settings.cutoff)  # straight on, through cut-outs
         last = not len(on) or layer == LAYERS
         if count > ASKED or last:
-            found = Hits._make([*(np.concatenate(a) for a in zip(*waiting, strict=True)), hits.table,
-                                *5 * [None]])
+            columns = zip(Hits._fields, zip(*waiting, strict=True), strict=False)
+            found = hits._replace(**{name: np.concatenate(several) for name, several in columns})
             for i in range(0, count, ASKED):
                 records(found.at(np.arange(i, min(i + ASKED, count))), check)
             waiting, count = [], 0
