@@ -34,9 +34,13 @@ def extended(tmp_path_factory):
                       ("lights/types.h", last, last + last.replace("AREA", "BEAM").replace("area", "beam"))])
     for old in package.glob("kernels*"):
         old.unlink()
-    subprocess.run([sys.executable, "-m", "ziglang", "cc", "-shared", "-fPIC", "-O1", "-std=c11", "-Wall", "-Wextra",
-                    "-Werror", "-ffp-contract=off", f'-DSOURCES="{sources.digest(package)}"',
-                    f"-I{package / 'support'}", "-o", package / sources.library(sys.platform),
+    compiler = [sys.executable, "-m", "ziglang", "cc", "-std=c11", f"-I{package / 'support'}"]
+    expanded = subprocess.run([*compiler, "-w", "-E", "-x", "c", "-"], input=sources.included(package).encode(),
+                              capture_output=True, check=True).stdout
+    slots = package.parent / "slots.c"
+    slots.write_text(sources.calls(expanded.decode()))
+    subprocess.run([*compiler, "-shared", "-fPIC", "-O1", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off",
+                    f'-DSOURCES="{sources.digest(package)}"', "-o", package / sources.library(sys.platform), slots,
                     *sources.sources(package), *(["-lm"] if sys.platform != "win32" else [])], check=True)
     return package
 
