@@ -97,14 +97,18 @@ def slow(scene, ball):
     own = scene.light_meshes
     own.shadows, own.samples, own.light_samples = 'AREA_SAMPLING', 1, 4096
     scene.frame_start, scene.frame_end = 1, 1000
-    for i in range(4):
-        lamp = bpy.data.objects.new("Lamp", bpy.data.objects["Light"].data)
-        lamp.location = i, 3, 5
-        scene.collection.objects.link(lamp)
+
+    def slower():
+        """Twice as many rays, as far as they may be chosen, and more lamps."""
+        own.light_samples = min(2 * own.light_samples, 65536)
+        for i in range(4):
+            lamp = bpy.data.objects.new("Lamp", bpy.data.objects["Light"].data)
+            lamp.location = i, 3, 5
+            scene.collection.objects.link(lamp)
+
     took = 0.0
     while took < SLOW_SECONDS:
-        # Whose first picture comes may be the one before.
-        yield from first_after(lambda: setattr(own, "light_samples", min(2 * own.light_samples, 65536)))
+        yield from first_after(slower)  # whose first picture comes may be the one before
         took = math.inf
         for _ in range(2):  # the machine may have been busy with others
             took = min(took, (yield from first_after(lambda: setattr(ball.location, "z", ball.location.z + 0.01))))
