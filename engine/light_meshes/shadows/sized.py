@@ -117,7 +117,8 @@ class SizedLamps(Method):
             asked &= ~at.several
         if at.narrow is not None:
             at.narrow[:] |= soft & ~asked
-        by_rays, rest = soft & ~asked & ~by_blocks, np.ones(S.shape[:2], np.float32)
+        by_rays: NDArray[np.uint64] = np.bitwise_and(soft & ~asked, ~by_blocks)
+        rest = np.ones(S.shape[:2], np.float32)
         own = None if probe is None else np.zeros_like(probe)
         lit = np.flatnonzero(asked.any(1))
         for i in range(0, len(lit), BATCH):
