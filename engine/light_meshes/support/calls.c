@@ -7,7 +7,6 @@
 
 enum { DIMENSIONS = 4, MOST = 64 };  /* axes of an array; lengths and arguments of a kernel */
 enum { ARRAY, INTEGER, UNSIGNED, REAL };  /* kinds of arguments */
-enum { FASTCALL = 0x80 };
 
 /* What is known of one argument. type: the address of its numpy.dtype. length: of each axis, where it is fixed, else
    −1 − its number. */

@@ -141,8 +141,9 @@ class Kernel:
         as expected. It takes what follows the arguments `first`; passed and known: what `_passed` said of these.
         """
         otherwise, make = partial(self.checked, *first) if first else self.checked, _calls()
-        if make is None or max(len(self._lengths), len(self._arguments)) > _MOST:
-            return otherwise
+        axes = max((len(shape or ()) for _, _, shape, *_ in self._arguments), default=0)
+        if make is None or max(len(self._lengths), len(self._arguments)) > _MOST or axes > _DIMENSIONS:
+            return otherwise  # calls.c has no room for more
         values = np.zeros(_MOST, np.int64)
         for n, (value, (_, kind, shape, *_)) in enumerate(zip(passed, self._arguments, strict=False)):
             values[n:n + 1].view(np.float64 if shape is None and kind == "f64" else np.int64)[:] = value or 0
