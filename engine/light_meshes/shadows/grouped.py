@@ -59,10 +59,17 @@ class Grouped(Method):
         return S
 
 
-def tell(stats: Statistics, bound: NDArray[np.float64], light: NDArray[np.float64]) -> None:
-    """Count which share of the light of receivers (n,) may be wrong by bound (n,)."""
+def tell(stats: Statistics, bound: NDArray[np.float64], light: NDArray[np.float64],
+         weight: NDArray[np.float64] | None = None) -> None:
+    """Count which share of the light of receivers (n,) may be wrong by bound (n,).
+
+    weight (n,): how much each receiver counts; None: all alike.
+    """
     share = bound / np.maximum(light, 1e-300)
-    stats.add(grouped_receivers=len(light), grouped_light=int((share * PARTS).sum()))
+    counts = np.ones(len(light)) if weight is None else np.minimum(weight, 1.0)
+    # as whole numbers, whose sum does not depend on tiles
+    stats.add(grouped_receivers=int((counts * PARTS).astype(np.int64).sum()),
+              grouped_light=int((share * counts * PARTS).astype(np.int64).sum()))
 
 
 def tree(setup: Setup) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
