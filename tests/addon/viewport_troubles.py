@@ -31,6 +31,7 @@ from viewport_tools import (
 )
 
 SLOW_SECONDS = 2.0  # of a first picture
+MOST_ROUNDS = 20  # in which the scene is made slower, until its first picture takes that long
 
 
 def story():
@@ -106,8 +107,11 @@ def slow(scene, ball):
             lamp.location = i, 3, 5
             scene.collection.objects.link(lamp)
 
-    took = 0.0
+    took, rounds = 0.0, 0
     while took < SLOW_SECONDS:
+        if (rounds := rounds + 1) > MOST_ROUNDS:
+            raise TimeoutError(f"the first picture takes {took:.2f} s only, with {own.light_samples} rays a lamp and "
+                               f"{4 * MOST_ROUNDS} lamps")
         yield from first_after(slower)  # whose first picture comes may be the one before
         took = math.inf
         for _ in range(2):  # the machine may have been busy with others
