@@ -8,7 +8,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 
 import hypothesis
@@ -24,12 +23,17 @@ hypothesis.settings.register_profile("default", deadline=None, derandomize=True,
 hypothesis.settings.register_profile("explore", deadline=None, max_examples=500)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
-# Seconds after which a test, or a fixture, fails with the place where it hangs; the slowest takes two minutes if no other
-# work is going on. Where Python cannot interrupt it, its process ends a minute later and tells where each thread is.
+# Seconds after which a test, or a fixture, fails and shows where it hangs. The slowest takes two minutes on an idle
+# machine. Where Python cannot interrupt it, its process ends a minute later and tells where each thread is.
 MOST_SECONDS = 1800
+UNCAPTURED = pytest.StashKey[int]()
 
 # A command in a namespace of its own, where the folder that is its first argument is a disk of 4 MiB.
 SMALL_DISK = ["sh", "-c", 'mount -t tmpfs -o size=4m tmpfs "$0" && exec "$@"']
+
+
+def pytest_configure(config):
+    config.stash[UNCAPTURED] = os.dup(2)  # later pytest keeps what is written there
 
 
 @contextlib.contextmanager
@@ -38,7 +42,7 @@ def bounded(item, what):
     def late(*_):
         pytest.fail(f"{what} of {item.nodeid} has not ended after {MOST_SECONDS} seconds")
 
-    faulthandler.dump_traceback_later(MOST_SECONDS + 60, exit=True, file=sys.__stderr__)
+    faulthandler.dump_traceback_later(MOST_SECONDS + 60, exit=True, file=item.config.stash[UNCAPTURED])
     alarm = hasattr(signal, "SIGALRM") and threading.current_thread() is threading.main_thread()
     if alarm:
         before = signal.signal(signal.SIGALRM, late)
