@@ -7,9 +7,9 @@ which one, and brighter lamps are chosen more often. The S of this lamp is used 
 their own, so light without shadows does not change at all.
 
 The bound: S of a lamp is between 0 and 1. So U = Σ S_i·Ω_i is wrong, in each channel, by at most Σ Ω_i of the lamps for
-which another one stands, that is by less than `threshold` times the light without shadows for each group. The statistics
-hold this sum over all receivers, as a share of the light without shadows. As a rule the error is far smaller, because
-the errors of groups have either sign.
+which another one stands, that is by less than `threshold` times the light without shadows for each group. The
+statistics hold this sum over all receivers, as a share of the light without shadows. As a rule the error is far
+smaller, because the errors of groups have either sign.
 """
 
 from __future__ import annotations
