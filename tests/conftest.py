@@ -2,6 +2,7 @@
 wait for ever.
 """
 
+import collections
 import contextlib
 import faulthandler
 import os
@@ -26,6 +27,9 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default")
 # Seconds after which a test, or a fixture, fails and shows where it hangs. The slowest takes two minutes on an idle
 # machine. Where Python cannot interrupt it, its process ends a minute later and tells where each thread is.
 MOST_SECONDS = 1800
+# Files that take longest, of those that have few tests. Those with a window do not stand side by side.
+LONGEST = ("addon_viewport_troubles", "build", "addon_installed", "addon_every_property", "node_versions",
+           "addon_viewport", "ggx", "addon_jobs", "contest", "claims", "random_scenes")
 UNCAPTURED = pytest.StashKey[int]()
 
 # A command in a namespace of its own, where the folder that is its first argument is a disk of 4 MiB.
@@ -34,6 +38,18 @@ SMALL_DISK = ["sh", "-c", 'mount -t tmpfs -o size=4m tmpfs "$0" && exec "$@"']
 
 def pytest_configure(config):
     config.stash[UNCAPTURED] = os.dup(2)  # later pytest keeps what is written there
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False  # pytest-xdist's own order is by numbers of tests alone
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the files that take longest, so that processes that share the tests end together; then those of many
+    tests. The order within a file stays.
+    """
+    counts = collections.Counter(item.path for item in items)
+    last = len(LONGEST)
+    rank = {f"test_{name}": n for n, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: (rank.get(item.path.stem, last), -counts[item.path], str(item.path)))
 
 
 @contextlib.contextmanager
