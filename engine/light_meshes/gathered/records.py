@@ -29,9 +29,11 @@ from .table import Table
 
 _sum, _asked = kernel("records_sum"), kernel("records_asked")
 NEW, WANTED, CELL, SIGHT = 1, 2, 3, 4  # why a receiver waits, as in asked.c
-# Rays of a record, by how far apart records are, in finest distances: each record of a coarse grid counts for a large
-# part of a surface, and there are few.
+# Rays of a record at first, by how far apart records are, in finest distances: each record of a coarse grid counts for a
+# large part of a surface, and there are few.
 RAYS = ((6.0, 1024), (3.0, 512), (0.0, 256))
+NOISE = 0.05  # where its light is less certain, as a share of it, a record asks once more, with
+MORE = 4  # times as many rays
 BATCH = 1 << 18  # rays at once
 WITHIN = 0.35  # records are trusted up to this share of the mean distance of what they see,
 STRICT = 0.2  # or up to this where they are far apart
@@ -61,7 +63,8 @@ class Records:
         """fine: the distance between records at the finest level, scene units."""
         self._field, self._gather, self._patches, self._nearness = field, gather, patches, nearness
         self._fine, self._bounces = fine, bounces
-        self._kinds = [(at_least * fine, local, tilted(local)) for at_least, n in RAYS for local in [directions(n)]]
+        self._local = {n: (local, tilted(local)) for _, first in RAYS for n in (first, MORE * first)
+                       for local in [directions(n)]}
         self._table = Table()
         self._cells = Table()  # halves of cells; 1: all places there see each other; 2: perhaps not
         self._clear = np.zeros(0, np.uint8)
@@ -229,34 +232,42 @@ class Records:
         """Compute records (n,) with these keys."""
         places = self._field.grids.places(keys)
         left = np.ones(len(new), np.bool_)
-        for at_least, local, more in self._kinds:
-            rows = np.flatnonzero(left & (places.spacing >= at_least))
+        for at_least, n in RAYS:
+            rows = np.flatnonzero(left & (places.spacing >= at_least * self._fine))
             left[rows] = False
-            step = BATCH // len(local)
-            for i in range(0, len(rows), step):
-                check()
-                some = rows[i:i + step]
-                self._compute(new[some], Places._make(a[some] for a in places), local, more, check)
+            for rays, most in ((n, NOISE), (MORE * n, np.inf)):
+                step, noisy = BATCH // rays, [rows[:0]]
+                for i in range(0, len(rows), step):
+                    check()
+                    some = rows[i:i + step]
+                    found = self._compute(Places._make(a[some] for a in places), rays, check)
+                    good = found[-1] <= most
+                    self._store(new[some[good]], *(a[some[good]] for a in places[:3]), *(a[good] for a in found))
+                    noisy.append(some[~good])
+                rows = np.concatenate(noisy)
 
-    def _compute(self, new: NDArray[np.int32], places: Places, local: NDArray, more: NDArray, check: Check) -> None:
-        """Compute records by rays along `local` (d,3), which count as `more` (d,4) for leaning normals."""
-        stats = self._field.stats
+    def _compute(self, places: Places, rays: int, check: Check) -> tuple[NDArray[np.float32], ...]:
+        """Return what the kernel `records_sum` makes of what so many rays of each record meet."""
+        stats, r, (local, tilts) = self._field.stats, len(places.P), self._local[rays]
         with stats.stage("gathered light: rays"):
             seen = self._gather(places.P, places.N, local)
         with stats.stage("gathered light: patches"):
             light = light_of(seen, self._patches, self._bounces, check)
-        r = len(new)
-        mean, inverse = np.empty((r, 5, 3), np.float32), np.empty(r, np.float32)
-        nearest, free = np.empty(r, np.float32), np.empty(r, np.float32)
-        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], more, mean, inverse, nearest, free)
+        out = np.empty((r, 5, 3), np.float32), *(np.empty(r, np.float32) for _ in range(4))
+        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], tilts, *out)
+        return out
+
+    def _store(self, new: NDArray[np.int32], P: NDArray, N: NDArray, spacing: NDArray, mean: NDArray, inverse: NDArray,
+               nearest: NDArray, free: NDArray, noise: NDArray) -> None:
+        """Keep what has been found at records (n,), so that other threads see it."""
         with self._lock:
-            self._P[new] = places.P + LIFT * places.spacing[:, None] * places.N
-            self._M[new], self._mean[new], self._open[new] = places.N, mean, free
+            self._P[new], self._M[new] = P + LIFT * spacing[:, None] * N, N
+            self._mean[new], self._open[new] = mean, free
             self._inverse[new] = np.maximum(inverse, self._inverse[new])
             self._nearest[new] = np.minimum(nearest, self._nearest[new])
         with self._lock:  # again: other threads read without it, and see what was written before they see this
             self._done[new] = True
-        stats.add(records=r)
+        self._field.stats.add(records=len(new))
 
 
 class _Asked(NamedTuple):
