@@ -19,7 +19,7 @@ from ..support.native import kernel
 _places, _inside = kernel("grids_places"), kernel("grids_inside")
 _wider = kernel("grids_wider")
 _longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
-_CORNER = np.uint64(1 << 63)
+CORNER = np.uint64(1 << 63)  # the bit of keys of shared corners, as in grids.h
 INSET = 0.012  # as in grids.h
 LAST = 15  # the finest level of a grid
 FLAT = 1e-5  # how much two triangles may differ from a parallelogram, as a share of the edge that they share
@@ -98,6 +98,11 @@ class Grids:
         self._class_spacing = np.zeros(len(first))
         np.maximum.at(self._class_spacing, number, np.repeat(self.longest[small], 3))
 
+    @property
+    def corners(self) -> Places:
+        """Return where the shared corners of small triangles are, by their numbers."""
+        return Places(self._class_P, self._class_N, self._class_spacing, self._class_own)
+
     def normals(self, triangle: NDArray) -> NDArray[np.float64]:
         """Return the unit normals (n,3) of triangles (n,), on the side given by their winding."""
         s = self.surfaces
@@ -126,7 +131,7 @@ class Grids:
         """
         n = len(keys)
         P, N, spacing, instance = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.full(n, -1, np.int32)
-        shared = (keys & _CORNER) != 0
+        shared = (keys & CORNER) != 0
         of = (keys[shared] & np.uint64((1 << 31) - 1)).astype(np.int64)
         front = (keys[shared] >> np.uint64(31) & np.uint64(1)).astype(np.int8)
         P[shared], spacing[shared], instance[shared] = self._class_P[of], self._class_spacing[of], self._class_own[of]
