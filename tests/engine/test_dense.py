@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from light_meshes import Light, Material, Mesh, Shape, box, rectangle, sphere, translate
+from light_meshes import Light, Material, Mesh, Shape, box, sphere, translate
 from light_meshes.gathered import thinned
 from light_meshes.picture.render import render_image
 from test_everywhere import BLACK, WHITE, close, scene, seen

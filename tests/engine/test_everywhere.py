@@ -325,3 +325,21 @@ def test_many_lamps_have_shadows_in_groups_on_what_they_light(monkeypatch):
         passes.append(render_image(of, ("Combined", "Diffuse Indirect")).passes["Diffuse Indirect"][..., 0])
     error = np.abs(passes[1] - passes[0]) / passes[0].mean()
     assert error.max() > 0 and np.median(error) < 0.005 and np.percentile(error, 99) < 0.03
+
+
+def test_no_smudges_where_a_box_stands_on_a_lit_floor():
+    """The foot of its front sees a floor that is evenly lit, also where patches of the floor are mostly below it."""
+    c, s = np.cos(0.3), np.sin(0.3)
+    turned = np.array([[c, -s, 0, 0], [s, c, 0, 0.3], [0, 0, 1, 0], [0, 0, 0, 1]])
+    shapes = [Shape(box((-0.3, -0.3, 0), (0.3, 0.3, 1.2)), WHITE, matrices=[turned]), Shape(FLOOR, WHITE)]
+    sun = Light("sun", "SUN", (3.0, 3.0, 3.0), (0.0, 0.0, 5.0), (0.0, 0.3, -1.0))
+    of = scene(shapes, (0.0, -1.5, 0.3), (0.0, 0.0, 0.02), 120, [sun], (0, 0, 0), bounces=1, shadows="SHARP",
+               auto_h=False, h=0.03)
+    of = replace(of, camera=Camera.look_at((0.0, -1.5, 0.3), (0.0, 0.0, 0.02), 20, 120, 120))
+    passes = render_image(of, ("Combined", "Diffuse Indirect", "Position", "Depth")).passes
+    x, y, z = np.moveaxis(passes["Position"], -1, 0)
+    across = x * c + (y - 0.3) * s
+    front = (passes["Depth"][..., 0] < 1e9) & (z > 1e-4) & (z < 0.03) & (np.abs(across) < 0.25)
+    light = passes["Diffuse Indirect"][..., 0][front]
+    assert len(light) > 100
+    assert light.min() > 0.8 * np.median(light)

@@ -31,8 +31,8 @@ from .thinned import mean as _mean_of
 
 _sum, _asked = kernel("records_sum"), kernel("records_asked")
 NEW, WANTED, CELL, SIGHT = 1, 2, 3, 4  # why a receiver waits, as in asked.c
-# Rays of a record at first, by how far apart records are, in finest distances: each record of a coarse grid counts for a
-# large part of a surface, and there are few.
+# Rays of a record at first, by how far apart records are, in finest distances: each record of a coarse grid counts for
+# a large part of a surface, and there are few.
 RAYS = ((6.0, 1024), (3.0, 512), (0.0, 256))
 NOISE = 0.025  # where its light is less certain, as a share of it, a record asks once more, with
 MORE = 4  # times as many rays
@@ -290,8 +290,9 @@ class Records:
         if not len(near):
             return
         row, at, of = row[near], at[near], of[near]
-        blocked = self._field.tracer.occluded(places.P + up * places.N, row.astype(np.int32), points(P[of] + up * M[of]),
-                                              np.arange(len(of), dtype=np.int32), None, False, kind="diffuse")
+        ends, number = points(P[of] + up * M[of]), np.arange(len(of), dtype=np.int32)
+        blocked = self._field.tracer.occluded(places.P + up * places.N, row.astype(np.int32), ends, number, None, False,
+                                              kind="diffuse")
         sources.weight[row[blocked], at[blocked]] = 0
         self._field.stats.add(gathered_short_rays=len(of))
 

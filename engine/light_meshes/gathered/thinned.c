@@ -3,6 +3,7 @@
 #include "table.h"
 
 #define BITS 21
+#define ALIKE 0.8                   /* the cosine from which on normals are so unlike that a source does not count */
 #define LEAN_SINE 0.5               /* of the angle by which normals lean (directions.py) */
 #define LEAN_COSINE 0.8660254037844386
 
@@ -24,10 +25,10 @@ i64 thinned_cells(i64 n, f64 edge, const f64 *P, u64 *keys) {
 /* How much a source counts for a corner: less the farther away it is, up to `reach`, and the more its normal differs, or
    it is above or below the corner's plane. */
 static inline f64 counts(const f64 *P, const f64 *N, const f64 *Q, const f64 *M, f64 reach) {
-    f64 d[3] = {Q[0] - P[0], Q[1] - P[1], Q[2] - P[2]}, alike = dot(N, M), high = fabs(dot(d, N)) / reach;
+    f64 d[3] = {Q[0] - P[0], Q[1] - P[1], Q[2] - P[2]}, alike = (dot(N, M) - ALIKE) / (1.0 - ALIKE), high = fabs(dot(d, N)) / reach;
     f64 near = 1.0 - dot(d, d) / (reach * reach);
     if (near <= 0.0 || alike <= 0.0 || high >= 0.5) return 0.0;
-    return square(near) * square(square(alike)) * square(1.0 - 4.0 * high * high);
+    return square(near) * square(alike) * square(1.0 - 4.0 * high * high);
 }
 
 /* Fills the sources of corners at P with normals N of instances `of`, up to s each, with their weights; −1: no more.
@@ -84,7 +85,9 @@ i64 thinned_mean(i64 n, i64 s, i64 r, const i32 *number, const f64 *weight, cons
             for (int c = 0; c < 5; c++) {
                 f64 one[3];
                 leaning(means + 15 * of, M + 3 * of, normal[c], one);
-                for (int j = 0; j < 3; j++) sum[c][j] += w * one[j];
+                /* the record sees nothing below its own plane, and the corner nothing below its own */
+                f64 seen = (1.0 + dot(normal[c], normal[0])) / fmax(1.0 + dot(normal[c], M + 3 * of), 0.5);
+                for (int j = 0; j < 3; j++) sum[c][j] += w * seen * one[j];
             }
             all += w, near += w * inverses[of], free += w * opens[of], least = nears[of] < least ? nears[of] : least;
         }
