@@ -325,3 +325,22 @@ def test_many_lamps_have_shadows_in_groups_on_what_they_light(monkeypatch):
         passes.append(render_image(of, ("Combined", "Diffuse Indirect")).passes["Diffuse Indirect"][..., 0])
     error = np.abs(passes[1] - passes[0]) / passes[0].mean()
     assert error.max() > 0 and np.median(error) < 0.005 and np.percentile(error, 99) < 0.03
+
+
+@pytest.mark.parametrize(("turn", "h"), [(0.5, 0.03), (0.2, 0.05)])
+def test_no_smudges_where_a_box_stands_on_a_lit_floor(turn, h):
+    """The foot of its front sees a floor that is evenly lit, also where patches of the floor are mostly below it."""
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.array([[c, -s, 0, 0], [s, c, 0, 0.3], [0, 0, 1, 0], [0, 0, 0, 1]])
+    shapes = [Shape(box((-0.3, -0.3, 0), (0.3, 0.3, 1.2)), WHITE, matrices=[turned]),
+              Shape(rectangle((-1, -1), (1, 1)), WHITE)]
+    sun = Light("sun", "SUN", (3.0, 3.0, 3.0), direction=(0.0, 0.28, -0.96))
+    eye, target = (0.0, -1.5, 0.3), (0.0, 0.0, 0.02)
+    of = replace(scene(shapes, eye, lights=[sun], world=(0, 0, 0), bounces=1, shadows="SHARP", auto_h=False, h=h),
+                 camera=Camera.look_at(eye, target, 20, 100, 100))
+    passes = render_image(of, ("Combined", "Diffuse Indirect", "Position", "Depth")).passes
+    x, y, z = np.moveaxis(passes["Position"], -1, 0)
+    front = (passes["Depth"][..., 0] < 1e9) & (z > 1e-4) & (z < 0.03) & (np.abs(x * c + (y - 0.3) * s) < 0.25)
+    light = passes["Diffuse Indirect"][..., 0][front]
+    assert len(light) > 100
+    assert light.min() > 0.9 * np.median(light)

@@ -71,14 +71,18 @@ i64 grids_places(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *v
 static const f64 FOUR[4][2] = {{0.3, 0.2}, {0.8, 0.3}, {0.2, 0.7}, {0.7, 0.8}};
 /* And in a triangle as a whole. */
 static const f64 WHOLE[4][2] = {{1.0 / 3, 1.0 / 3}, {1.0 / 6, 1.0 / 6}, {2.0 / 3, 1.0 / 6}, {1.0 / 6, 2.0 / 3}};
+/* The same near their corners. */
+static const f64 OUTER_FOUR[4][2] = {{0.02, 0.02}, {0.98, 0.02}, {0.02, 0.98}, {0.98, 0.98}};
+static const f64 OUTER_WHOLE[4][2] = {{0.02, 0.02}, {0.96, 0.02}, {0.02, 0.96}, {0.49, 0.49}};
 
 /* Fills four points that stand for each of the cells with these keys: their triangles, places and normals. top: the
-   size of cells of level 1; level 0 is a triangle as a whole. */
+   size of cells of level 1; level 0 is a triangle as a whole. outer: of points near the corners, instead. */
 KERNEL(grids_inside,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  top f64  "
-       "keys u64[n]  triangle i32[n,4]!  P f64[n,4,3]!  N f64[n,4,3]!")
+       "outer i64  keys u64[n]  triangle i32[n,4]!  P f64[n,4,3]!  N f64[n,4,3]!")
 i64 grids_inside(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
-                 const i32 *other, const u8 *flipped, f64 top, const u64 *keys, i32 *triangle, f64 *P, f64 *N) {
+                 const i32 *other, const u8 *flipped, f64 top, i64 outer, const u64 *keys, i32 *triangle, f64 *P, f64 *N) {
+    const f64 (*four)[2] = outer ? OUTER_FOUR : FOUR, (*whole)[2] = outer ? OUTER_WHOLE : WHOLE;
     (void)V, (void)T;
     for (i64 k = 0; k < n; k++) {
         Key key = key_of(keys[k]);
@@ -88,11 +92,11 @@ i64 grids_inside(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *v
         for (int c = 0; c < 4; c++) {
             i64 t = key.triangle, at = 4 * k + c;
             if (key.level)
-                t = place_on(vertices, triangles, other, scale, &g, ((f64)key.i + FOUR[c][0]) / (f64)g.m,
-                             ((f64)key.j + FOUR[c][1]) / (f64)g.n, INSET * size, place);
+                t = place_on(vertices, triangles, other, scale, &g, ((f64)key.i + four[c][0]) / (f64)g.m,
+                             ((f64)key.j + four[c][1]) / (f64)g.n, INSET * size, place);
             else {
                 Edges s = edges_of(vertices, triangles + 3 * t);
-                for (int j = 0; j < 3; j++) place[j] = s.a[j] + WHOLE[c][0] * s.e[j] + WHOLE[c][1] * s.f[j];
+                for (int j = 0; j < 3; j++) place[j] = s.a[j] + whole[c][0] * s.e[j] + whole[c][1] * s.f[j];
             }
             Axes s = axes_of(vertices, triangles, other, scale, t);
             unit_normal(&s, (int)flipped[t] == key.front, N + 3 * at);

@@ -18,9 +18,10 @@ from ..support.native import kernel
 
 _places, _inside = kernel("grids_places"), kernel("grids_inside")
 _wider = kernel("grids_wider")
-_longest, _pairs = kernel("grids_longest"), kernel("grids_pairs")
-_CORNER = np.uint64(1 << 63)
+_longest, _pairs, _corners = kernel("grids_longest"), kernel("grids_pairs"), kernel("grids_corners")
+CORNER = np.uint64(1 << 63)  # the bit of keys of shared corners, as in grids.h
 INSET = 0.012  # as in grids.h
+NORMALS = 64.0  # steps of the coordinates of normals, within which the corners of triangles are one
 LAST = 15  # the finest level of a grid
 FLAT = 1e-5  # how much two triangles may differ from a parallelogram, as a share of the edge that they share
 
@@ -76,27 +77,21 @@ class Grids:
         self._class_spacing, self._class_own = np.zeros(0), np.zeros(0, np.int32)
         if not len(small):
             return
-        facet = self.normals(small)
-        normal = self._corner_normals(small, facet)
-        vertex = s.triangles[small].astype(np.int64)
-        steps = np.rint(normal * 64).astype(np.int64) + 64
-        key = ((vertex * 129 + steps[..., 0]) * 129 + steps[..., 1]) * 129 + steps[..., 2]
-        _, first, number = np.unique(key.ravel(), return_index=True, return_inverse=True)
-        number = number.reshape(-1)
-        self.corner[small] = number.reshape(-1, 3)
-        place = s.vertices[s.triangles[small]].astype(np.float64) * s.scale + s.centre
-        inward = (place.mean(1, keepdims=True) - place).reshape(-1, 3)
-        count = np.bincount(number, minlength=len(first))[:, None]
-        mean = np.stack([np.bincount(number, inward[:, j], len(first)) for j in range(3)], 1) / count
-        self._class_N = normal.reshape(-1, 3)[first]
-        self._class_own = s.instance[small[first // 3]]
-        # only corners within a plane move: elsewhere they would move into the surface
-        slope = np.abs(np.repeat(facet, 3, axis=0) - self._class_N[number]).max(1)
-        flat = np.bincount(number, slope > 1e-3, len(first)) == 0
-        self._class_P = place.reshape(-1, 3)[first]
-        self._class_P[flat] += INSET * mean[flat] + INSET / 3 * inward[first][flat]
-        self._class_spacing = np.zeros(len(first))
-        np.maximum.at(self._class_spacing, number, np.repeat(self.longest[small], 3))
+        most = 3 * len(small)
+        slots, vertex, turn = np.full(1 << (2 * most).bit_length(), -1, np.int32), *np.empty((2, most), np.int32)
+        number = np.empty((len(small), 3), np.int32)
+        P, N, spacing, own = np.empty((most, 3)), np.empty((most, 3)), np.empty(most), np.empty(most, np.int32)
+        n = _corners(*self.shape, self.flipped, self.longest, s.instance, s.normal_matrix,
+                     s.at_corners(s.corner_normals, small), small, NORMALS, INSET, slots, vertex, turn,
+                     np.empty((most, 4)), np.empty(most, np.bool_), number, P, N, spacing, own)
+        self.corner[small] = number
+        self._class_P, self._class_N = P[:n].copy(), N[:n].copy()
+        self._class_spacing, self._class_own = spacing[:n].copy(), own[:n].copy()
+
+    @property
+    def corners(self) -> Places:
+        """Return where the shared corners of small triangles are, by their numbers."""
+        return Places(self._class_P, self._class_N, self._class_spacing, self._class_own)
 
     def normals(self, triangle: NDArray) -> NDArray[np.float64]:
         """Return the unit normals (n,3) of triangles (n,), on the side given by their winding."""
@@ -106,27 +101,13 @@ class Grids:
         normal *= np.where(self.flipped[triangle], -1, 1)[:, None]
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
-    def _corner_normals(self, triangle: NDArray, facet: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the unit shading normals (n,3,3) at the corners of triangles (n,); the triangle's own normal, facet
-        (n,3), where they cannot be used.
-        """
-        s = self.surfaces
-        local = s.at_corners(s.corner_normals, triangle)
-        normal = np.einsum("nij,nkj->nki", s.normal_matrix[s.instance[triangle]], local)
-        own = np.broadcast_to(facet[:, None], normal.shape)
-        length = np.linalg.norm(normal, axis=2, keepdims=True)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            normal = normal / length
-        good = np.isfinite(normal).all(2, keepdims=True) & ((normal * own).sum(2, keepdims=True) > 0.3)
-        return np.where(good, normal, own)
-
     def places(self, keys: NDArray[np.uint64], inset: float = INSET) -> Places:
         """Return where the grid points with these keys (n,) are. inset: the share of a cell's edge by which those at a
         border are moved inwards.
         """
         n = len(keys)
         P, N, spacing, instance = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.full(n, -1, np.int32)
-        shared = (keys & _CORNER) != 0
+        shared = (keys & CORNER) != 0
         of = (keys[shared] & np.uint64((1 << 31) - 1)).astype(np.int64)
         front = (keys[shared] >> np.uint64(31) & np.uint64(1)).astype(np.int8)
         P[shared], spacing[shared], instance[shared] = self._class_P[of], self._class_spacing[of], self._class_own[of]
@@ -137,13 +118,14 @@ class Grids:
         P[own], N[own], spacing[own] = found
         return Places(P, N, spacing, instance)
 
-    def inside(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+    def inside(self, keys: NDArray[np.uint64],
+               outer: bool = False) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
         """Return the triangles (4n,), places and normals (4n,3) of four points that stand for each of the cells with
-        these keys (n,).
+        these keys (n,). outer: of points near its corners instead.
         """
         n = len(keys)
         triangle, P, N = np.empty((n, 4), np.int32), np.empty((n, 4, 3)), np.empty((n, 4, 3))
-        _inside(*self.shape, self.other, self.flipped, self.top, keys, triangle, P, N)
+        _inside(*self.shape, self.other, self.flipped, self.top, outer, keys, triangle, P, N)
         return triangle.reshape(-1), P.reshape(-1, 3), N.reshape(-1, 3)
 
     def wider(self, keys: NDArray[np.uint64], by: int, for_small: NDArray[np.int32]) -> NDArray[np.uint64]:

@@ -250,13 +250,20 @@ class Patches:
         """
         triangle, P, N = self._field.grids.inside(keys)
         there, covered = self._there(P, N)
+        divided = self._is_divided(keys, P, N)
+        hidden = np.flatnonzero(covered)  # but a corner may look out, as rays that met the patch have come to it
+        if len(hidden):
+            corner = self._field.grids.inside(keys[hidden], True)
+            there[hidden], covered[hidden] = self._there(*corner[1:])
+            at = (4 * hidden[:, None] + np.arange(4)).ravel()
+            triangle[at], P[at], N[at] = corner
         emission, albedo, direct = self._look(triangle, P, N, lit and not self._many)
         if lit and self._many:
             one = 4 * np.arange(len(keys)) + (there[:, :, 0] > 0).argmax(1)
             direct = np.repeat(self._look(triangle[one], P[one], N[one], True)[2], 4, axis=0)
         means = ((values.reshape(-1, 4, 3) * there).sum(1) for values in (
             emission, albedo, albedo * direct, direct))
-        return *means, covered, self._is_divided(keys, P, N)
+        return *means, covered, divided
 
     def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
         """Let patches that are covered, except for a corner, take the data of the wider patches around them, unless

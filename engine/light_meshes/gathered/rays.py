@@ -20,7 +20,7 @@ from .grids import Grids
 
 _met, _passed, _stand_ins = kernel("rays_met"), kernel("rays_passed"), kernel("rays_stand_ins")
 _at = kernel("patches_at")
-SHARE = 0.35  # patches are up to this share of the way to them
+SHARE = 0.17  # patches are up to this share of the way to them
 STEPS = 8  # sizes of patches, each twice the one before
 THROUGH = 16  # surfaces that let a ray pass
 LEAST = 1e-3  # of a ray's light goes on

@@ -21,17 +21,21 @@ from ..rays.tracer import points
 from ..support.native import kernel
 from ..support.statistics import Statistics
 from .directions import directions, tilted
-from .grids import INSET, LAST, Places
+from .grids import CORNER, INSET, LAST, Places
 from .nearness import Nearness
 from .patches import Patches, SharedRecordsError, light_of
 from .rays import Check, Field, Gatherer
 from .table import Table
+from .thinned import Sources, Thinned
+from .thinned import mean as _mean_of
 
 _sum, _asked = kernel("records_sum"), kernel("records_asked")
 NEW, WANTED, CELL, SIGHT = 1, 2, 3, 4  # why a receiver waits, as in asked.c
-# Rays of a record, by how far apart records are, in finest distances: each record of a coarse grid counts for a large
-# part of a surface, and there are few.
+# Rays of a record at first, by how far apart records are, in finest distances: each record of a coarse grid counts for
+# a large part of a surface, and there are few.
 RAYS = ((6.0, 1024), (3.0, 512), (0.0, 256))
+NOISE = 0.025  # where its light is less certain, as a share of it, a record asks once more, with
+MORE = 4  # times as many rays
 BATCH = 1 << 18  # rays at once
 WITHIN = 0.35  # records are trusted up to this share of the mean distance of what they see,
 STRICT = 0.2  # or up to this where they are far apart
@@ -39,6 +43,8 @@ APART = 1.0  # and up to this multiple of the distance of edges
 BEYOND = 3  # levels finer than the finest, where no record can be seen from a receiver
 EDGE = 1e-3  # what stands in a cell less far from the triangle's border does not count, as a share of the cell's edge
 LIFT = 1e-3  # how far above their surface records are looked at, as a share of the distance between them
+SOURCE = np.uint64(1 << 62)  # the bit of keys of corners that gather light for others, too
+ABOVE = 0.25  # how high sources and corners are looked at from each other, as a share of how far sources count
 KEPT = 2_000_000  # more records or patches are not kept for the next picture
 _ARRAYS = ("_placed", "_claimed", "_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open")
 ENOUGH = 1e-3  # so little is not asked for at the next level
@@ -61,7 +67,9 @@ class Records:
         """fine: the distance between records at the finest level, scene units."""
         self._field, self._gather, self._patches, self._nearness = field, gather, patches, nearness
         self._fine, self._bounces = fine, bounces
-        self._kinds = [(at_least * fine, local, tilted(local)) for at_least, n in RAYS for local in [directions(n)]]
+        self._local = {n: (local, tilted(local)) for _, first in RAYS for n in (first, MORE * first)
+                       for local in [directions(n)]}
+        self._thinned = Thinned(field.grids, fine)
         self._table = Table()
         self._cells = Table()  # halves of cells; 1: all places there see each other; 2: perhaps not
         self._clear = np.zeros(0, np.uint8)
@@ -227,36 +235,94 @@ class Records:
 
     def _compute_all(self, new: NDArray[np.int32], keys: NDArray[np.uint64], check: Check) -> None:
         """Compute records (n,) with these keys."""
+        small = (keys & CORNER != 0) & (keys & SOURCE == 0)
+        small[small] = self._thinned.small[_corner(keys[small])]
+        if small.any():
+            alone = self._blend(new[small], keys[small], check)
+            small[np.flatnonzero(small)[alone]] = False
+            new, keys = new[~small], keys[~small]
         places = self._field.grids.places(keys)
         left = np.ones(len(new), np.bool_)
-        for at_least, local, more in self._kinds:
-            rows = np.flatnonzero(left & (places.spacing >= at_least))
+        for at_least, n in RAYS:
+            rows = np.flatnonzero(left & (places.spacing >= at_least * self._fine))
             left[rows] = False
-            step = BATCH // len(local)
-            for i in range(0, len(rows), step):
-                check()
-                some = rows[i:i + step]
-                self._compute(new[some], Places._make(a[some] for a in places), local, more, check)
+            for rays, most in ((n, NOISE), (MORE * n, np.inf)):
+                step, noisy = BATCH // rays, [rows[:0]]
+                for i in range(0, len(rows), step):
+                    check()
+                    some = rows[i:i + step]
+                    found = self._compute(Places._make(a[some] for a in places), rays, check)
+                    good = found[-1] <= most
+                    self._store(new[some[good]], *(a[some[good]] for a in places[:3]), *(a[good] for a in found[:-1]))
+                    noisy.append(some[~good])
+                rows = np.concatenate(noisy)
 
-    def _compute(self, new: NDArray[np.int32], places: Places, local: NDArray, more: NDArray, check: Check) -> None:
-        """Compute records by rays along `local` (d,3), which count as `more` (d,4) for leaning normals."""
-        stats = self._field.stats
+    def _blend(self, new: NDArray[np.int32], keys: NDArray[np.uint64], check: Check) -> NDArray[np.bool_]:
+        """Let records of small corners (n,) have what sources near them gather. Return those that see no source."""
+        places = self._field.grids.places(keys)
+        sources = self._thinned.around(_corner(keys))
+        there = sources.corner >= 0
+        bits = CORNER | SOURCE | keys & np.uint64(1 << 31)
+        number = np.full(there.shape, -1, np.int32)
+        wanted, which = np.unique((sources.corner.astype(np.uint64) | bits[:, None])[there], return_inverse=True)
+        self._enter(wanted)
+        with self._lock:
+            of = self._table.numbers(wanted)
+        number[there] = of[which.reshape(-1)]
+        self._ready(of, check)
+        self._hide(places, sources, number)
+        alone: NDArray[np.bool_] = ~(sources.weight > 0).any(1)
+        rows, n = np.flatnonzero(~alone), np.count_nonzero(~alone)
+        out = np.empty((n, 5, 3), np.float32), *(np.empty(n, np.float32) for _ in range(3))
+        with self._lock:
+            known = self._M, self._mean, self._inverse, self._nearest, self._open
+        _mean_of(number[rows], sources.weight[rows], places.N[rows], *known, *out)
+        self._store(new[rows], *(a[rows] for a in places[:3]), *out)
+        return alone
+
+    def _hide(self, places: Places, sources: Sources, number: NDArray[np.int32]) -> None:
+        """Take the weight from sources (n,s) that are hidden from these places (n,) by what is near them."""
+        with self._lock:
+            P, M, nearest = self._P, self._M, self._nearest
+        row, at = np.nonzero(sources.weight > 0)
+        of, up = number[row, at], ABOVE * self._thinned.reach
+        near = np.flatnonzero(nearest[of] < 1.5 * np.linalg.norm(P[of] - places.P[row], axis=1) + up)
+        if not len(near):
+            return
+        row, at, of = row[near], at[near], of[near]
+        ends, number = points(P[of] + up * M[of]), np.arange(len(of), dtype=np.int32)
+        blocked = self._field.tracer.occluded(places.P + up * places.N, row.astype(np.int32), ends, number, None, False,
+                                              kind="diffuse")
+        sources.weight[row[blocked], at[blocked]] = 0
+        self._field.stats.add(gathered_short_rays=len(of))
+
+    def _compute(self, places: Places, rays: int, check: Check) -> tuple[NDArray[np.float32], ...]:
+        """Return what the kernel `records_sum` makes of what so many rays of each record meet."""
+        stats, r, (local, tilts) = self._field.stats, len(places.P), self._local[rays]
         with stats.stage("gathered light: rays"):
             seen = self._gather(places.P, places.N, local)
         with stats.stage("gathered light: patches"):
             light = light_of(seen, self._patches, self._bounces, check)
-        r = len(new)
-        mean, inverse = np.empty((r, 5, 3), np.float32), np.empty(r, np.float32)
-        nearest, free = np.empty(r, np.float32), np.empty(r, np.float32)
-        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], more, mean, inverse, nearest, free)
+        out = np.empty((r, 5, 3), np.float32), *(np.empty(r, np.float32) for _ in range(4))
+        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], tilts, *out)
+        return out
+
+    def _store(self, new: NDArray[np.int32], P: NDArray, N: NDArray, spacing: NDArray, mean: NDArray, inverse: NDArray,
+               nearest: NDArray, free: NDArray) -> None:
+        """Keep what has been found at records (n,), so that other threads see it."""
         with self._lock:
-            self._P[new] = places.P + LIFT * places.spacing[:, None] * places.N
-            self._M[new], self._mean[new], self._open[new] = places.N, mean, free
+            self._P[new], self._M[new] = P + LIFT * spacing[:, None] * N, N
+            self._mean[new], self._open[new] = mean, free
             self._inverse[new] = np.maximum(inverse, self._inverse[new])
             self._nearest[new] = np.minimum(nearest, self._nearest[new])
         with self._lock:  # again: other threads read without it, and see what was written before they see this
             self._done[new] = True
-        stats.add(records=r)
+        self._field.stats.add(records=len(new))
+
+
+def _corner(keys: NDArray[np.uint64]) -> NDArray[np.int64]:
+    """Return the numbers (n,) of the corners of records with these keys."""
+    return (keys & np.uint64((1 << 31) - 1)).astype(np.int64)
 
 
 class _Asked(NamedTuple):
