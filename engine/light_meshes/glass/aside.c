@@ -21,11 +21,11 @@ static int turn(f64 *d, const f64 *N, f64 eta) {
 }
 
 /* Takes rays, whose states are rows of `state`, through a crossing each, in their order. way: their unit directions;
-   left: how far the lamp is from the crossing, 1 for a sun. of: the body that a triangle bounds, −1 if none. index, by_fresnel: of materials. A
-   body that the ray only leaves, because it began there, turns nothing. */
+   left: how far the lamp is from the crossing, 1 for a sun. of: the body that a triangle bounds, −1 if none. index,
+   by_fresnel: of materials. A body that the ray only leaves, because it began there, turns nothing. */
 KERNEL(aside_cross,
-       "of i32[T]  inside_out bool[b]  ior f64[b]  index f64[M]  by_fresnel bool[M]  triangle i32[n]  material i32[n]  front bool[n]  "
-       "Ns f64[n,3]  way f64[n,3]  left f64[n]  row i64[n]  state f64[m,12]!")
+       "of i32[T]  inside_out bool[b]  ior f64[b]  index f64[M]  by_fresnel bool[M]  triangle i32[n]  "
+       "material i32[n]  front bool[n]  Ns f64[n,3]  way f64[n,3]  left f64[n]  row i64[n]  state f64[m,12]!")
 i64 aside_cross(i64 T, i64 b, i64 M, i64 n, i64 m, const i32 *of, const u8 *inside_out, const f64 *ior, const f64 *index,
                 const u8 *by_fresnel, const i32 *triangle, const i32 *material, const u8 *front, const f64 *Ns,
                 const f64 *way, const f64 *left, const i64 *row, f64 *state) {
@@ -40,7 +40,8 @@ i64 aside_cross(i64 T, i64 b, i64 M, i64 n, i64 m, const i32 *of, const u8 *insi
         }
         if (body < 0) {
             f64 cosine = fabs(dot(s + BENT, N));
-            if (by_fresnel[material[k]] && index[material[k]] != 1.0) s[LEFT] *= 1.0 - fresnel(index[material[k]], cosine);
+            if (by_fresnel[material[k]] && index[material[k]] != 1.0)
+                s[LEFT] *= 1.0 - fresnel(index[material[k]], cosine < 1.0 ? cosine : 1.0);
             continue;
         }
         int entering = front[k] != inside_out[body];

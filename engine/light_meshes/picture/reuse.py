@@ -46,8 +46,9 @@ def nodes(new: Shadowing, old: Shadowing | None) -> int:
         new.world.glass is old.world.glass)
     boxes = changed(new.footprints, old.footprints) if pairs and not unchanged else np.zeros((0, 2, 3))
     for one, then in pairs:
-        # By which glass they were turned aside is not in the boxes.
-        if one.lamps is None and (new.aside or old.aside) and not (unchanged and new.world.surfaces is old.world.surfaces):
+        # By which glass light was turned aside is not in the boxes.
+        same_glass = unchanged and new.world.surfaces is old.world.surfaces
+        if one.lamps is None and new.aside and not same_glass:
             continue
         _keep(one, then, boxes, new, old)
     return count(new.method.nodes)
