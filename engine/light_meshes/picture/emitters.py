@@ -27,6 +27,7 @@ FEW = 24  # of one group of triangles, if that will do
 # How finely a group is divided, from fine to coarse: the degrees that normals may differ from that of the largest
 # triangle, and the share of its rectangle that a face must fill. The first is taken that gives no more than FEW lamps.
 FINENESS = ((15.0, 0.7), (20.0, 0.7), (20.0, 0.5), (30.0, 0.5))
+LOOSE = 0.15  # a sign fills at least this share of its outline
 THICK = 0.3  # a face that is thicker than this share of its length is divided
 SAMPLES = 1 << 18  # points where emission is looked at, of all triangles whose material has a program for it
 
@@ -154,16 +155,36 @@ def _group(of: Emitting, name: str, alone: int | None, objects: int) -> Iterator
         yield Light(f"{name} (emission)", "POINT", _rgb(intensity), _rgb(centre), radius=radius, softness="SIZE",
                     blockers=tuple(i for i in range(objects) if i != alone))
         return
-    for face in _divided(of):
+    faces = _divided(of)
+    sign = _sign(of) if len(faces) > FEW else None
+    for face in faces if sign is None else [sign]:
         part = of.at(face.rows)
-        intensity = (part.area[:, None] * part.radiance).sum(0) / np.pi  # of all its power, also where it is bent
-        for side in (1.0,) if closed else (1.0, -1.0):
+        for side in (1.0,) if closed and sign is None else (1.0, -1.0):
             N = side * face.normal
+            share = 0.5 if closed and sign is not None else 1.0
+            intensity = share * (part.area[:, None] * part.radiance).sum(0) / np.pi  # of all power, also where it is bent
             front = float(((part.corners.reshape(-1, 3) - face.centre) @ N).max())
             front += 1e-4 * float(np.linalg.norm(face.u))
             yield Light(f"{name} (emission)", "AREA", _rgb(intensity),
                         _rgb(face.centre + front * N), _rgb(N), area_u=_rgb(face.u), area_v=_rgb(side * face.v),
                         area_ellipse=face.ellipse, softness="SIZE")
+
+
+def _sign(of: Emitting) -> Face | None:
+    """Return one face for all triangles, if they are a flat thing with many edges, such as the letters of a sign: as
+    large as its outline. All of their power goes to its two sides. None for other things.
+    """
+    largest = of.normal[np.argmax(of.area)]
+    cap = np.flatnonzero(of.normal @ largest > np.cos(np.radians(FINENESS[-1][0])))
+    face, full, _, _ = _face(of, cap)
+    u, v = (a / np.linalg.norm(a) for a in (face.u, face.v))
+    points = of.corners.reshape(-1, 3)
+    at = np.stack([points @ u, points @ v, points @ face.normal], 1)
+    half, middle = np.ptp(at, axis=0) / 2, (at.max(0) + at.min(0)) / 2
+    if half[2] > THICK * half[:2].max() or full < LOOSE:
+        return None
+    return Face(np.arange(len(of.area)), middle @ np.stack([u, v, face.normal]), face.normal, half[0] * u, half[1] * v,
+                False)
 
 
 def _rgb(values: NDArray[np.float64]) -> tuple[float, float, float]:
