@@ -2,9 +2,9 @@
 
 Light that is gathered at surfaces finds emitters with few rays only if they are large. A group that is nearly flat is a
 rectangle or an ellipse of the same area, with the mean radiance of its triangles, so that its power is exact; a ball is
-a sphere. The face of the lamp is in front of its triangles, which so cast no shadow in their own light. Flat things with
-many edges are a face on each side, and bent ones a row of spheres. The groups with most power become lamps, `MOST` in
-all; the rest is gathered (docs/light.md).
+a sphere. The face of the lamp is in front of its triangles, which so cast no shadow in their own light. Flat things
+with many edges are a face on each side, and bent ones a row of spheres. The groups with most power become lamps, `MOST`
+in all; the rest is gathered (docs/light.md).
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def _group(of: Emitting, name: str, alone: int | None, objects: int) -> Iterator
         for side in (1.0,) if closed and sign is None else (1.0, -1.0):
             N = side * face.normal
             share = 0.5 if closed and sign is not None else 1.0
-            intensity = share * (part.area[:, None] * part.radiance).sum(0) / np.pi  # of all power, also where it is bent
+            intensity = share * (part.area[:, None] * part.radiance).sum(0) / np.pi  # of all power, if it is bent, too
             front = float(((part.corners.reshape(-1, 3) - face.centre) @ N).max())
             front += 1e-4 * float(np.linalg.norm(face.u))
             yield Light(f"{name} (emission)", "AREA", _rgb(intensity),
