@@ -1,9 +1,9 @@
-"""The settings of the world's light, of bounces and of the limit of reflections: scenes of earlier files keep what they
-had.
+"""Settings whose values in files of earlier releases stay as they were: the world's light, bounces, the limit of
+reflections, shadows of glass.
 
-Earlier releases had only ambient light, and no limit of reflections. Blender saves only values that were set. So a
-scene in which nothing was set comes from an earlier release if its `release` says so, or if it uses Light Meshes and
-has no `release`. When a file is saved, all values with which its scenes render are set.
+Blender saves only values that were set. So a scene in which such a setting was not set comes from an earlier release if
+its `release` says so, or if it uses Light Meshes and has no `release`. When a file is saved, all values with which its
+scenes render are set.
 """
 
 import bpy
@@ -11,43 +11,50 @@ from bpy.app.handlers import persistent
 
 from .softness import NOW, is_used, stamps
 
-EARLIER = {"world_light": 'AMBIENT', "bounces": 0, "clamp_indirect": 0.0}
+# value in earlier files, and the value of LightMeshesScene.release from which on files have the default
+EARLIER = {"world_light": ('AMBIENT', 3), "bounces": (0, 3), "clamp_indirect": (0.0, 3), "glass_shadows": ('CLEAR', 4)}
 
 
 def of(scene) -> dict:
     """Return the values of EARLIER's properties that a scene, evaluated or not, renders with."""
-    own, old = scene.light_meshes, _is_old(scene.original)
-    return {name: EARLIER[name] if old and not own.is_property_set(name) else getattr(own, name) for name in EARLIER}
+    own, release = scene.light_meshes, _release(scene.original)
+    return {name: earlier if release < since and not own.is_property_set(name) else getattr(own, name)
+            for name, (earlier, since) in EARLIER.items()}
 
 
-def _is_old(scene) -> bool:
-    """Return whether a scene uses Light Meshes and comes from a file of an earlier release."""
+def _release(scene) -> float:
+    """Return the `release` of the file that a scene comes from, 0 if it has none and uses Light Meshes; infinity for
+    scenes that are new or do not use it.
+    """
     if not is_used(scene):
-        return False
+        return float("inf")
     own = scene.light_meshes
     if own.is_property_set("release"):
-        return own.release < NOW
-    return bool(scene.library) or (bool(bpy.data.filepath) and not stamps())
+        return own.release
+    return 0 if scene.library or (bpy.data.filepath and not stamps()) else float("inf")
 
 
-def _set(values) -> None:
-    """Set what was not chosen in the scenes of the open file, to values(scene)."""
-    for scene in bpy.data.scenes:
-        if not scene.library:
-            own = scene.light_meshes
-            for name, value in values(scene).items():
-                if not own.is_property_set(name):
-                    setattr(own, name, value)
+def _set(scenes) -> None:
+    """Set what was not chosen in these scenes to the values with which they render."""
+    for scene in scenes:
+        own = scene.light_meshes
+        for name, value in of(scene).items():
+            if not own.is_property_set(name):
+                setattr(own, name, value)
+
+
+def _own_scenes() -> list:
+    return [scene for scene in bpy.data.scenes if not scene.library]
 
 
 @persistent
 def _keep_old(*_):
-    _set(lambda scene: EARLIER if _is_old(scene) else {})
+    _set([scene for scene in _own_scenes() if _release(scene) < NOW])
 
 
 @persistent
 def _before_saving(*_):
-    _set(lambda scene: of(scene) if is_used(scene) else {})
+    _set([scene for scene in _own_scenes() if is_used(scene)])
 
 
 def register() -> None:

@@ -114,6 +114,16 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         ),
         default='VIEW', update=_refraction_changed,
     )
+    glass_shadows: EnumProperty(
+        name="Shadows of Glass",
+        description="What becomes of light that goes straight on where glass would bend it",
+        items=(
+            ('CLEAR', "Clear", "It passes: balls and lenses have faint shadows", 0),
+            ('SOLID', "Solid", "It passes where the glass hardly turns it aside: panes and thin walls let it through, "
+             "balls and lenses have dark shadows", 1),
+        ),
+        default='SOLID', update=_changed,
+    )
     glass: EnumProperty(
         name="Soft Shadows at Glass",
         description="What a pane of glass does to the soft shadows beside it",

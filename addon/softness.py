@@ -8,7 +8,8 @@ come from an earlier release if a scene in them uses Light Meshes or has any of 
 import bpy
 from bpy.app.handlers import persistent
 
-EARLIER, NOW = 1, 3  # values of LightMeshesScene.release; 2: lamps as now, but ambient light (see `everywhere`)
+# values of LightMeshesScene.release; 2: lamps as now, but ambient light; 3: but clear shadows of glass (`everywhere`)
+EARLIER, NOW = 1, 4
 _OF_ANY_FILE = {"rna_type", "name", "release", "measure_frame"}  # the last is set when any file is loaded
 
 

@@ -22,6 +22,7 @@ def clean_scene(width, height, **light_meshes):
     scene = bpy.context.scene
     scene.render.engine = 'LIGHT_MESHES'
     scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
+    scene.light_meshes.glass_shadows = 'CLEAR'
     scene.render.resolution_x, scene.render.resolution_y = width, height
     scene.view_settings.view_transform = 'Standard'
     for name, value in light_meshes.items():

@@ -87,6 +87,8 @@ class LIGHT_MESHES_PT_glass(LightMeshesPanel, bpy.types.Panel):
     def fill(self, layout, context):
         settings = context.scene.light_meshes
         layout.prop(settings, "refraction")
+        if settings.refraction == 'VIEW':
+            layout.prop(settings, "glass_shadows")
         soft = settings.mode != 'LOCAL' and settings.shadows == 'LIGHT_MESHES'
         if soft:
             layout.prop(settings, "glass", text="Soft Shadows")

@@ -218,6 +218,12 @@ def lens():
     bpy.context.scene.light_meshes.refraction = 'FULL'
 
 
+def clear_ball():
+    lens()
+    own = bpy.context.scene.light_meshes
+    own.refraction, own.glass_shadows = 'VIEW', 'CLEAR'
+
+
 def beside_a_slope():
     """A slope that the sun lights, and which lights the floor."""
     add(mesh("Slope", [(-1, -5, 0), (-1, 5, 0), (-3, 5, 2), (-3, -5, 2)], [(0, 1, 2, 3)]), material="Ground",

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from ..rays.geometry import Hits, Surfaces
 from ..rays.stacks import stacks
-from ..scene.description import Scene
+from ..scene.description import Scene, Settings
 from ..support.native import kernel
 from ..surface.looks import Looks
 from ..surface.textures import Texture, alpha_images
+from .aside import Aside
 from .bodies import around, bodies, facets
 from .media import Media, closed
 
@@ -87,6 +88,14 @@ class Interfaces:
         shown = self._in_shadow_paths & casters
         return Media(shown, shown & self.bending, self._ior[material], 1 - alpha + alpha * self._kt[material],
                      self._priority[material])
+
+    def aside(self, settings: Settings, radius: NDArray[np.float64]) -> Aside | None:
+        """Return what says how much of straight rays of light through bodies counts; None: all. radius (L,): half of
+        the width of lamps, see `Aside`.
+        """
+        if settings.glass_shadows != "SOLID" or settings.refraction != "VIEW" or not self.bends_shadows:
+            return None
+        return Aside(self._surfaces, self._bodies, self._ior, self._fresnel, radius)
 
     def _alpha_of(self, alpha: NDArray[np.float64], image: NDArray[np.int32],
                   uv: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -2,8 +2,9 @@
 
 Light that is gathered at surfaces finds emitters with few rays only if they are large. A group that is nearly flat is a
 rectangle or an ellipse of the same area, with the mean radiance of its triangles, so that its power is exact; a ball is
-a sphere. The face of the lamp is in front of its triangles, which so cast no shadow in their own light. The groups with
-most power become lamps, `MOST` in all; the rest is gathered (docs/light.md).
+a sphere. The face of the lamp is in front of its triangles, which so cast no shadow in their own light. Flat things
+with many edges are a face on each side, and bent ones a row of spheres. The groups with most power become lamps, `MOST`
+in all; the rest is gathered (docs/light.md).
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ FEW = 24  # of one group of triangles, if that will do
 # How finely a group is divided, from fine to coarse: the degrees that normals may differ from that of the largest
 # triangle, and the share of its rectangle that a face must fill. The first is taken that gives no more than FEW lamps.
 FINENESS = ((15.0, 0.7), (20.0, 0.7), (20.0, 0.5), (30.0, 0.5))
+PIECES = 16  # of a bent thing that would be more than MOST faces
+LOOSE = 0.15  # a sign fills at least this share of its outline
 THICK = 0.3  # a face that is thicker than this share of its length is divided
 SAMPLES = 1 << 18  # points where emission is looked at, of all triangles whose material has a program for it
 
@@ -148,22 +151,63 @@ def _group(of: Emitting, name: str, alone: int | None, objects: int) -> Iterator
     if closed and of.area @ np.einsum("ni,ni->n", of.normal, middles - middles[0]) < 0:
         of = of._replace(normal=-of.normal)  # the mesh is inside out
     ball = _ball(of) if closed and alone is not None else None
-    if ball is not None:
-        centre, radius = ball
-        intensity = (of.area[:, None] * of.radiance).sum(0) / (4 * np.pi)
+    faces = _divided(of) if ball is None else []
+    sign = _sign(of) if len(faces) > FEW else None
+    balls = [(np.arange(len(of.area)), *ball)] if ball else (
+        _balls(of) if closed and alone is not None and len(faces) > MOST and sign is None else [])
+    for rows, centre, radius in balls:
+        intensity = (of.area[rows, None] * of.radiance[rows]).sum(0) / (4 * np.pi)
         yield Light(f"{name} (emission)", "POINT", _rgb(intensity), _rgb(centre), radius=radius, softness="SIZE",
                     blockers=tuple(i for i in range(objects) if i != alone))
+    if balls:
         return
-    for face in _divided(of):
+    for face in faces if sign is None else [sign]:
         part = of.at(face.rows)
-        intensity = (part.area[:, None] * part.radiance).sum(0) / np.pi  # of all its power, also where it is bent
-        for side in (1.0,) if closed else (1.0, -1.0):
+        for side in (1.0,) if closed and sign is None else (1.0, -1.0):
             N = side * face.normal
+            share = 0.5 if closed and sign is not None else 1.0
+            intensity = share * (part.area[:, None] * part.radiance).sum(0) / np.pi  # of all power, if it is bent, too
             front = float(((part.corners.reshape(-1, 3) - face.centre) @ N).max())
             front += 1e-4 * float(np.linalg.norm(face.u))
             yield Light(f"{name} (emission)", "AREA", _rgb(intensity),
                         _rgb(face.centre + front * N), _rgb(N), area_u=_rgb(face.u), area_v=_rgb(side * face.v),
                         area_ellipse=face.ellipse, softness="SIZE")
+
+
+def _balls(of: Emitting) -> list[tuple[NDArray[np.int64], NDArray[np.float64], float]]:
+    """Return the triangles of a bent thing, such as a neon tube, in PIECES parts, each with a ball of the same area for
+    it: its triangles, centre and radius.
+    """
+    middles = of.corners.mean(1)
+    parts = [np.arange(len(of.area))]
+    while len(parts) < PIECES:
+        sizes = [np.ptp(middles[rows], axis=0).max() for rows in parts]
+        rows = parts.pop(int(np.argmax(sizes)))
+        along = middles[rows, int(np.ptp(middles[rows], axis=0).argmax())]
+        order = np.argsort(along, kind="stable")
+        half = int(np.searchsorted(np.cumsum(of.area[rows[order]]), of.area[rows].sum() / 2))
+        half = min(max(half, 1), len(rows) - 1)
+        parts += [rows[order[:half]], rows[order[half:]]]
+    weight = [of.area[rows, None] / of.area[rows].sum() for rows in parts]
+    return [(rows, (w * middles[rows]).sum(0), float(np.sqrt(of.area[rows].sum() / (4 * np.pi))))
+            for rows, w in zip(parts, weight, strict=True)]
+
+
+def _sign(of: Emitting) -> Face | None:
+    """Return one face for all triangles, if they are a flat thing with many edges, such as the letters of a sign: as
+    large as its outline. All of their power goes to its two sides. None for other things.
+    """
+    largest = of.normal[np.argmax(of.area)]
+    cap = np.flatnonzero(of.normal @ largest > np.cos(np.radians(FINENESS[-1][0])))
+    face, full, _, _ = _face(of, cap)
+    u, v = (a / np.linalg.norm(a) for a in (face.u, face.v))
+    points = of.corners.reshape(-1, 3)
+    at = np.stack([points @ u, points @ v, points @ face.normal], 1)
+    half, middle = np.ptp(at, axis=0) / 2, (at.max(0) + at.min(0)) / 2
+    if half[2] > THICK * half[:2].max() or full < LOOSE:
+        return None
+    return Face(np.arange(len(of.area)), middle @ np.stack([u, v, face.normal]), face.normal, half[0] * u, half[1] * v,
+                False)
 
 
 def _rgb(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -23,6 +23,7 @@ from ..scene.description import Camera, Light, Settings, same
 from ..shadows import lamp_points
 from ..shadows.grouped import Grouped
 from ..shadows.method import Method, Setup, Through
+from ..shadows.radius import extents
 from ..shadows.registry import KINDS, NONE
 from ..shadows.unshadowed import Unshadowed
 from ..support.statistics import Statistics
@@ -65,7 +66,8 @@ def everywhere(world: World, plan: Plan, lighting: Lighting, settings: Settings,
     are used again if everything that they depend on is the same.
     """
     fine = step(h)
-    own = fine, settings.bounces, settings.world_light, settings.refraction, plan.shadows == NONE, plan.channels
+    own = (fine, settings.bounces, settings.world_light, settings.refraction, settings.glass_shadows,
+           plan.shadows == NONE, plan.channels)
     if old and own == old.settings and _alike(world, old.world) and old.records.kept(stats):
         return old._replace(world=world)
     return Everywhere(_records(world, plan, lighting, settings, fine, stats), world, own)
@@ -117,7 +119,8 @@ def _shadows(world: World, plan: Plan, settings: Settings, patch: float, stats: 
     lights = world.scene.lights
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
-    through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts)
+    aside = world.glass.aside(settings, extents(lights))
+    through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts, aside)
     few = replace(settings, light_samples=_lamp_rays(lights, patch), light_threshold=PART)
     setup = Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {}, through, None)
     method = KINDS["AREA_SAMPLING"].make(setup)

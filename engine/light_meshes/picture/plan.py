@@ -171,6 +171,10 @@ def _transparency(p: Plan, scene: Scene, glass: Interfaces) -> None:
                  f"refraction is {s.refraction.lower()}" if p.paths or s.refraction != "FULL" else
                  "no closed mesh of glass bends" if not glass.bends_shadows else
                  f"{p.shadows.lower().replace('_', ' ')} has straight rays" if straight else "nothing casts a shadow")
+        if p.channels and s.refraction == "VIEW" and glass.bends_shadows:
+            dark = s.glass_shadows == "SOLID"
+            p.decide("shadows of glass", s.glass_shadows.lower(), "light that glass turns aside is missing" if dark
+                     else "light goes straight through")
     else:
         p.decide("transparency", "no", "all surfaces are opaque")
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..shadows.lamp_points import reaches
 from ..shadows.method import Nodes
+from ..shadows.radius import extent
 from ..support.native import kernel
 from .footprints import casting, changed
 from .shadowing import Shadowing
@@ -45,6 +46,10 @@ def nodes(new: Shadowing, old: Shadowing | None) -> int:
         new.world.glass is old.world.glass)
     boxes = changed(new.footprints, old.footprints) if pairs and not unchanged else np.zeros((0, 2, 3))
     for one, then in pairs:
+        # By which glass light was turned aside is not in the boxes.
+        same_glass = unchanged and new.world.surfaces is old.world.surfaces
+        if one.lamps is None and new.aside and not same_glass:
+            continue
         _keep(one, then, boxes, new, old)
     return count(new.method.nodes)
 
@@ -77,7 +82,7 @@ def _store_key(shadowing: Shadowing, nodes: Nodes) -> tuple:
     """
     s, surfaces = shadowing.settings, shadowing.world.surfaces
     key = (nodes.points, nodes.lattice.h, s.lattice_rotation, s.lattice_origin, surfaces.centre.tolist(),
-           surfaces.scale, shadowing.channels, surfaces.reach > 1)
+           surfaces.scale, shadowing.channels, surfaces.reach > 1, shadowing.aside)
     refraction = shadowing.refraction
     key = (*key, s.caustics, s.leak_free, *map(id, refraction.solvers.values())) if refraction else key
     return tuple(map(repr, key))
@@ -110,7 +115,7 @@ def _column_key(shadowing: Shadowing, nodes: Nodes, i: int) -> tuple:
     if light.blockers is not None:  # compare them by content, because object numbers mean nothing in another scene
         owner, digests = scene.geometry.instance_object, shadowing.footprints.digest
         blockers = tuple(sorted(d for d, o in zip(digests, owner, strict=True) if o in light.blockers))
-    shape = nodes.lamps.alike(i) if nodes.lamps else ()
+    shape = nodes.lamps.alike(i) if nodes.lamps else (extent(light),) if shadowing.aside else ()
     return bool(targets.directional[i]), tuple(targets.position[i].tolist()), blockers, shape
 
 

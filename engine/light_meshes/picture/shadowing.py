@@ -69,6 +69,7 @@ class Shadowing:
     channels: int  # of values at nodes, as `Plan.channels`
     paths: bool  # shadow paths bend
     refraction: Refraction | None
+    aside: bool  # what glass turns aside of straight rays is missing
     certificate: Certificate | None  # of lights of one width
     certify: Certify
     radii: dict[int, float]  # r of lights that have their own
@@ -99,7 +100,8 @@ def shadowing(world: World, settings: Settings, casters: Casters, plan: Plan, me
     """
     targets = world.lights.targets()
     refraction = _refraction(world, settings, casters, targets, old) if plan.paths else None
-    through = Through(plan.channels, world.glass.factor, refraction, world.glass.cutouts)
+    aside = world.glass.aside(settings, light_size.extents(world.scene.lights))
+    through = Through(plan.channels, world.glass.factor, refraction, world.glass.cutouts, aside)
     certify = Certify(world, stats, old.certify if old else None)
     of_lattice: LatticeSetup | None = None
     radii: dict[int, float] = {}
@@ -113,8 +115,8 @@ def shadowing(world: World, settings: Settings, casters: Casters, plan: Plan, me
         method = Grouped(setup, method)
     certify.close()
     proof = of_lattice.certificate if of_lattice else None
-    return Shadowing(world, settings, casters, targets, method, plan.channels, plan.paths, refraction, proof, certify,
-                     radii, warnings)
+    return Shadowing(world, settings, casters, targets, method, plan.channels, plan.paths, refraction,
+                     aside is not None, proof, certify, radii, warnings)
 
 
 def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: Measured,

@@ -9,7 +9,7 @@ origin at the target, and are converted to float32 last. Outside of this module 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,21 @@ class Targets(NamedTuple):
 def points(position: NDArray[np.float64]) -> Targets:
     """Return targets that are all points."""
     return Targets(position, np.zeros(len(position), np.bool_))
+
+
+class Turning(Protocol):
+    """Says how much of straight rays through bodies of glass counts; see `glass.aside`."""
+
+    def begin(self, n: int) -> NDArray[np.float64]:
+        """Return the states of n rays."""
+
+    def cross(self, state: NDArray[np.float64], row: NDArray[np.int64], triangle: NDArray[np.int32],
+              u: NDArray[np.float32], v: NDArray[np.float32], start: NDArray[np.float64], end: NDArray[np.float64],
+              sun: NDArray[np.bool_]) -> None:
+        """Take the rays `row` of `state` through a crossing each."""
+
+    def dim(self, state: NDArray[np.float64], light: NDArray[np.int32], through: NDArray[np.float32]) -> None:
+        """Multiply `through` (n,3) of rays to lamps `light` (n,) by what counts of them."""
 
 
 class Tracer:
@@ -184,12 +199,14 @@ class Tracer:
         target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool,
         factor: Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]],
         unbent: bool = False, casters: int = 0, triangle: NDArray[np.int32] | None = None,
+        turning: Turning | None = None, light: NDArray[np.int32] | None = None,
     ) -> NDArray[np.float32]:
         """Return Π t (n,3) of the surfaces crossed on the straight segments of `occluded`; 0 behind an opaque one.
 
         factor(triangle, u, v) -> (n,3) is the share of light that a crossing lets through. Each crossing counts once,
         although Embree may report both triangles at an edge. `unbent`: a surface that would bend the ray stops it.
-        `triangle` (len(origin),): the triangles on which the origins lie; sheets on these count.
+        `triangle` (len(origin),): the triangles on which the origins lie; sheets on these count. `turning`: what glass
+        turns aside counts less; `light`: to which lamps the segments go, which it needs.
         """
         through = np.ones((len(origin_of), 3), np.float32)
         blocked = self.occluded(origin, origin_of, targets, target_of, normal, closed,
@@ -212,6 +229,7 @@ class Tracer:
             passed = np.zeros(len(alive))  # distance of the last crossing from the start
             last = np.full(len(alive), -1, np.int32)
             near = np.zeros(len(alive), np.int32)  # crossings in a row that are hardly apart
+            state = turning.begin(min(CHUNK, len(origin_of) - i)) if turning and len(alive) else None
             done = np.full(len(alive), -1e-9)  # share of the segment up to which what is in one place has counted
             if self.stacks is not None and triangle is not None:
                 done[:] = ULPS / 4 * np.maximum(1.0, np.abs(start).max(1)) / np.linalg.norm(end - start, axis=1)
@@ -234,9 +252,14 @@ class Tracer:
                     self._together(kind, casters, others, start, end, False, done, until, alive, factor, through)
                     done = np.where(stacked, np.maximum(done, until), done)
                 through[alive[new]] *= factor(met[new], hit.u[on][new], hit.v[on][new])
+                if turning is not None and state is not None:
+                    turning.cross(state, alive[new] - i, met[new], hit.u[on][new], hit.v[on][new], start[new], end[new],
+                                  targets.directional[target_of[alive[new]]])
                 on = (through[alive] > 0).any(1) & (t > 0)
                 alive, start, end, passed = alive[on], start[on], end[on], passed[on]
                 last, near, done, o, d, t = last[on], near[on], done[on], o[on], d[on], t[on]
+            if turning is not None and state is not None and light is not None:
+                turning.dim(state, light[i:i + CHUNK], through[i:i + CHUNK])
         return through
 
     def _that_cross(self, embree: Accelerator, triangle: NDArray[np.int32] | None, o: NDArray[np.float32],

@@ -30,6 +30,7 @@ MODES = ("LOCAL", "RAY_CASTING", "WHITTED")
 REFRACTIONS = ("NONE", "VIEW", "FULL")
 WORLD_LIGHTS = ("AMBIENT", "SKY")
 GLASS = ("BOUNDED", "PAPER")
+GLASS_SHADOWS = ("CLEAR", "SOLID")
 CAUSTICS = ("PAPER", "FOCUS")
 SHADOWS = ("SHARP", "LIGHT_MESHES", "AREA_SAMPLING")  # the methods of `shadows.registry`
 LIGHT_TYPES = ("POINT", "SUN", "SPOT", "AREA")
@@ -67,6 +68,8 @@ class Settings:
     refraction: str = "VIEW"  # which rays glass bends: M1 NONE, M2 VIEW rays, M3 FULL: shadow paths too (eq. 6)
     glass: str = "BOUNDED"  # nodes behind glass: BOUNDED drops them, PAPER weights them as in eq. (7)
     caustics: str = "PAPER"  # energy of refracted paths: Σ Π t, or FOCUS: Σ Π t·J
+    # what stands in the light's way with VIEW: CLEAR, light goes straight on; SOLID, what glass turns aside is missing
+    glass_shadows: str = "CLEAR"
     leak_free: bool = False  # end of paper §5: use ξ of the first segment for each path
     shadow_rate: int = 1  # soft light is computed at points this many pixels apart, and interpolated; 1: at each sample
     # with LIGHT_MESHES: lamps that together give at most this share of a place's light share a shadow there; 0: none

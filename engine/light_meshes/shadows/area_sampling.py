@@ -75,7 +75,8 @@ class AreaSampling(Method):
             check()
             _sample(s, self._samples, self._seed, at.P, row, *self._targets, light, self._disc, self._rectangle,
                     self._size, self._u, self._v, target)
-            clear += self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters)
+            clear += self._sharp.segments(origin, of, Targets(target, directional), order, normal, casters,
+                                           light=light)
         self._stats.add(shadow_rays=len(row) * self._samples)
         return (clear / self._samples).astype(np.float32)
 
@@ -95,7 +96,7 @@ class AreaSampling(Method):
             _sized_sample(s, self._samples, self._seed, at.P, facing, row, *self._lamps, light, target, weight)
             to = Targets(target, directional)
             origin, normal, of = starts(at.lift, at.P, at.N, to, row, order)
-            visible = self._sharp.segments(origin, of, to, order, normal, casters)
+            visible = self._sharp.segments(origin, of, to, order, normal, casters, light=light)
             clear += visible * weight[:, None]
             everything += weight[:, None]
         self._stats.add(shadow_rays=len(row) * self._samples)

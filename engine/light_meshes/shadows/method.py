@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..glass.refraction import RefractedPaths
 from ..rays.geometry import Surfaces
-from ..rays.tracer import Targets, Tracer
+from ..rays.tracer import Targets, Tracer, Turning
 from ..scene.description import Light, Scalar, Settings
 from ..scene.values import checked_mapping
 from ..support.rows import taken
@@ -127,9 +127,9 @@ class SharpMethod(Method, Protocol):
     """Sharp shadows. Methods with soft shadows also use them, for lights without a size and for single rays."""
 
     def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray | None, casters: int,
-                 triangle: NDArray[np.int32] | None = None) -> NDArray:
+                 triangle: NDArray[np.int32] | None = None, light: NDArray[np.int32] | None = None) -> NDArray:
         """Return the share of light (k,C) that passes from P[row] to targets[target], past this set of casters;
-        `triangle` is that of each row.
+        `triangle` is that of each row, `light` the lamp to which each segment goes; None: `target` says that.
         """
         ...
 
@@ -159,6 +159,7 @@ class Through(NamedTuple):
     factor: Factor  # the factor of a crossing, `Interfaces.factor`
     refraction: Refraction | None
     cutouts: bool  # whether some surfaces have holes
+    aside: Turning | None = None  # light that bodies of glass turn aside is missing where it went straight
 
 
 class LatticeSetup(NamedTuple):

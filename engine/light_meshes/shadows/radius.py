@@ -31,6 +31,11 @@ def extent(light: Light) -> float:
     return KINDS[light.type].extent(light)
 
 
+def extents(lights: tuple[Light, ...]) -> NDArray[np.float64]:
+    """Return `extent` of all lights (L,)."""
+    return np.array([extent(light) for light in lights], np.float64)
+
+
 def radius(light: Light, magnified: float, weights: str) -> float:
     """Return r ≈ 1.12·ρ·a/(L − a) for uniform weights, in three digits; `magnified` is a/(L − a), or for a SUN the
     length a.

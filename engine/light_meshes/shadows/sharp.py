@@ -34,7 +34,7 @@ class Sharp(SharpMethod):
         return S
 
     def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray | None, casters: int,
-                 triangle: NDArray[np.int32] | None = None) -> NDArray:
+                 triangle: NDArray[np.int32] | None = None, light: NDArray[np.int32] | None = None) -> NDArray:
         """Return 1 for each clear segment (k,1) from P[row] to targets[target], otherwise 0."""
         blocked = self._tracer.occluded(P, row, targets, target, N, closed=False, kind="opaque", casters=casters)
         return ~blocked[:, None]

@@ -201,7 +201,9 @@ class SizedLamps(Method):
                     of = np.repeat(row[some], lobe_points.DIRECTIONS)[order]
                     origin, normal, of = starts(at.lift, at.P, at.N, to, of, order)
                     visible = np.zeros(weight.size)
-                    visible[order] = self._sharp.segments(origin, of, to, order, normal, group.casters)[:, 0]
+                    lamp = np.repeat(light[some], lobe_points.DIRECTIONS)[order]
+                    visible[order] = self._sharp.segments(origin, of, to, order, normal, group.casters,
+                                                          light=lamp)[:, 0]
                     self._stats.add(shadow_rays=len(order))
                     found = lobe_points.share(weight, visible.reshape(weight.shape), seen[some])
                     if out is None:
@@ -355,7 +357,8 @@ class SizedLamps(Method):
                 to = points(shapes, targets, at.P, turn, rows, lights, first, count, share, self._samples)
                 order = np.arange(len(to.position), dtype=np.int32)
                 origin, normal, of = starts(lift, at.P, at.N, to, rows if count == 1 else np.repeat(rows, count), order)
-                visible = self._sharp.segments(origin, of, to, order, normal, group.casters)
+                lamp = lights if count == 1 else np.repeat(lights, count)
+                visible = self._sharp.segments(origin, of, to, order, normal, group.casters, light=lamp)
                 _sums(count, at.P, facing, rows, lights, targets.directional, shapes.shape, self._lamps.facing,
                       to.position, visible.astype(np.float32), part, clear, whole)
         self._stats.add(shadow_rays=len(some) * count)

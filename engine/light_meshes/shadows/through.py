@@ -42,7 +42,7 @@ class Straight:
         self._count, self._targets, self._tracer = len(setup.lights), setup.targets, setup.tracer
         self._stats, self._groups = setup.stats, groups
         self._channels, self._factor = setup.through.channels, setup.through.factor
-        self._refraction = setup.through.refraction
+        self._refraction, self._aside = setup.through.refraction, setup.through.aside
         self._casting = union(groups, self._count)
 
     def whole(self, at: Receivers, check: Check) -> NDArray[np.float32]:
@@ -129,11 +129,15 @@ class Straight:
                 yield LightPaths(wanted, i, found.start, alpha, found.P)
 
     def segments(self, P: NDArray, row: NDArray, targets: Targets, target: NDArray, N: NDArray | None,
-                 casters: int, triangle: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
-        """Return Π t (k,C) of straight segments from P[row], on triangle[row], to targets[target]."""
+                 casters: int, triangle: NDArray[np.int32] | None = None,
+                 light: NDArray[np.int32] | None = None) -> NDArray[np.float32]:
+        """Return Π t (k,C) of straight segments from P[row], on triangle[row], to targets[target], points of lamps
+        `light` (k,); None: `target` are the lamps.
+        """
         return self._tracer.transmittance(P, row, targets, target, N, False, self._factor,
                                           unbent=self._refraction is not None, casters=casters,
-                                          triangle=triangle)[:, :self._channels]
+                                          triangle=triangle, turning=self._aside,
+                                          light=target if light is None else light)[:, :self._channels]
 
 
 class SharpThrough(Straight, SharpMethod):
