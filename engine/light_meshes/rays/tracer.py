@@ -156,6 +156,13 @@ class Tracer:
         embree, _ = self._embree[kind, casters]
         return embree.occluded_of(*self._frame, origin, normal, origin_of, *targets, target_of, closed)
 
+    def field(self, kind: str, casters: int = 0) -> tuple | None:
+        """Return what kernels that make shadow rays themselves need to trace them past this set of casters: how packets
+        of rays are traced, and the frame of rays. None where such kernels cannot trace.
+        """
+        found = self._embree[kind, casters][0].for_kernels
+        return None if found is None else (*found, *self._frame)
+
     def lit(self, origin: NDArray[np.float64], targets: Targets, asked: NDArray[np.uint64], among: NDArray[np.uint64],
             lights: tuple[int, int], found: NDArray[np.uint64], casters: int = 0) -> int:
         """Set the bits of found (n,W) for the lights that the free points origin (n,3) see past opaque surfaces.
