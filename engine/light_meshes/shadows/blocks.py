@@ -114,8 +114,8 @@ class Rules(NamedTuple):
 
 
 # As near as 4 and as 16 rays to each lamp
-BALANCED = Rules((Stage(True, QUARTER, 1), Stage(False, QUARTER, 1), Stage(False, ALL, 1)),
-                 ((4, 2, 1.1), (2, 1, 0.9)))
+BALANCED = Rules((Stage(True, QUARTER, 1), Stage(False, ALL, 1)),
+                 ((4, 2, 1.15), (3, 1, 0.95)))
 BEST = Rules((Stage(True, ALL, 1), Stage(False, ALL, 1)), ())
 SURPRISE = 1.2  # fewer pixels must not be farther from more of them than by so many times n^-3/4 of n rays
 

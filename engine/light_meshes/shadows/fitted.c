@@ -14,7 +14,7 @@ static i64 pixel_of(i64 place, i64 edge) {
 }
 
 /* Which planes the receivers of each large block are on: numbers below PLANES, which have a meaning in that block only, or
-   PLANES. Receivers are on one plane if their normals differ by less than 6°, and if they lie in it as nearly. */
+   PLANES. Receivers are on one plane if their normals differ by less than 14°, and if they lie in it to half of that. */
 KERNEL(blocks_planes, "place i64[n]  P f64[n,3]  N f64[n,3]  plane u8[n]!")
 i64 blocks_planes(i64 n, const i64 *place, const f64 *P, const f64 *N, u8 *plane) {
     i64 first[PLANES], count = 0;
@@ -24,7 +24,7 @@ i64 blocks_planes(i64 n, const i64 *place, const f64 *P, const f64 *N, u8 *plane
         for (; k < count; k++) {
             const f64 *normal = N + 3 * first[k], *at = P + 3 * first[k];
             f64 d[3] = {P[3 * p] - at[0], P[3 * p + 1] - at[1], P[3 * p + 2] - at[2]}, high = dot(d, normal);
-            if (dot(N + 3 * p, normal) >= 0.995 && high * high <= 1e-3 * dot(d, d)) break;
+            if (dot(N + 3 * p, normal) >= 0.97 && high * high <= 0.016 * dot(d, d)) break;
         }
         if (k == count && count < PLANES) first[count++] = p;
         plane[p] = (u8)k;

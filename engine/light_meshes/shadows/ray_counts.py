@@ -47,7 +47,7 @@ class Shared(NamedTuple):
 # As near as 4 and as 16 rays to each lamp
 BALANCED, BEST = Shared(7.5, (2.0, 4.0, 8.0), 16), Shared(43.0, (4.0, 8.0, 16.0), 16)
 # The same where blocks of the picture find out which pairs are worth more than a ray
-BALANCED_BLOCKS, BEST_BLOCKS = Shared(7.5, (2.0, 4.0, 8.0), 8), Shared(36.0, (4.0, 8.0, 16.0, 32.0), 32)
+BALANCED_BLOCKS, BEST_BLOCKS = Shared(5.5, (2.0, 4.0, 8.0), 8), Shared(36.0, (4.0, 8.0, 16.0, 32.0), 32)
 SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many times the rays of each are as near
 
 
