@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from light_meshes import Light, Scene, Shape, box, sphere, translate
+from light_meshes.picture.plan import forced
 from light_meshes.picture.render import render_image
 from light_meshes.rays.tracer import Tracer
 from light_meshes.shadows import blocks
@@ -117,6 +118,14 @@ def test_rays_of_one_kernel_give_the_same_bits_as_arrays_of_them(monkeypatch, kI
     expected = combined(scene(33, kI=kI))
     monkeypatch.setattr(Tracer, "field", lambda *_: None)
     np.testing.assert_array_equal(combined(scene(33, kI=kI)), expected)
+
+
+def test_what_only_nodes_need_is_not_made_where_none_are_asked():
+    expected = render_image(scene(45))
+    with forced(certifies_lamps=True):
+        other = render_image(scene(45))
+    np.testing.assert_array_equal(other.passes["Combined"], expected.passes["Combined"])
+    assert expected.statistics["nodes"] == other.statistics["nodes"] == 0
 
 
 # --- Penumbrae that are wide ------------------------------------------------------------------------------------------
