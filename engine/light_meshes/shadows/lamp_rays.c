@@ -11,14 +11,14 @@ static void add_free(const Field *f, Packet *rays, const f64 *weight, f64 *clear
 }
 
 /* lamp_points of the pairs `part`, what is between them and P, and lamp_sums: what points first..first+count give, added to
-   `clear` and `whole` of each. Rays go to points above the horizon only; returns how many. N: the surfaces' normals; up: those above
+   `clear` and `whole` of each. Rays go to points above the horizon only; returns how many. C is 1. N: the surfaces' normals; up: those above
    which points count. */
 KERNEL(lamp_rays,
        "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  first i64  count i64  P f64[m,3]  N f64[m,3]  up f64[m,3]  "
        "turn f64[m,2]  share i64[m]?  sharers i64  common i64  row i32[k]  light i32[k]  part i32[p]  position f64[L,3]  "
-       "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  facing f64[L,3]  clear f64[k,1]!  "
+       "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  facing f64[L,3]  clear f64[k,C]!  "
        "whole f64[k]!")
-i64 lamp_rays(i64 m, i64 k, i64 p, i64 L, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach, i64 first,
+i64 lamp_rays(i64 m, i64 k, i64 p, i64 L, i64 C, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach, i64 first,
               i64 count, const f64 *P, const f64 *N, const f64 *up, const f64 *turn, const i64 *share, i64 sharers, i64 common,
               const i32 *row, const i32 *light, const i32 *some, const f64 *position, const u8 *directional,
               const u8 *shape, const f64 *size, const f64 *u, const f64 *v, const u64 *own, const f64 *facing, f64 *clear,
@@ -30,7 +30,7 @@ i64 lamp_rays(i64 m, i64 k, i64 p, i64 L, u64 function, i64 wide, u64 scene, con
     f64 weight[WIDEST];
     i64 total = 0;
     (void)m, (void)k, (void)L;
-    if (wide > WIDEST) return 0;
+    if (wide > WIDEST || C != 1) return 0;
     empty_packet(&rays, wide);
     for (i64 s = 0; s < p; s++) {
         i64 at = some[s], i = light[at];
