@@ -114,7 +114,7 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         hits = hits._replace(sample=_samples(ready, rays.pixel, first))
         if plan.blocks:
             samples = len(ready.offsets)
-            hits = hits._replace(block=blocks.numbers(rays.pixel // samples, first, samples))
+            hits = hits._replace(block=blocks.places(rays.pixel // samples, first, samples))
     children: list[tuple[str, Rays]] = []
     if kind == "camera" and (plan.holdouts or plan.catchers):
         rays, hits, children = _not_there(ready, rays, hits, tile, check)

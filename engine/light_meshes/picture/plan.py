@@ -116,6 +116,9 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         p.decide("shadow passes", "lit sides", "nothing casts a shadow")
     if any(name in passes for name in DEBUG) and not p.kind.counts:
         p.decide("debug passes", "empty", "without light meshes nothing is counted")
+    further = (p.reflections, p.transparent, p.blurred, p.frosted, p.catchers, p.gathers, p.layers)
+    if p.blocks and not any(further):
+        p.certifies_lamps = False  # all receivers are in blocks, and no nodes are asked
     return replace(p, **(_forced.get() or {}))
 
 
@@ -242,8 +245,9 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
             few, last = (int(ray_counts.in_blocks(kI).counts[k]) for k in (0, -1))
             wide = 2 * edge(scene.settings.samples)
             how, why = "blocks of the picture, and rays", (
-                f"{wide}² pixels find out together what they see of each lamp; {few} to {last} rays, by what the lamp "
-                f"gives, where they do not agree; in mirrors and behind glass {how}")
+                f"{wide}² pixels find out together what they see of each lamp; where they do not agree, "
+                + ("means of a ray a sample where its penumbra is wide, else " if kI < ray_counts.FINE else "")
+                + f"{few} to {last} rays, by what the lamp gives; in mirrors and behind glass {how}")
         if p.paths:
             why += "; light that glass bends comes from the lamp's centre"
         p.decide("lamps with a size", how, f"{names(lamps)}: {why}")

@@ -47,6 +47,12 @@ _OUT_OF_MEMORY = 4  # RTCError
 class Accelerator(Protocol):
     """The triangles of a scene, ready for rays. All of it can be called from several threads at once."""
 
+    @property
+    def for_kernels(self) -> tuple[int, int, int] | None:
+        """Embree's function for packets of shadow rays, their size, and the scene, for kernels that call it; None: they
+        cannot.
+        """
+
     def closest(self, o: NDArray[np.float32], d: NDArray[np.float32], t: NDArray[np.float32]) -> Met:
         """Return the first triangle on each of some ready-made rays; t becomes how far it is."""
 
@@ -88,6 +94,8 @@ def accelerator(vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> 
 
 class ByRun:
     """The accelerator by embreex's Python interface."""
+
+    for_kernels: tuple[int, int, int] | None = None
 
     def __init__(self, vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> None:
         self._scene = EmbreeScene()  # robust is its default
@@ -194,7 +202,8 @@ class Direct:
         if error:
             raise RuntimeError(f"Embree cannot build its accelerator of {len(triangles):,} triangles: error {error}")
         self._for_closest = device.closest, self._scene
-        self._for_occluded = *device.occluded, self._scene
+        self._for_occluded: tuple[int, int, int] = (*device.occluded, self._scene)
+        self.for_kernels: tuple[int, int, int] | None = self._for_occluded
         self.lit, self.near = _lit.of(*self._for_occluded), _near.of(*self._for_occluded)
 
     def __del__(self) -> None:

@@ -171,6 +171,13 @@ class Tracer:
         embree, _ = self._embree[kind, casters]
         return embree.occluded_of(*self._frame, origin, normal, origin_of, *targets, target_of, closed)
 
+    def field(self, kind: str, casters: int = 0) -> tuple | None:
+        """Return what kernels that make shadow rays themselves need to trace them past this set of casters: how packets
+        of rays are traced, and the frame of rays. None where such kernels cannot trace.
+        """
+        found = self._embree[kind, casters][0].for_kernels
+        return None if found is None else (*found, *self._frame)
+
     def lit(self, origin: NDArray[np.float64], targets: Targets, asked: NDArray[np.uint64], among: NDArray[np.uint64],
             lights: tuple[int, int], found: NDArray[np.uint64], casters: int = 0) -> Call:
         """Return the call that sets the bits of found (n,W) for the lights that the free points origin (n,3) see past
@@ -208,46 +215,38 @@ class Tracer:
         `triangle` (len(origin),): the triangles on which the origins lie; sheets on these count. `turning`: what glass
         turns aside counts less; `light`: to which lamps the segments go, which it needs.
         """
-        through = np.ones((len(origin_of), 3), np.float32)
-        blocked = self.occluded(origin, origin_of, targets, target_of, normal, closed,
-                                kind="stops" if unbent else "opaque", casters=casters)
-        through[blocked] = 0
-        kind = "sheets" if unbent else "glass"
-        embree, original = self._embree[kind, casters]
+        stops, kind = ("stops", "sheets") if unbent else ("opaque", "glass")
+        blocked = self.occluded(origin, origin_of, targets, target_of, normal, closed, kind=stops, casters=casters)
+        through = np.repeat(~blocked[:, None], 3, axis=1).astype(np.float32)
+        s, (embree, original) = self._surfaces, self._embree[kind, casters]
         if original is not None and not len(original):
             return through
-        s = self._surfaces
         for i in range(0, len(origin_of), CHUNK):
             alive = i + np.flatnonzero(~blocked[i:i + CHUNK])
             o, d, t = room_for(len(alive))
-            _segments(*self._frame, origin, normal, origin_of[alive], *targets,
-                      target_of[alive], closed, o, d, t)
-            first: Met | None
+            _segments(*self._frame, origin, normal, origin_of[alive], *targets, target_of[alive], closed, o, d, t)
             stands = None if self.stacks is None or triangle is None else triangle[origin_of[alive]]
             some, first, start, end, (o, d, t) = self._that_cross(embree, stands, o, d, t)
             alive = alive[some]
-            passed = np.zeros(len(alive))  # distance of the last crossing from the start
-            last = np.full(len(alive), -1, np.int32)
-            near = np.zeros(len(alive), np.int32)  # crossings in a row that are hardly apart
+            # distance of the last crossing from the start; its triangle; crossings in a row that are hardly apart
+            passed, last, near = np.zeros(len(alive)), np.full(len(alive), -1, np.int32), np.zeros(len(alive), np.int32)
             state = turning.begin(min(CHUNK, len(origin_of) - i)) if turning and len(alive) else None
             done = np.full(len(alive), -1e-9)  # share of the segment up to which what is in one place has counted
             if self.stacks is not None and triangle is not None:
                 done[:] = ULPS / 4 * np.maximum(1.0, np.abs(start).max(1)) / np.linalg.norm(end - start, axis=1)
-                self._together(kind, casters, triangle[origin_of[alive]], start, end, True, done, done, alive, factor,
-                               through)
+                own = triangle[origin_of[alive]]
+                self._together(kind, casters, own, start, end, True, done, done, alive, factor, through)
             while len(alive):
                 hit, first = first or embree.closest(o, d, t), None
                 on = hit.triangle >= 0
                 met: NDArray[np.int32] = hit.triangle[on] if original is None else original[hit.triangle[on]]
-                alive, start, end, passed = alive[on], start[on], end[on], passed[on]
-                last, near, done, o, d, t = last[on], near[on], done[on], o[on], d[on], t[on]
+                alive, start, end, passed, last, near, done, o, d, t = (
+                    a[on] for a in (alive, start, end, passed, last, near, done, o, d, t))
                 new, until = np.empty(len(alive), np.bool_), np.empty(len(alive))
                 _cross(s.vertices, s.triangles, s.instance, met, start, end, o, d, t, passed, last, near, new, until)
                 if self.stacks is not None:
                     stacked = self.stacks.first[met + 1] > self.stacks.first[met]
-                    share = np.empty(len(alive))
-                    place_of(s.vertices, s.triangles, met, start, end, share)
-                    new = np.where(stacked, share > done, new)
+                    new = np.where(stacked, self._share_of_way(met, start, end) > done, new)
                     others = np.where(stacked, met, np.int32(-1))
                     self._together(kind, casters, others, start, end, False, done, until, alive, factor, through)
                     done = np.where(stacked, np.maximum(done, until), done)
@@ -256,15 +255,22 @@ class Tracer:
                     turning.cross(state, alive[new] - i, met[new], hit.u[on][new], hit.v[on][new], start[new], end[new],
                                   targets.directional[target_of[alive[new]]])
                 on = (through[alive] > 0).any(1) & (t > 0)
-                alive, start, end, passed = alive[on], start[on], end[on], passed[on]
-                last, near, done, o, d, t = last[on], near[on], done[on], o[on], d[on], t[on]
+                alive, start, end, passed, last, near, done, o, d, t = (
+                    a[on] for a in (alive, start, end, passed, last, near, done, o, d, t))
             if turning is not None and state is not None and light is not None:
                 turning.dim(state, light[i:i + CHUNK], through[i:i + CHUNK])
         return through
 
+    def _share_of_way(self, triangle: NDArray[np.int32], start: NDArray[np.float64],
+                      end: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the share of segments (n,) that is before their triangles' planes."""
+        share = np.empty(len(triangle))
+        place_of(self._surfaces.vertices, self._surfaces.triangles, triangle, start, end, share)
+        return share
+
     def _that_cross(self, embree: Accelerator, triangle: NDArray[np.int32] | None, o: NDArray[np.float32],
                     d: NDArray[np.float32], t: NDArray[np.float32]) -> tuple[
-                        NDArray[np.int64], Met, NDArray[np.float64], NDArray[np.float64], tuple[NDArray, ...]]:
+                        NDArray[np.int64], Met | None, NDArray[np.float64], NDArray[np.float64], tuple[NDArray, ...]]:
         """Which of these rays meet a triangle, which are few as a rule, and what; where they start and end; and they
         themselves, with t as far as they met. Also those that start on sheets in one place, on triangle (n,).
         """

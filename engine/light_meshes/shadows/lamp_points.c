@@ -1,102 +1,21 @@
 /* Points on lamps with a size (lamp_points.py). */
-#include "targets.h"
-
-enum { FREE, RECTANGLE, ELLIPSE };
-
-/* 64 bits to 64 others, and those to a number in [0,1) (SplitMix64's finaliser). */
-static u64 mixed(u64 x) {
-    x = (x ^ x >> 30) * 0xBF58476D1CE4E5B9u;
-    x = (x ^ x >> 27) * 0x94D049BB133111EBu;
-    return x ^ x >> 31;
-}
-
-static f64 random_of(u64 x) { return (f64)(mixed(x) >> 11) * 0x1p-53; }
-
-/* Which stratum of 16 point j has. The first four have one of each four that follow each other, the first eight one of
-   each two; so do they where the strata change places by ^. */
-static i64 stratum(i64 j) {
-    static const i64 further[4] = {0, 3, 1, 2};
-    return further[j >> 2] ^ 5 * (j & 3);
-}
-
-static i64 reversed(i64 i) { return (i & 1) << 3 | (i & 2) << 1 | (i & 4) >> 1 | i >> 3; }
-
-/* The cosine of k sixteenths of a turn; the sine is that of k + 12. */
-#define R8 0.92387953251128674
-#define R4 0.70710678118654752
-#define R16 0.38268343236508977
-static const f64 sixteenth[16] = {1.0,  R8,  R4,  R16,  0.0, -R16, -R4, -R8, -1.0, -R8, -R4, -R16, 0.0, R16, R4, R8};
-
-static f64 part(f64 x) { return x - floor(x); }
-
-/* Cosine and sine of x turns, to 1e-7, for x in [0,2): series for at most an eighth of a turn, by quarters. */
-static void turned_by(f64 x, f64 *cosine, f64 *sine) {
-    f64 quarter = floor(4.0 * x + 0.5), a = (x - 0.25 * quarter) * 2.0 * PI, s = a * a;
-    f64 c0 = 1.0 - s * (0.5 - s * (1.0 / 24 - s * (1.0 / 720 - s / 40320)));
-    f64 s0 = a * (1.0 - s * (1.0 / 6 - s * (1.0 / 120 - s * (1.0 / 5040 - s / 362880))));
-    i64 which = (i64)quarter & 3;
-    f64 c = which & 1 ? s0 : c0, other = which & 1 ? c0 : s0;
-    *cosine = which == 1 || which == 2 ? -c : c, *sine = which >= 2 ? -other : other;
-}
-
-/* Which point of a pattern is the j-th of one of `sharers` that have the pattern in common: each round of points has one
-   for each of them, and who has which of these changes from round to round, so that also the points of one spread. */
-static i64 in_pattern(i64 j, i64 share, i64 sharers) {
-    int even = (sharers & (sharers - 1)) == 0;
-    return sharers * j + (even ? share ^ (j & (sharers - 1)) : (share + j) % sharers);
-}
+#include "lamp_points.h"
 
 /* Points first..first+count of the lamp of each pair, as origin[row] has them: its pattern is turned (on the torus) by
-   turn[row], and for each lamp in another way, by `own`. share (by origin), sharers: see `in_pattern`. shape: FREE a sphere
-   or a sun, of which the origin sees a disc of radius `size`; else half-axes u, v. */
+   turn[row], and for each lamp in another way, by `own`. share (by origin), sharers, common: see `Patterns`. */
 KERNEL(lamp_points,
-       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  share i64[m]?  sharers i64  row i32[k]  light i32[k]  position f64[L,3]  "
-       "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!")
+       "first i64  count i64  origin f64[m,3]  turn f64[m,2]  share i64[m]?  sharers i64  common i64  row i32[k]  light i32[k]  "
+       "position f64[L,3]  directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!")
 i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i64 *share,
-                i64 sharers, const i32 *row, const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
-                const f64 *u, const f64 *v, const u64 *own, f64 *out) {
+                i64 sharers, i64 common, const i32 *row, const i32 *light, const f64 *position, const u8 *directional,
+                const u8 *shape, const f64 *size, const f64 *u, const f64 *v, const u64 *own, f64 *out) {
+    Lamps lamps = {position, directional, shape, size, u, v, own};
+    Patterns by = {turn, share, sharers, common};
     (void)m, (void)L;
     if (p != k * count) return 1;
     for (i64 at = 0; at < k; at++) {
-        i64 i = light[at];
-        const f64 *from = origin + 3 * (i64)row[at], *mine = turn + 2 * (i64)row[at], *c = position + 3 * i;
-        f64 e[3], f[3];
-        if (shape[i] == FREE) {
-            f64 d[3] = {c[0], c[1], c[2]};
-            if (!directional[i]) {
-                for (int j = 0; j < 3; j++) d[j] = c[j] - from[j];
-                f64 length = sqrt(dot(d, d));
-                for (int j = 0; j < 3; j++) d[j] /= length;
-            }
-            f64 sign = d[2] >= 0.0 ? 1.0 : -1.0, g = -1.0 / (sign + d[2]), both = d[0] * d[1] * g;
-            e[0] = size[i] * (1.0 + sign * d[0] * d[0] * g), e[1] = size[i] * sign * both, e[2] = -size[i] * sign * d[0];
-            f[0] = size[i] * both, f[1] = size[i] * (sign + d[1] * d[1] * g), f[2] = -size[i] * d[1];
-        } else {
-            memcpy(e, u + 3 * i, sizeof e), memcpy(f, v + 3 * i, sizeof f);
-        }
-        u64 key;
-        memcpy(&key, mine + 1, sizeof key);
-        key = mixed(key + own[i]);
-        f64 shift = mine[0] + random_of(own[i]), turned = 0.0, cosine = 1.0, sine = 0.0;
-        i64 set = -1;
-        for (i64 q = 0; q < count; q++) {
-            i64 n = share ? in_pattern(first + q, share[row[at]], sharers) : first + q;
-            f64 *point = out + 3 * (at * count + q);
-            i64 j = stratum(n & 15) ^ (i64)(mixed(key + (u64)(n >> 4)) & 15);
-            if (n >> 4 != set) {  /* the next 16 */
-                set = n >> 4, turned = shift + 0.5698402909980532 * (f64)set;
-                if (shape[i] != RECTANGLE) turned_by(part(turned), &cosine, &sine);
-            }
-            f64 a = ((f64)j + random_of(key ^ (u64)(256 + n - (n & 15) + j))) / 16.0, x, y;
-            i64 k = reversed(j);
-            if (shape[i] == RECTANGLE) {
-                x = 2.0 * a - 1.0, y = 2.0 * part((f64)k / 16.0 + turned) - 1.0;
-            } else {
-                f64 c = sixteenth[k], s = sixteenth[(k + 12) & 15], far = sqrt(a);
-                x = far * (c * cosine - s * sine), y = far * (s * cosine + c * sine);
-            }
-            for (int j = 0; j < 3; j++) point[j] = c[j] + x * e[j] + y * f[j];
-        }
+        Face face = face_of(&lamps, light[at], origin + 3 * (i64)row[at], &by, row[at]);
+        for (i64 q = 0; q < count; q++) point_of(&face, first + q, out + 3 * (at * count + q));
     }
     return 0;
 }
@@ -113,13 +32,10 @@ i64 lamp_sums(i64 n, i64 k, i64 L, i64 p, i64 C, i64 t, i64 count, const f64 *P,
     if (p != k * count) return 1;
     for (i64 at = 0; at < k; at++) {
         i64 i = light[at];
-        const f64 *from = P + 3 * (i64)row[at], *normal = N + 3 * (i64)row[at];
         for (i64 q = at * count; q < (at + 1) * count; q++) {
-            f64 way[3];
-            for (int j = 0; j < 3; j++) way[j] = point[3 * q + j] - (directional[i] ? 0.0 : from[j]);
-            f64 square = dot(way, way), length = sqrt(square), weight = dot(way, normal) / length;
+            f64 weight = point_gives(point + 3 * q, directional[i], shape[i], facing + 3 * i, P + 3 * (i64)row[at],
+                                     N + 3 * (i64)row[at]);
             if (!(weight > 0.0)) continue;
-            if (shape[i] != FREE) weight *= fabs(dot(way, facing + 3 * i)) / (square * length);
             for (i64 c = 0; c < C; c++) clear[C * to[at] + c] += weight * visible[C * q + c];
             whole[to[at]] += weight;
         }

@@ -22,7 +22,7 @@ from ..rays.tracer import Targets
 from ..scene.description import Light
 from ..support.native import kernel
 
-_points = kernel("lamp_points")
+_points, _rays = kernel("lamp_points"), kernel("lamp_rays")
 _turns_of_nodes, _turns_of_points = kernel("lamp_turns_of_nodes"), kernel("lamp_turns_of_points")
 FREE, RECTANGLE, ELLIPSE = 0, 1, 2  # the same in lamp_points.c
 
@@ -77,17 +77,37 @@ def reaches(shapes: Shapes) -> NDArray[np.float64]:
     return np.where(shapes.shape == FREE, shapes.size, sides)
 
 
-def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], turn: NDArray[np.float64],
-           row: NDArray[np.int32], light: NDArray[np.int32], first: int, count: int,
-           share: NDArray[np.int64] | None = None, sharers: int = 1) -> Targets:
+class Patterns(NamedTuple):
+    """How the pattern of points is turned for places, and who has a pattern in common."""
+
+    turn: NDArray[np.float64]  # (m,2) for each place
+    share: NDArray[np.int64] | None = None  # (m,) which of the sharers it is, from 0 on; None: each has its own pattern
+    sharers: int = 1
+    common: bool = False  # the sharers are four samples of a pixel, and four pixels of them have 16 points in common
+
+
+def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], patterns: Patterns, row: NDArray[np.int32],
+           light: NDArray[np.int32], first: int, count: int) -> Targets:
     """Return the points first..first+count of light[k] for origin[row[k]], (k·count,3), pair after pair.
 
-    origin (m,3): the places from which rays go, world. turn (m,2): how the pattern of each place is turned. share (m,):
-    which place it is, from 0 on, of the `sharers` that have a pattern in common; None: each has its own.
+    origin (m,3): the places from which rays go, world.
     """
     out = np.empty((len(row) * count, 3))
-    _points(first, count, origin, turn, share, sharers, row, light, *targets, *shapes, out)
+    _points(first, count, origin, *patterns, row, light, *targets, *shapes, out)
     return Targets(out, np.repeat(targets.directional[light], count))
+
+
+def rays(field: tuple, shapes: Shapes, targets: Targets, facing: NDArray[np.float64], P: NDArray[np.float64],
+         N: NDArray[np.float64], up: NDArray[np.float64], patterns: Patterns, row: NDArray[np.int32],
+         light: NDArray[np.int32], some: NDArray[np.int32], first: int, count: int, clear: NDArray[np.float64],
+         whole: NDArray[np.float64]) -> int:
+    """Add to clear (k,1) and whole (k,) of `some` pairs what points first..first+count of light[k] give P[row[k]]: what
+    nothing opaque is in the way of, and all of it; up to a constant of the pair. Returns the number of rays.
+
+    field: `Tracer.field`. P, N (m,3): points of surfaces with their normals. up
+    (m,3): the normals above which points count. facing (L,3): see `Lamps`.
+    """
+    return _rays(*field, first, count, P, N, up, *patterns, row, light, some, *targets, *shapes, facing, clear, whole)
 
 
 def turns_of_nodes(nodes: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -47,7 +47,7 @@ class Shared(NamedTuple):
 # As near as 4 and as 16 rays to each lamp
 BALANCED, BEST = Shared(7.5, (2.0, 4.0, 8.0), 16), Shared(43.0, (4.0, 8.0, 16.0), 16)
 # The same where blocks of the picture find out which pairs are worth more than a ray
-BALANCED_BLOCKS, BEST_BLOCKS = Shared(7.5, (2.0, 4.0, 8.0), 8), Shared(38.0, (4.0, 8.0, 16.0, 32.0), 32)
+BALANCED_BLOCKS, BEST_BLOCKS = Shared(5.5, (2.0, 4.0, 8.0), 8), Shared(36.0, (4.0, 8.0, 16.0, 32.0), 32)
 SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many times the rays of each are as near
 
 
@@ -80,7 +80,7 @@ class RayCounts:
         self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
         self._fewer = FEWER if samples >= SEVERAL else 1.0
         self._mean = self._of.mean * self._fewer
-        self._in_blocks, self.stages = in_blocks(kI), QUICK if kI < FINE else CAREFUL
+        self._in_blocks, self.rules = in_blocks(kI), QUICK if kI < FINE else CAREFUL
         self.steps = tuple(int(n) for n in self._in_blocks.counts)
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,

@@ -24,7 +24,7 @@ from ..rays.tracer import Targets
 from ..support.bits import mask_of
 from ..support.native import kernel, needs_memory
 from . import pairs
-from .lamp_points import Shapes, points, turns_of_nodes
+from .lamp_points import Patterns, Shapes, points, turns_of_nodes
 from .meshes.averaging import ask
 from .meshes.certificate import Certificate
 from .meshes.lattice import Lattice, candidates, lattice
@@ -234,7 +234,7 @@ class Shares:
         if casters not in self._through:
             return np.zeros(0, np.intp)
         count = blocked.shape[1]
-        target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, 0, count)
+        target = points(self._lamps.shapes, self._lamps.targets, x, Patterns(turn), row, light, 0, count)
         order = np.flatnonzero(~blocked).astype(np.int32)
         self._stats.add(long_rays=len(order))
         met = self._tracer.occluded(x, np.repeat(row, count)[order], target, order, None, closed=False,
@@ -244,7 +244,7 @@ class Shares:
     def _blocked(self, x: NDArray[np.float64], turn: NDArray[np.float64], row: NDArray[np.int32],
                  light: NDArray[np.int32], first: int, count: int, casters: int) -> NDArray[np.bool_]:
         """Return whether something is between x[row] and the points first..first+count of light: (k,count)."""
-        target = points(self._lamps.shapes, self._lamps.targets, x, turn, row, light, first, count)
+        target = points(self._lamps.shapes, self._lamps.targets, x, Patterns(turn), row, light, first, count)
         order = np.arange(len(row) * count, dtype=np.int32)
         self._stats.add(long_rays=len(order))
         return self._tracer.occluded(x, np.repeat(row, count), target, order, None, closed=False, kind=self._stops,
@@ -256,7 +256,8 @@ class Shares:
         nearer.
         """
         out, some = np.zeros(len(row), np.uint8), np.flatnonzero(blocked.any(1))
-        at, to = x[row[some]], (self._lamps.shapes, self._lamps.targets, x, turn, row[some], light[some])
+        at, to = x[row[some]], (self._lamps.shapes, self._lamps.targets, x, Patterns(turn), row[some],
+                                light[some])
         target = points(*to, 0, POINTS)
         ends = blocked[some].argmax(1), POINTS - 1 - blocked[some, ::-1].argmax(1)
         a, b = (self._distance(at, target, np.arange(len(some)) * POINTS + end, casters) for end in ends)

@@ -24,8 +24,9 @@ from ..support.bits import has
 from ..support.native import kernel
 from . import blocks, lobe_points, pairs
 from .casters import union
-from .lamp_points import narrowest, points, reaches, shapes, turns_of_points
+from .lamp_points import narrowest, reaches, shapes, turns_of_points
 from .method import Check, Lobes, Method, Receivers, Setup
+from .point_rays import RAYS_AT_ONCE, Aim, PointRays, aimed
 from .ray_counts import FINE, RayCounts, Rays, many
 from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
@@ -40,9 +41,8 @@ BLEND = 0.5  # and alone from so many octaves above that on
 CLOSE = (2.0, 1.5)
 DENSE = 2.0  # nodes are asked where receivers stand so many times as close as the step
 BATCH = 1 << 15  # receivers at once
-RAYS_AT_ONCE = 1 << 14
 
-_sums, _add = kernel("lamp_sums"), kernel("shares_add")
+_add = kernel("shares_add")
 
 
 class Batch(NamedTuple):
@@ -80,6 +80,7 @@ class SizedLamps(Method):
         self._edges = sharp(setup, casters.sharp) if casters.sharp else None
         self._bent = Straight(setup, casters.soft) if setup.through.refraction else None
         self._lamps = lamps(setup)
+        self._point_rays = PointRays(setup, self._lamps, self._sharp)
         self._reaches, self._samples = reaches(self._lamps.shapes), setup.settings.samples
         self.highlights = self._highlights if self._channels == 1 else None
         kI, sized = setup.settings.kI, sum(has(self._soft, i) for i in range(self._count))
@@ -103,13 +104,13 @@ class SizedLamps(Method):
         soft = at.active & self._soft
         if at.triangle is not None and self._receives is not None:
             soft[~self._receives[at.triangle]] = 0
-        by_nodes, lifted = soft.copy(), np.zeros_like(soft)
+        by_nodes, lifted, aim = soft.copy(), np.zeros_like(soft), aimed(at, self._samples)
         if at.lift is not None:
             touched(*at.lift, at.P, at.N, *self._lamps.targets, self._reaches, by_nodes, lifted)
         by_blocks, partly = np.zeros_like(soft), np.zeros_like(soft)
         if self._rays.shared and at.block is not None and at.weight is not None:
             by_blocks = soft if at.several is None else soft & ~at.several
-            partly = self._ask_blocks(at, by_blocks, lifted, self._rays.in_blocks(soft, at.weight), S, check)
+            partly = self._ask_blocks(aim, by_blocks, lifted, self._rays.in_blocks(soft, at.weight), S, check)
         asked = by_nodes & ~lifted & ~by_blocks
         if at.apart is not None:  # where few receivers are, rays from them are fewer than rays from nodes
             asked[DENSE * at.apart > self.levels[0].h] = 0
@@ -131,9 +132,9 @@ class SizedLamps(Method):
             self._stats.add_each(name, _each(pairs_of, self._count))
         if by_rays.any():
             counts = self._rays(soft, at.weight, at.shown)
-            self._add_rays(at, None, np.bitwise_and(by_rays, ~lifted), counts, S, rest, check)
+            self._add_rays(aim, None, np.bitwise_and(by_rays, ~lifted), counts, S, rest, check)
             if lifted.any():
-                self._add_rays(at, at.lift, np.bitwise_and(by_rays, lifted), counts, S, rest, check)
+                self._add_rays(aim, at.lift, np.bitwise_and(by_rays, lifted), counts, S, rest, check)
         if self._bent is not None:
             S += self._bent.bent(at._replace(active=soft), check)
         dim(S, self._edges, at._replace(active=soft), check)
@@ -147,23 +148,24 @@ class SizedLamps(Method):
             probe += own
         return S
 
-    def _ask_blocks(self, at: Receivers, asked: NDArray[np.uint64], lifted: NDArray[np.uint64],
+    def _ask_blocks(self, aim: Aim, asked: NDArray[np.uint64], lifted: NDArray[np.uint64],
                     counts: NDArray[np.uint8], S: NDArray[np.float32], check: Check) -> NDArray[np.uint64]:
         """Set S of lights asked for (n,W), see `blocks.ask`, which needs at.block. Returns those that are seen in part.
 
         lifted (n,W): of which rays are lifted. counts (n,L): how many rays there are at last.
         """
+        at = aim.at
         assert at.block is not None and at.sample is not None
 
         def add(row: NDArray[np.int32], light: NDArray[np.int32], some: NDArray[np.int32], lifts: bool, first: int,
                 count: int, clear: NDArray[np.float64], whole: NDArray[np.float64]) -> None:
-            self._add_clear(at, at.lift if lifts else None, row, light, some, first, count, clear, whole, check)
+            self._point_rays.add(aim, at.lift if lifts else None, row, light, some, first, count, clear, whole, check)
 
         with self._stats.stage("rays of blocks"):
-            return blocks.ask(asked, at.normals(), at.block, at.sample, lifted, self._rays.stages, counts,
-                              self._rays.steps, add, S)
+            where = blocks.Where(at.P, at.normals(), at.block, at.sample, blocks.edge(self._samples))
+            return blocks.ask(asked, where, lifted, self._rays.rules, counts, self._rays.steps, add, S)
 
-    def _add_rays(self, at: Receivers, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
+    def _add_rays(self, aim: Aim, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
                   S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
         """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). counts (n,L) or (n,1):
         of rays. lift: of receivers; None: the rays to these lights are not lifted.
@@ -173,7 +175,7 @@ class SizedLamps(Method):
             share, count = rest[row, light], counts[row, light]
             for number in np.unique(count):
                 some = np.flatnonzero(count == number)
-                found = self._by_rays(at, lift, row[some], light[some], self._rays.kind(int(number)), share[some] == 1,
+                found = self._by_rays(aim, lift, row[some], light[some], self._rays.kind(int(number)), share[some] == 1,
                                       check)
                 S[row[some], light[some]] += share[some, None] * found
 
@@ -317,51 +319,30 @@ class SizedLamps(Method):
         with self._stats.stage("certificate"):
             return level.certificate.holds(g.place, at.normals()[g.first], at.triangle[g.first])
 
-    def _by_rays(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
+    def _by_rays(self, aim: Aim, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
                  alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
         """Return the share (k,C) of points on light[k] that P[row[k]] sees. alone (k,): no nodes have a say there."""
         with self._stats.stage("rays near contact"):
-            clear, whole = self._clear(at, lift, row, light, 0, rays.first, check)
+            clear, whole = self._clear(aim, lift, row, light, 0, rays.first, check)
             if rays.most > rays.first:
                 disagree = ((clear > 0) & (clear < whole[:, None])).any(1)
                 more = np.flatnonzero(disagree & alone if rays.alone else disagree)
-                found, further = self._clear(at, lift, row[more], light[more], rays.first,
+                found, further = self._clear(aim, lift, row[more], light[more], rays.first,
                                              rays.most - rays.first, check)
                 clear[more] += found
                 whole[more] += further
         return (clear / np.maximum(whole, 1e-300)[:, None]).astype(np.float32)
 
-    def _clear(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], first: int,
+    def _clear(self, aim: Aim, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], first: int,
                count: int, check: Check) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what points first..first+count of light[k] give P[row[k]], added up: what gets through (k,C), and what
         would if nothing stood between (k,). Ω is that of the lamp above the horizon, so the points below do not count.
         lift: of receivers that rays are lifted from.
         """
         clear, whole = np.zeros((len(row), self._channels)), np.zeros(len(row))
-        self._add_clear(at, lift, row, light, np.arange(len(row), dtype=np.int32), first, count, clear, whole, check)
+        every = np.arange(len(row), dtype=np.int32)
+        self._point_rays.add(aim, lift, row, light, every, first, count, clear, whole, check)
         return clear, whole
-
-    def _add_clear(self, at: Receivers, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32],
-                   some: NDArray[np.int32], first: int, count: int, clear: NDArray[np.float64],
-                   whole: NDArray[np.float64], check: Check) -> None:
-        """Add it to clear (k,C) and whole (k) of `some` pairs."""
-        facing = at.normals() if at.lift is None else at.lift.side
-        turn, targets, shapes = turns_of_points(at.P, at.sample), self._lamps.targets, self._lamps.shapes
-        share = None if at.sample is None else np.ascontiguousarray(at.sample[:, 1])
-        for group in self._groups:
-            mine = some if len(self._groups) == 1 else some[_in(group.lights, light[some])]
-            for i in range(0, len(mine), RAYS_AT_ONCE // count):
-                check()
-                part = mine[i:i + RAYS_AT_ONCE // count]
-                rows, lights = row[part], light[part]
-                to = points(shapes, targets, at.P, turn, rows, lights, first, count, share, self._samples)
-                order = np.arange(len(to.position), dtype=np.int32)
-                origin, normal, of = starts(lift, at.P, at.N, to, rows if count == 1 else np.repeat(rows, count), order)
-                lamp = lights if count == 1 else np.repeat(lights, count)
-                visible = self._sharp.segments(origin, of, to, order, normal, group.casters, light=lamp)
-                _sums(count, at.P, facing, rows, lights, targets.directional, shapes.shape, self._lamps.facing,
-                      to.position, visible.astype(np.float32), part, clear, whole)
-        self._stats.add(shadow_rays=len(some) * count)
 
 
 def lamps(setup: Setup) -> Lamps:
@@ -376,12 +357,6 @@ def _trust(width: NDArray[np.float32], least: float) -> NDArray[np.float32]:
     with np.errstate(divide="ignore"):
         octaves = np.log2(width / least)
     return np.clip(octaves / BLEND, 0, 1).astype(np.float32)
-
-
-def _in(words: NDArray[np.uint64], light: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return whether each light is in a set (W,)."""
-    found: NDArray[np.bool_] = (words[light >> 6] >> (light & 63).astype(np.uint64) & np.uint64(1)) != 0
-    return found
 
 
 def _each(mask: NDArray[np.uint64], lights: int) -> NDArray[np.int64]:

@@ -1,0 +1,94 @@
+"""Rays from receivers to points of lamps with a size, and what arrives by them.
+
+Past opaque surfaces a kernel makes, traces and adds up the rays on the way (`lamp_rays.c`). Where surfaces let light
+through, where rays start above their facets (`terminator`), and without Embree's own interface, the same is done array
+by array, with the same result.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..support.native import kernel
+from . import blocks
+from .lamp_points import Patterns, points, turns_of_points
+from .lamp_points import rays as traced
+from .method import Check, Receivers, Setup, SharpMethod
+from .shares import Lamps
+from .sharp import Sharp
+from .terminator import Lift, starts
+
+RAYS_AT_ONCE = 1 << 14
+RAYS_OF_A_CALL = 1 << 18  # of the kernel, which holds no arrays of them
+
+_sums = kernel("lamp_sums")
+
+
+class Aim(NamedTuple):
+    """Receivers that send rays to points of lamps."""
+
+    at: Receivers
+    facing: NDArray[np.float64]  # (n,3) the normals above which points give light
+    patterns: Patterns  # of points
+
+
+def aimed(at: Receivers, samples: int) -> Aim:
+    """Return receivers with the patterns of points that they send rays to. samples: those of a pixel."""
+    sample, common = at.sample, at.block is not None and samples == blocks.COMMON
+    if sample is not None and at.block is not None and common:
+        inside, number = blocks.quads(at.block)
+        sample = np.stack([number, 4 * inside + sample[:, 1]], axis=1)
+    share = None if sample is None else np.ascontiguousarray(sample[:, 1])
+    facing = at.normals() if at.lift is None else at.lift.side
+    return Aim(at, facing, Patterns(turns_of_points(at.P, sample), share, samples, common))
+
+
+class PointRays:
+    """Rays to points of the lamps of a scene."""
+
+    def __init__(self, setup: Setup, lamps: Lamps, sharp: SharpMethod) -> None:
+        """setup: its soft casters are those of lamps with a size. sharp: what single rays find."""
+        self._groups, self._tracer, self._stats = setup.casters.soft, setup.tracer, setup.stats
+        self._lamps, self._sharp, self._plain = lamps, sharp, isinstance(sharp, Sharp)
+
+    def add(self, aim: Aim, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32],
+            some: NDArray[np.int32], first: int, count: int, clear: NDArray[np.float64], whole: NDArray[np.float64],
+            check: Check) -> None:
+        """Add what points first..first+count of light[k] give P[row[k]], for `some` pairs k: to clear (k,C) what gets
+        through, and to whole (k,) what would if nothing stood between.
+
+        Ω is that of the lamp above the horizon, so the points below do not count. lift: of receivers that rays are
+        lifted from; None: they are not.
+        """
+        at, facing, patterns = aim
+        targets, shapes = self._lamps.targets, self._lamps.shapes
+        for group in self._groups:
+            mine = some if len(self._groups) == 1 else some[among(group.lights, light[some])]
+            field = self._tracer.field("opaque", group.casters) if self._plain and lift is None else None
+            step = (RAYS_AT_ONCE if field is None else RAYS_OF_A_CALL) // count
+            for i in range(0, len(mine), step):
+                check()
+                part = mine[i:i + step]
+                if field is not None:
+                    self._stats.add(shadow_rays=traced(
+                        field, shapes, targets, self._lamps.facing, at.P, at.normals(), facing, patterns, row, light,
+                        part, first, count, clear, whole))
+                    continue
+                rows, lights = row[part], light[part]
+                to = points(shapes, targets, at.P, patterns, rows, lights, first, count)
+                order = np.arange(len(to.position), dtype=np.int32)
+                origin, normal, of = starts(lift, at.P, at.N, to, rows if count == 1 else np.repeat(rows, count), order)
+                lamp = lights if count == 1 else np.repeat(lights, count)
+                visible = self._sharp.segments(origin, of, to, order, normal, group.casters, light=lamp)
+                _sums(count, at.P, facing, rows, lights, targets.directional, shapes.shape, self._lamps.facing,
+                      to.position, visible.astype(np.float32), part, clear, whole)
+                self._stats.add(shadow_rays=len(order))
+
+
+def among(words: NDArray[np.uint64], light: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return whether each light (k,) is in a set (W,)."""
+    found: NDArray[np.bool_] = (words[light >> 6] >> (light & 63).astype(np.uint64) & np.uint64(1)) != 0
+    return found
