@@ -240,8 +240,8 @@ class Tracer:
                 hit, first = first or embree.closest(o, d, t), None
                 on = hit.triangle >= 0
                 met: NDArray[np.int32] = hit.triangle[on] if original is None else original[hit.triangle[on]]
-                alive, start, end, passed, last, near, done, o, d, t = (
-                    a[on] for a in (alive, start, end, passed, last, near, done, o, d, t))
+                alive, start, end, passed = alive[on], start[on], end[on], passed[on]
+                last, near, done, o, d, t = last[on], near[on], done[on], o[on], d[on], t[on]
                 new, until = np.empty(len(alive), np.bool_), np.empty(len(alive))
                 _cross(s.vertices, s.triangles, s.instance, met, start, end, o, d, t, passed, last, near, new, until)
                 if self.stacks is not None:
@@ -255,8 +255,8 @@ class Tracer:
                     turning.cross(state, alive[new] - i, met[new], hit.u[on][new], hit.v[on][new], start[new], end[new],
                                   targets.directional[target_of[alive[new]]])
                 on = (through[alive] > 0).any(1) & (t > 0)
-                alive, start, end, passed, last, near, done, o, d, t = (
-                    a[on] for a in (alive, start, end, passed, last, near, done, o, d, t))
+                alive, start, end, passed = alive[on], start[on], end[on], passed[on]
+                last, near, done, o, d, t = last[on], near[on], done[on], o[on], d[on], t[on]
             if turning is not None and state is not None and light is not None:
                 turning.dim(state, light[i:i + CHUNK], through[i:i + CHUNK])
         return through
