@@ -15,10 +15,11 @@ typedef struct {
 } Argument;
 
 /* A kernel as native.py describes it, in one array of i64. Of its `count` arguments the first `given` are known; then so are
-   their values, and the lengths that they say (the others are −1). otherwise: a Python function for calls that are not as
-   expected, which raises the error. */
+   their values, and the lengths that they say (the others are −1). broken: tests those of its conditions that are asked for, a
+   bit each; 0: it has none. otherwise: a Python function for calls that are not as expected, which raises the error; outside:
+   one that raises that of a kernel which returns OUTSIDE. */
 typedef struct {
-    i64 slots, otherwise, lengths, count, given;
+    i64 slots, broken, asked, otherwise, outside, lengths, count, given;
     i64 known[MOST], values[MOST];
     Argument arguments[];
 } Called;
@@ -105,7 +106,11 @@ EXPORT Object *calls_kernel(const Object *self, const Object *const *given, i64 
     if (!right) return python.call((Object *)(intptr_t)k->otherwise, given, (size_t)count, 0);
     for (i64 i = 0; i < k->lengths; i++) slots[i].integer = lengths[i] < 0 ? 0 : lengths[i];
     void *thread = python.leave();
-    i64 result = ((i64 (*)(const Slot *))(uintptr_t)k->slots)(slots);
+    i64 result = 0;
+    right = !k->asked || !((i64 (*)(const Slot *, u64))(uintptr_t)k->broken)(slots, (u64)k->asked);
+    if (right) result = ((i64 (*)(const Slot *))(uintptr_t)k->slots)(slots);
     python.enter(thread);
+    if (!right) return python.call((Object *)(intptr_t)k->otherwise, given, (size_t)count, 0);
+    if (result == OUTSIDE) return python.call((Object *)(intptr_t)k->outside, given, 0, 0);
     return python.integer(result);
 }
