@@ -8,9 +8,9 @@ import subprocess
 # Kernels are asked whether all that they declare holds, also what released engines leave out (docs/developers.md).
 os.environ.setdefault("LIGHT_MESHES_CHECKS", "all")
 
-import hypothesis  # noqa: E402
-import pytest  # noqa: E402
-from children import Child  # noqa: E402
+import hypothesis
+import pytest
+from children import Child
 
 # Whoever starts the tests in the background may have these ignored, and so would all that the tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -52,7 +52,7 @@ static i64 in_pattern(i64 j, i64 share, i64 sharers) {
 KERNEL(lamp_points,
        "first i64  count i64  origin f64[m,3]  turn f64[m,2]  share i64[m]?  sharers i64  row i32[k]  light i32[k]  position f64[L,3]  "
        "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!"
-       ";  p=k*count  0<=first  0<=count  0<sharers  0<=row<m  0<=light<L")
+       ";  p=k*count  0<=first  0<sharers  0<=row<m  0<=light<L")
 i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i64 *share,
                 i64 sharers, const i32 *row, const i32 *light, const f64 *position, const u8 *directional, const u8 *shape, const f64 *size,
                 const f64 *u, const f64 *v, const u64 *own, f64 *out) {

@@ -59,7 +59,7 @@ i64 pairs_listed(i64 n, i64 W, i64 r, const u64 *mask, i64 first, i64 last, i32 
 
 /* Clears the bits of lights with S = 0, because nothing can dim these further. S (n, L·C). */
 KERNEL(pairs_drop_dark, "S f32[n,s]  lights i64  mask u64[n,W]!"
-       ";  W=words(lights)  0<=lights")
+       ";  W=words(lights)")
 i64 pairs_drop_dark(i64 n, i64 s, i64 W, const f32 *S, i64 lights, u64 *mask) {
     i64 C = lights ? s / lights : 0;
     for (i64 p = 0; p < n; p++)

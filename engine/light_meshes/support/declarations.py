@@ -27,8 +27,8 @@ class Argument(NamedTuple):
 
 
 class Declared(NamedTuple):
-    """What the text of a kernel says. lengths: the letters, in order. late: of the conditions, those from there on are left
-    out by fast calls.
+    """What the text of a kernel says. lengths: the letters, in order. late: of the conditions, those from there on
+    are left out by fast calls.
     """
 
     lengths: tuple[str, ...]
@@ -53,8 +53,8 @@ def names(condition: str) -> list[str]:
 
 
 def calls(expanded: str) -> str:
-    """Return a C source with a function for each kernel that takes its arguments as an array (calls.h), and one that tells
-    which of its conditions are broken.
+    """Return a C source with a function for each kernel that takes its arguments as an array (calls.h), and one that
+    tells which of its conditions are broken.
 
     expanded: what a C preprocessor makes of `sources.included`.
     """
@@ -76,7 +76,8 @@ def _broken(name: str, of: Declared) -> str:
     """
     tests = [f"    if ({' && '.join([f'asked >> {k} & 1', *_given(condition, of)])}) {{\n"
              + "".join(f"        {line}\n" for line in _ranges(condition, of))
-             + f"        if (!({' || '.join(_holds(chain, of) for chain in condition.split('|'))})) return {k + 1};\n    }}\n"
+             + f"        if (!({' || '.join(_holds(chain, of) for chain in condition.split('|'))})) return {k + 1};\n"
+             "    }\n"
              for k, condition in enumerate(of.conditions)]
     return (f"EXPORT i64 {name}_broken(const Slot *s, u64 asked) {{\n    (void)s, (void)asked;\n{''.join(tests)}"
             "    return 0;\n}")
@@ -101,7 +102,8 @@ def _ranges(condition: str, of: Declared) -> Iterator[str]:
         if argument.name in re.split(r"<=|<|=|\|", condition):
             kind = {"bool": "u8"}.get(argument.kind, argument.kind)
             count = " * ".join(_term(length, of) for length in argument.lengths)
-            yield f"const {'Reals' if kind[0] == 'f' else 'Wholes'} {argument.name}_range = range_{kind}({place}, {count});"
+            found = "Reals" if kind[0] == "f" else "Wholes"
+            yield f"const {found} {argument.name}_range = range_{kind}({place}, {count});"
 
 
 def _holds(chain: str, of: Declared) -> str:
@@ -138,5 +140,5 @@ def _term(word: str, of: Declared) -> str:
     argument, slot = of.arguments[found], len(of.lengths) + found
     if not argument.lengths:
         return f"s[{slot}].{_MEMBERS[argument.kind]}"
-    count, last = " * ".join(_term(length, of) for length in argument.lengths[:-1]) or "1", _term(argument.lengths[-1], of)
-    return f"s[{slot}].place, {count}, {last}"
+    *rows, last = (_term(length, of) for length in argument.lengths)
+    return f"s[{slot}].place, {' * '.join(rows) or '1'}, {last}"

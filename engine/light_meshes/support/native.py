@@ -154,10 +154,11 @@ class Kernel:
         self._test(first, passed, known, tested)
         return self._function(first, passed, known, tested)
 
-    def _function(self, first: tuple = (), passed: Sequence[Any] = (), known: Sequence[int] = (), tested: int = 0) -> Any:
+    def _function(self, first: tuple = (), passed: Sequence[Any] = (), known: Sequence[int] = (),
+                  tested: int = 0) -> Any:
         """Return a Python function that makes the checks of `checked` in C, and calls `checked` where something is not
-        as expected. It takes what follows the arguments `first`; passed and known: what `_passed` said of these; tested:
-        the conditions that they have been tested for.
+        as expected. It takes what follows the arguments `first`; passed and known: what `_passed` said of these;
+        tested: the conditions that they have been tested for.
         """
         otherwise, make = partial(self.checked, *first) if first else self.checked, _calls()
         axes = max((len(shape or ()) for _, _, shape, *_ in self._arguments), default=0)
@@ -168,8 +169,8 @@ class Kernel:
             values[n:n + 1].view(np.float64 if shape is None and kind == "f64" else np.int64)[:] = value or 0
         lengths = [*(known or [-1] * len(self._lengths)), *[0] * (_MOST - len(self._lengths))]
         asked = (1 << (len(self._conditions) if _ALL else self._late)) - 1 & ~tested
-        head = [_address(self._slots), _address(self._broken) if self._broken else 0, asked, id(otherwise), id(self._outside),
-                len(self._lengths), len(self._arguments), len(first)]
+        head = [_address(self._slots), _address(self._broken) if self._broken else 0, asked, id(otherwise),
+                id(self._outside), len(self._lengths), len(self._arguments), len(first)]
         words = [w for argument in self._arguments for w in self._words(*argument)]
         called = np.array([*head, *lengths, *values.tolist(), *words], np.int64).view(_Called)
         definition = _Definition(self.name.encode(), _address(_LIBRARY.calls_kernel), _FASTCALL, None)
