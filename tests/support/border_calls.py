@@ -20,7 +20,7 @@ OTHER = {"f8": "f4", "f4": "f8", "i8": "i4", "i4": "u4", "u8": "i8", "u4": "i4",
 
 
 def right(kernel, fixed=None):
-    """Return arguments for which all conditions hold: lengths and numbers that were changed until they do, zeros. fixed:
+    """Return arguments for which all conditions hold: lengths and numbers changed until they do, zeros. fixed:
     some that must have a value; then some condition may not hold. None if a length would be less than 0.
     """
     of = declarations.declared(kernel.takes)
