@@ -19,8 +19,9 @@ from setuptools.command.build_py import build_py
 
 HERE = Path(__file__).resolve().parent
 PACKAGE = HERE / "engine" / "light_meshes"
-sys.path.insert(0, str(PACKAGE / "support"))  # a module that imports nothing of the package, which is not built yet
-from sources import TARGETS, Target, calls, digest, included, library, sources  # noqa: E402
+sys.path.insert(0, str(PACKAGE / "support"))  # modules that import nothing of the package, which is not built yet
+from declarations import calls  # noqa: E402
+from sources import TARGETS, Target, digest, included, library, sources  # noqa: E402
 
 FLAGS = [
     "-fPIC", "-O3", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden",

@@ -17,7 +17,7 @@ from types import BuiltinFunctionType
 import numpy as np
 import pytest
 from light_meshes.scene import snapshot
-from light_meshes.support import native, sources
+from light_meshes.support import declarations, native, sources
 from scenes import tabletop
 
 SUPPORT = Path(__file__).parents[1] / "support"
@@ -160,7 +160,7 @@ def test_declarations_in_pieces_are_joined():
     """As macros leave them: a type in a text of its own, and lengths after it."""
     expanded = ('const char some_takes[] = "P f64[n,3]  texels "\n "u8" "[h,n]  h f64  k u64  "; '
                 'const char no_takes[] = "";')
-    text = sources.calls(expanded)
+    text = declarations.calls(expanded)
     assert "i64 some(i64, i64, const void *, const void *, f64, u64);" in text and "i64 no(void);" in text
     assert "return some(s[0].integer, s[1].integer, s[2].place, s[3].place, s[4].real, s[5].whole);" in text
 

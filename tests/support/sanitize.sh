@@ -12,7 +12,8 @@ trap 'rm -rf "$library" "$objects"' EXIT
 from_sources() { .venv/bin/python -c "
 import sys
 from pathlib import Path
-from light_meshes.support.sources import calls, digest, included
+from light_meshes.support.declarations import calls
+from light_meshes.support.sources import digest, included
 package = Path('engine/light_meshes').resolve()
 print($1)"; }
 flags="-std=gnu11 -Iengine/light_meshes/support"

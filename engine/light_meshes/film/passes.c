@@ -3,11 +3,11 @@
 
 /* Adds weight·colour to samples[pixel], beginning at column `first`; colour has a row for each ray, or one for all. If
    several rays belong to one pixel, they are added in their order. */
-KERNEL(passes_add, "samples f64[s,q]!  first i64  pixel i64[n]  weight f64[n,c]  colour f64[m,c]")
+KERNEL(passes_add, "samples f64[s,q]!  first i64  pixel i64[n]  weight f64[n,c]  colour f64[m,c]"
+       ";  m=n|m=1  0<=first  first+c<=q  0<=pixel<s")
 i64 passes_add(i64 s, i64 q, i64 n, i64 c, i64 m, f64 *samples, i64 first, const i64 *pixel, const f64 *weight,
                const f64 *colour) {
     (void)s;
-    if (m != n && m != 1) return 1;
     for (i64 k = 0; k < n; k++) {
         const f64 *own = colour + (m == 1 ? 0 : k * c);
         for (i64 j = 0; j < c; j++) samples[pixel[k] * q + first + j] += weight[k * c + j] * own[j];
@@ -16,7 +16,8 @@ i64 passes_add(i64 s, i64 q, i64 n, i64 c, i64 m, f64 *samples, i64 first, const
 }
 
 /* The means of the samples of each pixel, added in order. */
-KERNEL(passes_means, "samples f64[s,q]  means f64[p,q]!")
+KERNEL(passes_means, "samples f64[s,q]  means f64[p,q]!"
+       ";  p<=s")
 i64 passes_means(i64 s, i64 q, i64 p, const f64 *samples, f64 *means) {
     i64 count = p ? s / p : 0;
     for (i64 k = 0; k < p; k++)

@@ -185,7 +185,9 @@ KERNEL(records_asked,
        "mean f32[r,5,3]  open f32[r]  cell_slots i32[e]  cell_entered u64[f]  clear u8[c]  within f64  strict f64  fine f64  "
        "end f64  last i64  enough f64  triangle i32[n]  P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  level i32[n]!  share f64[n]!  light f64[n,3]!  sky f64[n]!  keys u64[n,3]!  "
        "number i32[n,3]!  weight f64[n,3]!  visible bool[n,3]  seen i32[n]  why u8[n]!  half u64[n]!  todo i32[n]!  "
-       "state i64[2]!")
+       "state i64[2]!"
+       ";  power(s)  power(e)  0<coarse<inf  0<=level  0<=triangle<T  0<=state;  0<=triangles<V  -1<=other<T  "
+       "-1<=corner")
 i64 records_asked(i64 V, i64 T, i64 s, i64 q, i64 r, i64 e, i64 f, i64 c, i64 n, const f64 *centre, f64 scale,
                   const f32 *vertices, const i32 *triangles, const i32 *other, const u8 *flipped, const f32 *longest,
                   const i32 *corner, f64 coarse, const i32 *slots, const u64 *entered, const f32 *inverse,
@@ -198,12 +200,15 @@ i64 records_asked(i64 V, i64 T, i64 s, i64 q, i64 r, i64 e, i64 f, i64 c, i64 n,
                   cell_entered, s, q, r, e, f, c, inverse, nearest, mean, open, done, clear, M, within, strict, fine, end,
                   last};
     Kept kept;
-    (void)V, (void)T, (void)n;
+    (void)V, (void)T;
+    if (state[0] > n) return OUTSIDE;
     state[1] = 0;
     for (int k = 0; k < FLATS; k++) kept.flat[k].t = -1;
     for (int k = 0; k < CELLS; k++) kept.half[k].name = 0;
     for (i64 at = 0; at < state[0]; at++) {
-        i64 k = todo[at], t = triangle[k];
+        i64 k = todo[at];
+        if (k < 0 || k >= n) return OUTSIDE;
+        i64 t = triangle[k];
         Flat *flat = kept.flat + (t & (FLATS - 1));
         f64 place[3], xy[2] = {0};
         if (flat->t != t) enter_flat(&of, t, flat);

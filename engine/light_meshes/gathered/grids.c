@@ -2,7 +2,8 @@
 #include "grids.h"
 
 /* Fills the longest edge of each triangle, scene units, and the numbers of its ends, the smaller one first. */
-KERNEL(grids_longest, "scale f64  vertices f32[V,3]  triangles i32[T,3]  longest f32[T]!  ends i32[T,2]!")
+KERNEL(grids_longest, "scale f64  vertices f32[V,3]  triangles i32[T,3]  longest f32[T]!  ends i32[T,2]!"
+       ";  0<=triangles<V")
 i64 grids_longest(i64 V, i64 T, f64 scale, const f32 *vertices, const i32 *triangles, f32 *longest, i32 *ends) {
     (void)V;
     for (i64 t = 0; t < T; t++) {
@@ -19,7 +20,8 @@ i64 grids_longest(i64 V, i64 T, f64 scale, const f32 *vertices, const i32 *trian
 /* Tells (ok) which pairs of triangles (first, second), which share their longest edge, make up a parallelogram: they
    go around it the same way, and their corners differ from one by less than `share` of that edge. */
 KERNEL(grids_pairs,
-       "vertices f32[V,3]  triangles i32[T,3]  share f64  first i32[n]  second i32[n]  ok bool[n]!")
+       "vertices f32[V,3]  triangles i32[T,3]  share f64  first i32[n]  second i32[n]  ok bool[n]!"
+       ";  0<=first<T  0<=second<T;  0<=triangles<V")
 i64 grids_pairs(i64 V, i64 T, i64 n, const f32 *vertices, const i32 *triangles, f64 share, const i32 *first,
                 const i32 *second, u8 *ok) {
     (void)V, (void)T;
@@ -48,13 +50,15 @@ static void unit_normal(const Axes *s, int flipped, f64 *N) {
    inwards by `inset` of a cell's edge. */
 KERNEL(grids_places,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  coarse f64  "
-       "inset f64  keys u64[n]  P f64[n,3]!  N f64[n,3]!  spacing f64[n]!")
+       "inset f64  keys u64[n]  P f64[n,3]!  N f64[n,3]!  spacing f64[n]!"
+       ";  0<coarse<inf;  0<=triangles<V  -1<=other<T")
 i64 grids_places(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
                  const i32 *other, const u8 *flipped, f64 coarse, f64 inset, const u64 *keys, f64 *P, f64 *N,
                  f64 *spacing) {
-    (void)V, (void)T;
+    (void)V;
     for (i64 k = 0; k < n; k++) {
         Key key = key_of(keys[k]);
+        if (key.triangle >= T) return OUTSIDE;
         f64 size = edge(coarse, key.level), place[3];
         Grid g = grid_of(vertices, triangles, other, scale, key.triangle, size);
         i64 t = place_on(vertices, triangles, other, scale, &g, (f64)key.i / (f64)g.m, (f64)key.j / (f64)g.n,
@@ -79,13 +83,15 @@ static const f64 OUTER_WHOLE[4][2] = {{0.02, 0.02}, {0.96, 0.02}, {0.02, 0.96}, 
    size of cells of level 1; level 0 is a triangle as a whole. outer: of points near the corners, instead. */
 KERNEL(grids_inside,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  top f64  "
-       "outer i64  keys u64[n]  triangle i32[n,4]!  P f64[n,4,3]!  N f64[n,4,3]!")
+       "outer i64  keys u64[n]  triangle i32[n,4]!  P f64[n,4,3]!  N f64[n,4,3]!"
+       ";  0<top<inf;  0<=triangles<V  -1<=other<T")
 i64 grids_inside(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
                  const i32 *other, const u8 *flipped, f64 top, i64 outer, const u64 *keys, i32 *triangle, f64 *P, f64 *N) {
     const f64 (*four)[2] = outer ? OUTER_FOUR : FOUR, (*whole)[2] = outer ? OUTER_WHOLE : WHOLE;
-    (void)V, (void)T;
+    (void)V;
     for (i64 k = 0; k < n; k++) {
         Key key = key_of(keys[k]);
+        if (key.triangle >= T) return OUTSIDE;
         f64 size = ldexp(top, 1 - key.level), place[3];
         Grid g = {0};
         if (key.level) g = grid_of(vertices, triangles, other, scale, key.triangle, size);
@@ -111,12 +117,14 @@ i64 grids_inside(i64 V, i64 T, i64 n, const f64 *centre, f64 scale, const f32 *v
    stand for others, by step of size (rays.c). */
 KERNEL(grids_wider,
        "scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  top f64  for_small i32[s,T]  by i64  keys u64[n]  "
-       "wider u64[n]!")
+       "wider u64[n]!"
+       ";  0<top<inf  1<=s  0<=by;  0<=triangles<V  -1<=other<T")
 i64 grids_wider(i64 V, i64 T, i64 s, i64 n, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *other,
                 f64 top, const i32 *for_small, i64 by, const u64 *keys, u64 *wider) {
-    (void)V, (void)T;
+    (void)V;
     for (i64 k = 0; k < n; k++) {
         Key key = key_of(keys[k]);
+        if (key.triangle >= T) return OUTSIDE;
         int level = key.level - (int)by < 1 ? 1 : key.level - (int)by;
         i64 i, j;
         if (key.level == 0) {

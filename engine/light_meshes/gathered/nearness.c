@@ -80,7 +80,8 @@ static int enter_edge(Boxes *b, f64 cell, i32 instance, const f64 *from, const f
 /* Enters the edges of triangles in the table of cells. Returns 1 if it gets too full: begin again with a larger one. */
 KERNEL(nearness_enter,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  instance i32[T]  there bool[T]  cell f64  "
-       "keys u64[m]!  of i32[m]!  boxes f32[m,6]!")
+       "keys u64[m]!  of i32[m]!  boxes f32[m,6]!"
+       ";  power(m)  0<cell<inf;  0<=triangles<V")
 i64 nearness_enter(i64 V, i64 T, i64 m, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
                    const i32 *instance, const u8 *there, f64 cell, u64 *keys, i32 *of, f32 *boxes) {
     Boxes table = {keys, of, boxes, m, 0};
@@ -110,7 +111,8 @@ static inline void heights(const f32 *box, const f64 *P, const f64 *N, f64 *leas
    heights (n,) above them, along their normals M. What rises less than a hundredth of a height does not count, nor does
    what lies in the plane, as precisely as boxes tell. */
 KERNEL(nearness_clear,
-       "cell f64  keys u64[m]  boxes f32[m,6]  corners f64[n,3,3]  M f64[n,3]  margin f64[n]  height f64[n]  clear bool[n]!")
+       "cell f64  keys u64[m]  boxes f32[m,6]  corners f64[n,3,3]  M f64[n,3]  margin f64[n]  height f64[n]  clear bool[n]!"
+       ";  power(m)  0<cell<inf  -inf<corners<inf  -inf<margin<inf")
 i64 nearness_clear(i64 m, i64 n, f64 cell, const u64 *keys, const f32 *boxes, const f64 *corners, const f64 *M,
                    const f64 *margin, const f64 *height, u8 *clear) {
     for (i64 k = 0; k < n; k++) {
@@ -151,7 +153,8 @@ i64 nearness_clear(i64 m, i64 n, f64 cell, const u64 *keys, const f32 *boxes, co
    their distance above the plane of a record; 1e30: there are none. own (n,): the instance whose edges do not count,
    −1: all do. */
 KERNEL(nearness_of,
-       "cell f64  keys u64[m]  of i32[m]  boxes f32[m,6]  rise f64  P f64[n,3]  M f64[n,3]  own i32[n]  near f32[n]!")
+       "cell f64  keys u64[m]  of i32[m]  boxes f32[m,6]  rise f64  P f64[n,3]  M f64[n,3]  own i32[n]  near f32[n]!"
+       ";  power(m)  0<cell<inf")
 i64 nearness_of(i64 m, i64 n, f64 cell, const u64 *keys, const i32 *of, const f32 *boxes, f64 rise, const f64 *P,
                 const f64 *M, const i32 *own, f32 *near) {
     for (i64 k = 0; k < n; k++) {

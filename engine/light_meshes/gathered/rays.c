@@ -44,7 +44,8 @@ static inline u64 key_there(const Cells *s, i64 t, f64 u, f64 v, const f64 *orig
 KERNEL(rays_met,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  for_small i32[s,T]  "
        "clear bool[T]?  finest f64  share f64  triangle i32[x]  u f32[x]  v f32[x]  P f64[r,3]  M f64[r,3]  turn f64[r,2]?  "
-       "local f64[d,3]  distance f32[x]!  keys u64[x]!")
+       "local f64[d,3]  distance f32[x]!  keys u64[x]!"
+       ";  1<=s  x=r*d  0<finest<inf  -1<=triangle<T;  0<=triangles<V  -1<=other<T  -1<=for_small<T")
 i64 rays_met(i64 V, i64 T, i64 s, i64 x, i64 r, i64 d, const f64 *centre, f64 scale, const f32 *vertices,
              const i32 *triangles, const i32 *other, const u8 *flipped, const i32 *for_small, const u8 *clear, f64 finest,
              f64 share, const i32 *triangle, const f32 *u, const f32 *v, const f64 *P, const f64 *M, const f64 *turn,
@@ -77,7 +78,8 @@ KERNEL(rays_passed,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  for_small i32[s,T]  "
        "finest f64  share f64  clear bool[T]  least f64  over i64  factor f32[n,3]  triangle i32[n]  u f32[n]  v f32[n]  "
        "row i64[x]!  weight f64[x,3]!  origin f64[x,3]!  direction f64[x,3]!  N f64[x,3]!  "
-       "keys u64[n]!  at i64[n]!  count f64[n,3]!  out i64[x]!  way f64[x,3]!  left f64[x,3]!  state i64[3]!")
+       "keys u64[n]!  at i64[n]!  count f64[n,3]!  out i64[x]!  way f64[x,3]!  left f64[x,3]!  state i64[3]!"
+       ";  1<=s  n<=x  0<finest<inf  0<=state  -1<=triangle<T;  0<=triangles<V  -1<=other<T  -1<=for_small<T")
 i64 rays_passed(i64 V, i64 T, i64 s, i64 n, i64 x, const f64 *centre, f64 scale, const f32 *vertices,
                 const i32 *triangles, const i32 *other, const u8 *flipped, const i32 *for_small, f64 finest, f64 share,
                 const u8 *clear, f64 least, i64 over, const f32 *factor, const i32 *triangle, const f32 *u, const f32 *v,
@@ -85,12 +87,13 @@ i64 rays_passed(i64 V, i64 T, i64 s, i64 n, i64 x, const f64 *centre, f64 scale,
                 f64 *way, f64 *left, i64 *state) {
     Cells cells = {centre, scale, finest, share, vertices, triangles, other, for_small, flipped, T, s};
     f32 away;
-    (void)V, (void)x;
+    (void)V;
     state[0] = state[1] = 0;
     for (i64 k = 0; k < n; k++) {
         i64 t = triangle[k], next = state[0], met = state[1];
         f64 stops[3], goes[3], *d = direction + 3 * k, *w = weight + 3 * k, normal[3], most = 0.0, any = 0.0;
         if (t < 0) {
+            if (state[2] >= x) return OUTSIDE;
             out[state[2]] = row[k], memcpy(way + 3 * state[2], d, 3 * sizeof *d);
             memcpy(left + 3 * state[2]++, w, 3 * sizeof *w);
             continue;
@@ -137,10 +140,12 @@ static void cell_around(const f64 *centre, f64 scale, const f32 *vertices, const
    triangles, of a power of two; −1. */
 KERNEL(rays_stand_ins,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  flipped bool[T]  longest f32[T]  material i32[T]  "
-       "instance i32[T]  size f64  slots i32[m]!  for_small i32[T]!")
+       "instance i32[T]  size f64  slots i32[m]!  for_small i32[T]!"
+       ";  power(m)  0<size<inf;  0<=triangles<V  -1<=slots<T")
 i64 rays_stand_ins(i64 V, i64 T, i64 m, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
                    const u8 *flipped, const f32 *longest, const i32 *material, const i32 *instance, f64 size, i32 *slots,
                    i32 *for_small) {
+    i64 entered = 0;
     (void)V;
     for (i64 t = 0; t < T; t++) {
         i64 cell[4], there[4];
@@ -152,7 +157,10 @@ i64 rays_stand_ins(i64 V, i64 T, i64 m, const f64 *centre, f64 scale, const f32 
         for (int j = 0; j < 3; j++) at = (at ^ (u64)cell[j]) * SPREAD, at ^= at >> 29;
         for (at &= (u64)m - 1;; at = (at + 1) & ((u64)m - 1)) {
             i64 first = slots[at];
-            if (first < 0) slots[at] = (i32)t;
+            if (first < 0) {
+                if (++entered == m) return OUTSIDE;  /* a search would not end */
+                slots[at] = (i32)t;
+            }
             else {
                 if (material[first] != material[t] || instance[first] != instance[t]) continue;
                 cell_around(centre, scale, vertices, triangles + 3 * first, size, there);

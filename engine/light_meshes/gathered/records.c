@@ -17,7 +17,8 @@ static inline const f64 *found_by(i64 of, const f64 *patch, const f64 *extra, co
    between it and the rays beside it. */
 KERNEL(records_sum,
        "distance f32[r,d]  number i32[r,d]  patch f64[m,3]  extra f64[e,3]  sky f64[3]  tilted f64[d,4]  mean f32[r,5,3]!  "
-       "inverse f32[r]!  nearest f32[r]!  open f32[r]!  noise f32[r]!")
+       "inverse f32[r]!  nearest f32[r]!  open f32[r]!  noise f32[r]!"
+       ";  -2-e<number<m")
 i64 records_sum(i64 r, i64 d, i64 m, i64 e, const f32 *distance, const i32 *number, const f64 *patch, const f64 *extra,
                 const f64 *sky, const f64 *tilted, f32 *mean, f32 *inverse, f32 *nearest, f32 *open, f32 *noise) {
     (void)m, (void)e;

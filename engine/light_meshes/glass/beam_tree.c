@@ -69,7 +69,8 @@ static int widest(const f64 *bounds) {
 /* Returns how many nodes there are, −1 if there is not enough memory. */
 KERNEL(beams_tree,
        "order i64[n]!  p f64[n,3,2]  d f64[n,3,2]  z f64[n,3]  group i8[n]  pad f64  root i64[6]!  bounds f64[m,11]!  "
-       "child i64[m,2]!")
+       "child i64[m,2]!"
+       ";  0<=order<n  0<=group<6  2*n<=m+1")
 i64 beams_tree(i64 n, i64 m, i64 *order, const f64 *p, const f64 *d, const f64 *z, const i8 *group, f64 pad,
                i64 *root, f64 *bounds, i64 *child) {
     struct { i64 node, first, end; } stack[STACK];

@@ -337,7 +337,8 @@ static void quarters(const Element *e, i64 k, Element *out) {
    memory. */
 KERNEL(beams_trace,
        GLASS LIGHT "h f64  fine f64  finest i64  deepest i64  limit i64  state i64[3]!  slot i32[n]!  uv f64[n,3,2]!  "
-                   "p f64[n,3,2]!  d f64[n,3,2]!  z f64[n,3]!  group i8[n]!  k i8[n]!  code i32[n,q]!  eta f64[n,q]!")
+                   "p f64[n,3,2]!  d f64[n,3,2]!  z f64[n,3]!  group i8[n]!  k i8[n]!  code i32[n,q]!  eta f64[n,q]!"
+       ";  c=65  0<deepest<=64  deepest<=q  0<=state;  -1<=planar<m  tree(child,m)")
 i64 beams_trace(i64 m, i64 y, i64 b, i64 d_nodes, i64 c, i64 n, i64 q, OF_GLASS, OF_LIGHT, f64 h, f64 fine, i64 finest,
                 i64 deepest, i64 limit, i64 *state, i32 *slot, f64 *uv, f64 *p, f64 *d, f64 *z, i8 *group, i8 *k,
                 i32 *code, f64 *eta) {

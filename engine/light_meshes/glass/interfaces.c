@@ -47,7 +47,8 @@ static void refract(const f64 *d, const f64 *N, const f64 *G, f64 eta, f64 cosin
 KERNEL(interfaces_cross,
        "Ng f64[n,3]  Ns f64[n,3]  material i32[n]  triangle i32[n]  front bool[n]  way f64[n,3]  bodies i32[t]  "
        "index f64[b]  rank i64[b]  grazing f64[t]  ior f64[M]  by_fresnel bool[M]  kt f64[M,3]  mirror f64[M,3]  share f64[M]  real bool[n]!  bends bool[n]!  "
-       "passed f64[n,3]!  mirrored f64[n,3]!  refracted f64[n,3]!  media i32[n,d]!")
+       "passed f64[n,3]!  mirrored f64[n,3]!  refracted f64[n,3]!  media i32[n,d]!"
+       ";  0<=material<M  0<=triangle<t  -1<=media<b;  -1<=bodies<b")
 i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const f64 *Ns, const i32 *material,
                      const i32 *triangle, const u8 *front, const f64 *way, const i32 *bodies,
                      const f64 *index, const i64 *rank, const f64 *grazing, const f64 *ior, const u8 *by_fresnel, const f64 *kt, const f64 *mirror, const f64 *share, u8 *real, u8 *bends,
@@ -110,7 +111,8 @@ i64 interfaces_cross(i64 n, i64 t, i64 b, i64 M, i64 depth, const f64 *Ng, const
    larger ones, or materials are `asked`: these are not done. */
 KERNEL(interfaces_factor,
        "source i32[T]  materials i32[s]  piece i32[p]  uvs f32[x,3,2]  alpha f64[m]  kt f64[m,3]  image i32[m]  "
-       "asked bool[m]  images i64[i,j]  triangle i32[n]  u f32[n]  v f32[n]  factor f32[n,3]!  left bool[n]!")
+       "asked bool[m]  images i64[i,j]  triangle i32[n]  u f32[n]  v f32[n]  factor f32[n,3]!  left bool[n]!"
+       ";  j=10  p=0|p=T  x=0|x=s  0<=triangle<T;  0<=source<s  0<=materials<m  -1<=image<i")
 i64 interfaces_factor(i64 T, i64 s, i64 p, i64 x, i64 m, i64 i, i64 j, i64 n, const i32 *source, const i32 *materials,
                       const i32 *piece, const f32 *uvs, const f64 *alpha, const f64 *kt, const i32 *image, const u8 *asked,
                       const i64 *images, const i32 *triangle, const f32 *u, const f32 *v, f32 *factor, u8 *left) {

@@ -5,7 +5,8 @@
 
 /* Finds the triangle across each edge; −1 unless exactly two triangles share the edge, in opposite directions.
    order: of the edges (3·triangle + k: from corner k to k + 1), so that equal ones are adjacent. */
-KERNEL(media_adjacent, "corner i64[n,3]  order i64[e]  neighbour i32[n,3]!")
+KERNEL(media_adjacent, "corner i64[n,3]  order i64[e]  neighbour i32[n,3]!"
+       ";  0<=order<3*n")
 i64 media_adjacent(i64 n, i64 e, const i64 *corner, const i64 *order, i32 *neighbour) {
     for (i64 k = 0; k < 3 * n; k++) neighbour[k] = -1;
     for (i64 i = 0, j; i < e; i = j) {
@@ -23,7 +24,8 @@ i64 media_adjacent(i64 n, i64 e, const i64 *corner, const i64 *order, i32 *neigh
 
 /* Numbers the sets of triangles that are connected by joined edges, in order of appearance. Returns 1 if there is
    not enough memory. */
-KERNEL(media_components, "neighbour i32[n,3]  joined bool[n,3]  label i32[n]!")
+KERNEL(media_components, "neighbour i32[n,3]  joined bool[n,3]  label i32[n]!"
+       ";  -1<=neighbour<n")
 i64 media_components(i64 n, const i32 *neighbour, const u8 *joined, i32 *label) {
     i64 *parent = malloc((size_t)(n ? n : 1) * sizeof *parent);
     i32 count = 0;
@@ -47,7 +49,8 @@ i64 media_components(i64 n, const i32 *neighbour, const u8 *joined, i32 *label) 
 }
 
 /* Marks shared edges at both ends of which the two triangles have the same normals, up to the cosine `limit`. */
-KERNEL(media_smooth_edges, "corner i64[n,3]  neighbour i32[n,3]  Ns f64[n,3,3]  limit f64  joined bool[n,3]!")
+KERNEL(media_smooth_edges, "corner i64[n,3]  neighbour i32[n,3]  Ns f64[n,3,3]  limit f64  joined bool[n,3]!"
+       ";  -1<=neighbour<n")
 i64 media_smooth_edges(i64 n, const i64 *corner, const i32 *neighbour, const f64 *Ns, f64 limit, u8 *joined) {
     for (i64 t = 0; t < n; t++)
         for (int k = 0; k < 3; k++) {

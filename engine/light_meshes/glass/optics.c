@@ -5,7 +5,8 @@
 
 /* Fills around: the bodies that a ray from the light leaves more often than it enters. Returns 1 if there is not
    enough memory. */
-KERNEL(optics_medium_at, GLASS "light f64[3]  around i64[c,2]!  work i64[5]!")
+KERNEL(optics_medium_at, GLASS "light f64[3]  around i64[c,2]!  work i64[5]!"
+       ";  c=65;  -1<=planar<m  tree(child,m)")
 i64 optics_medium_at(i64 m, i64 y, i64 b, i64 d, i64 c, OF_GLASS, const f64 *light, i64 *around, i64 *work) {
     Glass g = {m, b, place, link, planar, patch_size, ior, rank, ball, box, child};
     i64 *balance = calloc((size_t)(b ? b : 1), sizeof *balance);

@@ -24,7 +24,8 @@ typedef struct {
 
 /* Fills out: Π t of everything that the straight way from the light to points crosses, 0 if it would bend; but not 0
    if it would bend `beyond` times or more. */
-KERNEL(refraction_straight, GLASS LIGHT "x f64[n,3]  beyond i64  out f64[n,3]!")
+KERNEL(refraction_straight, GLASS LIGHT "x f64[n,3]  beyond i64  out f64[n,3]!"
+       ";  c=65;  -1<=planar<m  tree(child,m)")
 i64 refraction_straight(i64 m, i64 y, i64 b, i64 d, i64 c, i64 n, OF_GLASS, OF_LIGHT, const f64 *x, i64 beyond_bends,
                         f64 *out) {
     Glass g = {m, b, place, link, planar, patch_size, ior, rank, ball, box, child};
@@ -183,7 +184,9 @@ KERNEL(refraction_solve,
        GLASS LIGHT
        "slot i32[B]  uv f64[B,3,2]  p f64[B,3,2]  d_of f64[B,3,2]  z f64[B,3]  k i8[B]  code i32[B,q]  eta f64[B,q]  "
        "root i64[6]  bounds f64[o,11]  beam_child i64[o,2]  flat i64[e]  x f64[n,3]  state i64[2]!  count i64[n]!  alpha f64[r,3]!  "
-       "bends f64[r,q,3]!  k_out i64[r]!  arrival f64[r,3]!  spread f64[r,2]!  reach f64[r]!")
+       "bends f64[r,q,3]!  k_out i64[r]!  arrival f64[r,3]!  spread f64[r,2]!  reach f64[r]!"
+       ";  c=65  q<=64  0<=state;  -1<=planar<m  tree(child,m)  0<=slot<m  1<=k  k<=q  0<=code  -1<=root<o  "
+       "tree(beam_child,B)  0<=flat<B")
 i64 refraction_solve(i64 m, i64 y, i64 b, i64 d, i64 c, i64 B, i64 q, i64 o_count, i64 flats, i64 n, i64 r, OF_GLASS, OF_LIGHT,
                      const i32 *slot, const f64 *uv, const f64 *p_of, const f64 *d_of, const f64 *z_of, const i8 *k_of,
                      const i32 *code, const f64 *eta, const i64 *root, const f64 *bounds, const i64 *beam_child,

@@ -4,7 +4,8 @@
 /* Clears the bits of known for segments from x to places at most `spread` from targets (from a sun's unit vector: the
    segments spread by so much a unit of their way) that may meet a box; all in the frame. */
 KERNEL(reuse_forget, "x f64[n,3]  position f64[L,3]  directional bool[L]  spread f64[L]  "
-       "boxes f64[b,2,3]  known u64[n,W]!")
+       "boxes f64[b,2,3]  known u64[n,W]!"
+       ";  W=words(L)")
 i64 reuse_forget(i64 n, i64 L, i64 b, i64 W, const f64 *x, const f64 *position, const u8 *directional,
                  const f64 *spread, const f64 *boxes, u64 *known) {
     Targets targets = {position, directional};

@@ -11,12 +11,14 @@ static f64 least(f64 a, f64 b) { return b < a ? b : a; }
    and the rays per pixel. */
 KERNEL(sparse_film,
        "matrix f64[4,4]  window f64[4]  perspective i64  width i64  height i64  P f64[n,3]  triangle i32[n]  "
-       "receives bool[t]?  pixel i64[n]  view i64[4]  reach f64  film f64[n,2]!  left i64[n]!")
+       "receives bool[t]?  pixel i64[n]  view i64[4]  reach f64  film f64[n,2]!  left i64[n]!"
+       ";  ;  t=0|0<=triangle<t")
 i64 sparse_film(i64 n, i64 t, const f64 *matrix, const f64 *window, i64 perspective, i64 width, i64 height,
                 const f64 *P, const i32 *triangle, const u8 *receives, const i64 *pixel, const i64 *view, f64 reach,
                 f64 *film, i64 *left) {
     i64 count = 0, x0 = view[0], y0 = view[1], wide = view[2], per_pixel = view[3];
     (void)t;
+    if (wide <= 0 || per_pixel <= 0) return OUTSIDE;
     for (i64 p = 0; p < n; p++) {
         f64 d[3] = {P[3 * p] - matrix[3], P[3 * p + 1] - matrix[7], P[3 * p + 2] - matrix[11]};
         f64 u = matrix[0] * d[0] + matrix[4] * d[1] + matrix[8] * d[2];
@@ -36,12 +38,14 @@ i64 sparse_film(i64 n, i64 t, const f64 *matrix, const f64 *window, i64 perspect
 }
 
 /* Marks with 0 the points of the grid that are corners of the blocks in which film[left] lies. */
-KERNEL(sparse_ask, "film f64[n,2]  left i64[m]  step i64  x0 i64  y0 i64  row i32[h,w]!")
+KERNEL(sparse_ask, "film f64[n,2]  left i64[m]  step i64  x0 i64  y0 i64  row i32[h,w]!"
+       ";  0<step  0<=left<n")
 i64 sparse_ask(i64 n, i64 m, i64 h, i64 w, const f64 *film, const i64 *left, i64 step, i64 x0, i64 y0, i32 *row) {
-    (void)n, (void)h;
+    (void)n;
     for (i64 k = 0; k < m; k++) {
         i64 p = left[k];
         i64 i = (i64)floor(film[2 * p] / (f64)step - 0.5) - x0, j = (i64)floor(film[2 * p + 1] / (f64)step - 0.5) - y0;
+        if (i < 0 || j < 0 || i >= w - 1 || j >= h - 1) return OUTSIDE;
         i32 *at = row + j * w + i;
         at[0] = at[1] = at[w] = at[w + 1] = 0;
     }
@@ -81,7 +85,8 @@ static f64 spread_of(const Corners *c, const i32 *at, int kind) {
 /* Fills Blocks; largest: the square of the diagonal of the largest block that can be used. */
 KERNEL(sparse_agree,
        CORNERS "gloss i64  largest f64  usable bool[H,Z]!  material_of i32[H,Z]!  turn f64[H,Z]!  size f64[H,Z]!  "
-               "spread f64[H,Z,2]!")
+               "spread f64[H,Z,2]!"
+       ";  H<h  Z<w  3<=q  gloss=0|6<=q  row<c")
 i64 sparse_agree(i64 h, i64 w, i64 c, i64 q, i64 H, i64 Z, OF_CORNERS, i64 gloss, f64 largest, u8 *usable,
                  i32 *material_of, f64 *turn, f64 *size, f64 *spread) {
     Corners corners = {w, q, row, P, Ng, Ns, turned, light, rough, material, instance};
@@ -121,20 +126,22 @@ KERNEL(sparse_between,
        CORNERS "usable bool[H,Z]  material_of i32[H,Z]  turn f64[H,Z]  size f64[H,Z]  spread f64[H,Z,2]  step i64  x0 i64  "
                "y0 i64  film f64[n,2]  left i64[m]  hit_P f64[n,3]  hit_Ng f64[n,3]  hit_Ns f64[n,3]  hit_material i32[n]  "
                "hit_instance i32[n]  kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  Od f64[n,3]  gloss i64  "
-               "tolerance f64  sum f64[n,q]!  done bool[n]!  rest i64[m]!")
+               "tolerance f64  sum f64[n,q]!  done bool[n]!  rest i64[m]!"
+       ";  0<step  H<h  Z<w  row<c  0<=left<n  0<=hit_material<M")
 i64 sparse_between(i64 h, i64 w, i64 c, i64 q, i64 H, i64 Z, i64 n, i64 m, i64 M, OF_CORNERS, const u8 *usable,
                    const i32 *material_of, const f64 *turn, const f64 *size, const f64 *spread, i64 step, i64 x0,
                    i64 y0, const f64 *film, const i64 *left, const f64 *hit_P, const f64 *hit_Ng, const f64 *hit_Ns,
                    const i32 *hit_material, const i32 *hit_instance, const f64 *kd, const f64 *ks, const f64 *Os,
                    const f64 *nShiny, const f64 *Od, i64 gloss, f64 tolerance, f64 *sum, u8 *done, i64 *rest) {
     i64 count = 0;
-    (void)h, (void)c, (void)H, (void)n, (void)M, (void)material, (void)turned, (void)rough;
+    (void)h, (void)c, (void)n, (void)M, (void)material, (void)turned, (void)rough;
     for (i64 index = 0; index < m; index++) {
         i64 p = left[index];
         /* The sample's block, and its place in it */
         f64 x = film[2 * p] / (f64)step - 0.5, y = film[2 * p + 1] / (f64)step - 0.5;
         i64 i = (i64)floor(x), j = (i64)floor(y);
         x = x - (f64)i, y = y - (f64)j, i = i - x0, j = j - y0;
+        if (i < 0 || j < 0 || i >= Z || j >= H) return OUTSIDE;
         i64 block = j * Z + i, own = hit_material[p];
         const i32 *first_row = row + j * w + i;
         int good = usable[block];
@@ -165,7 +172,8 @@ i64 sparse_between(i64 h, i64 w, i64 c, i64 q, i64 H, i64 Z, i64 n, i64 m, i64 M
 }
 
 /* Adds share·tint·light of some rows to colour, with light from column `first` on; share: of each material. */
-KERNEL(sparse_add, "rows i64[r]  material i32[n]  share f64[M]  tint f64[n,3]  light f64[n,q]  first i64  colour f64[n,3]!")
+KERNEL(sparse_add, "rows i64[r]  material i32[n]  share f64[M]  tint f64[n,3]  light f64[n,q]  first i64  colour f64[n,3]!"
+       ";  0<=first  first+3<=q  0<=rows<n  0<=material<M")
 i64 sparse_add(i64 r, i64 n, i64 M, i64 q, const i64 *rows, const i32 *material, const f64 *share, const f64 *tint,
                const f64 *light, i64 first, f64 *colour) {
     (void)n, (void)M;

@@ -77,7 +77,8 @@ static int best_cut(Spread s, const f64 *item, const i64 *order, i64 first, i64 
     return cut;
 }
 
-KERNEL(boxes_build, "item f64[n,6]  order i64[n]!  box f64[m,6]!  child i64[m,2]!")
+KERNEL(boxes_build, "item f64[n,6]  order i64[n]!  box f64[m,6]!  child i64[m,2]!"
+       ";  1<=m  2*n<=m+1  0<=order<n  -inf<item<inf")
 i64 boxes_build(i64 n, i64 m, const f64 *item, i64 *order, f64 *box, i64 *child) {
     struct { i64 node, first, end, depth; } stack[STACK];
     i64 top = 1, nodes = 1;

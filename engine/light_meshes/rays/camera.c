@@ -12,8 +12,8 @@ i64 camera_rays_of(i64 samples, i64 n, const f64 *matrix, const f64 *window, i64
                    i64 height, const i64 *box, const f64 *offsets, const f64 *lens, const f64 *tilt, f64 *origin,
                    f64 *direction, f64 *stretch) {
     i64 k = 0;
-    for (i64 y = box[1]; y < box[3]; y++)
-        for (i64 x = box[0]; x < box[2]; x++)
+    for (i64 y = box[1]; y < box[3] && k < n; y++)
+        for (i64 x = box[0]; x < box[2] && k < n; x++)
             for (i64 s = 0; s < samples && k < n; s++, k++) {
                 f64 u = window[0] + (window[1] - window[0]) * ((f64)x + 0.5 + offsets[2 * s]) / (f64)width;
                 f64 v = window[2] + (window[3] - window[2]) * ((f64)y + 0.5 + offsets[2 * s + 1]) / (f64)height;

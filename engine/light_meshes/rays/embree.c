@@ -31,7 +31,8 @@ i64 embree_closest(i64 n, u64 function, u64 scene, const f32 *o, const f32 *d, f
 }
 
 /* Whether anything is on each ray. function: traces packets of `wide` rays, 4, 8 or 16. */
-KERNEL(embree_occluded, "function u64  wide i64  scene u64  o f32[n,3]  d f32[n,3]  t f32[n]  blocked bool[n]!")
+KERNEL(embree_occluded, "function u64  wide i64  scene u64  o f32[n,3]  d f32[n,3]  t f32[n]  blocked bool[n]!"
+       ";  0<wide<=16")
 i64 embree_occluded(i64 n, u64 function, i64 wide, u64 scene, const f32 *o, const f32 *d, const f32 *t, u8 *blocked) {
     Occluded occluded = (Occluded)(uintptr_t)function;
     ALIGNED f32 rays[ROWS * WIDEST] = {0};
@@ -74,7 +75,8 @@ i64 embree_closest_of(i64 n, u64 function, u64 scene, const f64 *centre, f64 sca
 /* tracer_segments, and whether anything is on each. */
 KERNEL(embree_occluded_of,
        "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  origin f64[m,3]  normal f64[m,3]?  "
-       "origin_of i32[n]  position f64[q,3]  directional bool[q]  target_of i32[n]  closed i64  blocked bool[n]!")
+       "origin_of i32[n]  position f64[q,3]  directional bool[q]  target_of i32[n]  closed i64  blocked bool[n]!"
+       ";  0<wide<=16  0<=origin_of<m  0<=target_of<q")
 i64 embree_occluded_of(i64 m, i64 n, i64 q, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach,
                        const f64 *origin, const f64 *normal, const i32 *origin_of, const f64 *position,
                        const u8 *directional, const i32 *target_of, i64 closed, u8 *blocked) {
@@ -92,7 +94,8 @@ i64 embree_occluded_of(i64 m, i64 n, i64 q, u64 function, i64 wide, u64 scene, c
    turn: see turned_to. */
 KERNEL(embree_around,
        "function u64  scene u64  centre f64[3]  scale f64  reach f64  P f64[r,3]  M f64[r,3]  turn f64[r,2]?  local f64[d,3]  "
-       "triangle i32[x]!  u f32[x]!  v f32[x]!")
+       "triangle i32[x]!  u f32[x]!  v f32[x]!"
+       ";  x=r*d")
 i64 embree_around(i64 r, i64 d, i64 x, u64 function, u64 scene, const f64 *centre, f64 scale, f64 reach, const f64 *P,
                   const f64 *M, const f64 *turn, const f64 *local, i32 *triangle, f32 *u, f32 *v) {
     f64 origin[3 * BLOCK], direction[3 * BLOCK], normal[3 * BLOCK];
@@ -122,7 +125,8 @@ static void find_lit(const Field *f, Packet *rays, i64 W, u64 *found) {
    were. */
 KERNEL(embree_lit,
        "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  origin f64[n,3]  position f64[q,3]  "
-       "directional bool[q]  asked u64[n,W]  among u64[W]  first i64  last i64  found u64[n,W]!")
+       "directional bool[q]  asked u64[n,W]  among u64[W]  first i64  last i64  found u64[n,W]!"
+       ";  W=words(q)  0<wide<=16  0<=first")
 i64 embree_lit(i64 n, i64 q, i64 W, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach,
                const f64 *origin, const f64 *position, const u8 *directional, const u64 *asked, const u64 *among,
                i64 first, i64 last, u64 *found) {
@@ -161,7 +165,8 @@ static void find_seen(const Field *f, Packet *rays, u8 *seen) {
    counts them. */
 KERNEL(embree_near,
        "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  origin f64[n,3]  normal f64[n,3]  "
-       "position f64[q,3]  start i64[n,s]  end i64[n]  target i32[c]  most i64  seen bool[c]!  state i64[2]!")
+       "position f64[q,3]  start i64[n,s]  end i64[n]  target i32[c]  most i64  seen bool[c]!  state i64[2]!"
+       ";  0<wide<=16  0<=start<=c  0<=end<=c  0<=state;  0<=target<q")
 i64 embree_near(i64 n, i64 q, i64 s, i64 c, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach,
                 const f64 *origin, const f64 *normal, const f64 *position, const i64 *start, const i64 *end,
                 const i32 *target, i64 most, u8 *seen, i64 *state) {

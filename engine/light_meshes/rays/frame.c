@@ -24,7 +24,8 @@ static int clip(f64 polygon[][3], int count, const f64 *side, f64 out[][3]) {
    no triangle is in view. */
 KERNEL(frame_first,
        "world f64[v,3]  triangles i32[t,3]  seen bool[t]  matrix f64[4,4]  window f64[4]  perspective i64  near f64  "
-       "first f64[1]!")
+       "first f64[1]!"
+       ";  0<=triangles<v")
 i64 frame_first(i64 v, i64 t, const f64 *world, const i32 *triangles, const u8 *seen, const f64 *matrix,
                 const f64 *window, i64 perspective, f64 near, f64 *first) {
     /* the products of these with (x, y, depth, 1) are at least 0 inside the view */
@@ -80,7 +81,8 @@ static int long_edge(const f64 *a, const f64 *b) {
 }
 
 /* Marks triangles that have an edge that must be halved. */
-KERNEL(frame_too_large, "local f64[v,3]  triangles i32[t,3]  out bool[t]!")
+KERNEL(frame_too_large, "local f64[v,3]  triangles i32[t,3]  out bool[t]!"
+       ";  0<=triangles<v")
 i64 frame_too_large(i64 v, i64 t, const f64 *local, const i32 *triangles, u8 *out) {
     (void)v;
     for (i64 k = 0; k < t; k++) {

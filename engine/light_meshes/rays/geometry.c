@@ -13,7 +13,8 @@ i64 geometry_place(i64 n, const f32 *vertices, const f64 *matrix, f64 *out) {
 }
 
 /* Marks triangles that have an area. The comparison is also false if a vertex is not finite. */
-KERNEL(geometry_usable, "vertices f32[v,3]  triangles i32[t,3]  out bool[t]!")
+KERNEL(geometry_usable, "vertices f32[v,3]  triangles i32[t,3]  out bool[t]!"
+       ";  0<=triangles<v")
 i64 geometry_usable(i64 v, i64 t, const f32 *vertices, const i32 *triangles, u8 *out) {
     (void)v;
     for (i64 k = 0; k < t; k++) {
@@ -33,17 +34,20 @@ KERNEL(geometry_surface,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  instance i32[T]  source i32[T]  "
        "normal_matrix f64[I,3,3]  mirrored bool[I]  corner_normals f32[s,3,3]  uvs f32[x,3,2]  materials i32[s]  "
        "piece i32[y]  cut f64[z,3,2]  rows i64[n]?  triangle i32[m]  u f32[m]  v f32[m]  origin f64[m,3]  direction f64[m,3]  "
-       "P f64[n,3]!  Ng f64[n,3]!  Ns f64[n,3]!  uv f32[n,2]!  material i32[n]!  hit i32[n]!  front bool[n]!")
+       "P f64[n,3]!  Ng f64[n,3]!  Ns f64[n,3]!  uv f32[n,2]!  material i32[n]!  hit i32[n]!  front bool[n]!"
+       ";  x=0|x=s  y=0|y=T  0<=rows<m;  0<=triangles<V  0<=instance<I  0<=source<s  -1<=piece<z")
 i64 geometry_surface(i64 V, i64 T, i64 I, i64 s, i64 x, i64 y, i64 z, i64 n, i64 m, const f64 *centre,
                      f64 scale, const f32 *vertices, const i32 *triangles, const i32 *instance, const i32 *source,
                      const f64 *normal_matrix, const u8 *mirrored, const f32 *corner_normals, const f32 *uvs,
                      const i32 *materials, const i32 *piece, const f64 *cut, const i64 *rows, const i32 *triangle,
                      const f32 *u, const f32 *v, const f64 *origin, const f64 *direction, f64 *P, f64 *Ng, f64 *Ns, f32 *uv,
                      i32 *material, i32 *hit, u8 *front) {
-    (void)V, (void)T, (void)I, (void)s, (void)z;
-    if (!rows && m != n) return 1;
+    (void)V, (void)I, (void)s, (void)z;
+    if (!rows && m != n) return OUTSIDE;
     for (i64 k = 0; k < n; k++) {
-        i64 ray = rows ? rows[k] : k, t = triangle[ray], i = instance[t], of = source[t];
+        i64 ray = rows ? rows[k] : k, t = triangle[ray];
+        if (t < 0 || t >= T) return OUTSIDE;
+        i64 i = instance[t], of = source[t];
         const f64 *d = direction + 3 * ray;
         Edges edge = edges_of(vertices, triangles + 3 * t);
         f64 q[3], p[3], r[3], normal[3], shading[3], local[3];

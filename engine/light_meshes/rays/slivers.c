@@ -8,7 +8,8 @@ static f64 most(f64 a, f64 b) { return b > a ? b : a; }
    high. A sliver's box has more than `thin` times the surface of its triangle. */
 KERNEL(slivers_needless,
        "vertices f32[v,3]  triangles i32[t,3]  owner i32[t]  thin f64  area f64[o]!  count i64[o]!  low f64[o,3]!  "
-       "high f64[o,3]!")
+       "high f64[o,3]!"
+       ";  0<=triangles<v  0<=owner<o")
 i64 slivers_needless(i64 v, i64 t, i64 o, const f32 *vertices, const i32 *triangles, const i32 *owner, f64 thin,
                      f64 *area, i64 *count, f64 *low, f64 *high) {
     (void)v, (void)o;

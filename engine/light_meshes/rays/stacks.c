@@ -81,7 +81,8 @@ static int in_one_place(const f32 *vertices, const i32 *triangles, i64 t, i64 u)
 
 /* Finds every pair (triangle, sheet) that coincides. Writes as many to `found` as there is room for; returns how
    many there are. box, child: a tree over the sheets (boxes.py). */
-KERNEL(stacks_pairs, "vertices f32[v,3]  triangles i32[t,3]  sheets i32[s]  box f64[b,6]  child i64[b,2]  found i32[f,2]!")
+KERNEL(stacks_pairs, "vertices f32[v,3]  triangles i32[t,3]  sheets i32[s]  box f64[b,6]  child i64[b,2]  found i32[f,2]!"
+       ";  1<=b  tree(child,s)  0<=sheets<t  0<=triangles<v")
 i64 stacks_pairs(i64 v, i64 t, i64 s, i64 b, i64 f, const f32 *vertices, const i32 *triangles, const i32 *sheets,
                  const f64 *box, const i64 *child, i32 *found) {
     i64 stack[STACK], count = 0;
@@ -196,7 +197,9 @@ static int behind(const Stacks *s, i64 i, f64 ti, i64 k, f64 tk, const Meeting *
    they hit or left last, −1 if none. seen: the triangles that they may hit. */
 KERNEL(stacks_first_of_all,
        "centre f64[3]  scale f64  " STACKS
-       "start f64[n,3]  direction f64[n,3]  last i32[n]  triangle i32[n]!  u f32[n]!  v_of f32[n]!")
+       "start f64[n,3]  direction f64[n,3]  last i32[n]  triangle i32[n]!  u f32[n]!  v_of f32[n]!"
+       ";  e=t+1  -1<=triangle<t  -1<=last<t;  0<=triangles<v  0<=instance<I  0<=first<=p  rising(first)  "
+       "0<=partner<t")
 i64 stacks_first_of_all(i64 v, i64 t, i64 I, i64 e, i64 p, i64 n, const f64 *centre, f64 scale, OF_STACKS,
                         const f64 *start, const f64 *direction, const i32 *last, i32 *triangle, f32 *u, f32 *v_of) {
     Stacks s = {vertices, triangles, instance, mirrored, first, partner, nature};
@@ -240,7 +243,8 @@ i64 stacks_first_of_all(i64 v, i64 t, i64 I, i64 e, i64 p, i64 n, const f64 *cen
    Fills row, other, u, v_of as far as there is room; returns how many partners there are. */
 KERNEL(stacks_also_crossed,
        STACKS "triangle i32[n]  start f64[n,3]  end f64[n,3]  leaving i64  done f64[n]  until f64[n]  row i32[r]!  "
-              "other i32[r]!  u f32[r]!  v_of f32[r]!")
+              "other i32[r]!  u f32[r]!  v_of f32[r]!"
+       ";  e=t+1  -1<=triangle<t;  0<=triangles<v  0<=instance<I  0<=first<=p  rising(first)  0<=partner<t")
 i64 stacks_also_crossed(i64 v, i64 t, i64 I, i64 e, i64 p, i64 n, i64 r, OF_STACKS, const i32 *triangle,
                         const f64 *start, const f64 *end, i64 leaving, const f64 *done, const f64 *until, i32 *row,
                         i32 *other, f32 *u, f32 *v_of) {
@@ -267,7 +271,8 @@ i64 stacks_also_crossed(i64 v, i64 t, i64 I, i64 e, i64 p, i64 n, i64 r, OF_STAC
 }
 
 /* Computes the shares of the segments start..end (in the frame) at which they cross the planes of triangles. */
-KERNEL(stacks_place_of, "vertices f32[v,3]  triangles i32[t,3]  triangle i32[n]  start f64[n,3]  end f64[n,3]  out f64[n]!")
+KERNEL(stacks_place_of, "vertices f32[v,3]  triangles i32[t,3]  triangle i32[n]  start f64[n,3]  end f64[n,3]  out f64[n]!"
+       ";  0<=triangle<t;  0<=triangles<v")
 i64 stacks_place_of(i64 v, i64 t, i64 n, const f32 *vertices, const i32 *triangles, const i32 *triangle,
                     const f64 *start, const f64 *end, f64 *out) {
     Stacks s = {.vertices = vertices, .triangles = triangles};

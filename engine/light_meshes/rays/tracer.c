@@ -40,7 +40,8 @@ i64 tracer_rays(i64 n, const f64 *centre, f64 scale, f64 reach, const f64 *origi
 }
 
 /* Fills the directions of rays `row` of those along `local`, d each, that are turned to normals M. turn: see turned_to. */
-KERNEL(tracer_directions, "M f64[r,3]  turn f64[r,2]?  local f64[d,3]  row i64[n]  direction f64[n,3]!")
+KERNEL(tracer_directions, "M f64[r,3]  turn f64[r,2]?  local f64[d,3]  row i64[n]  direction f64[n,3]!"
+       ";  0<=row<r*d")
 i64 tracer_directions(i64 r, i64 d, i64 n, const f64 *M, const f64 *turn, const f64 *local, const i64 *row,
                       f64 *direction) {
     Turned axes = {0};
@@ -58,7 +59,8 @@ i64 tracer_directions(i64 r, i64 d, i64 n, const f64 *M, const f64 *turn, const 
    touches the target counts too. */
 KERNEL(tracer_segments,
        "centre f64[3]  scale f64  reach f64  origin f64[m,3]  normal f64[m,3]?  origin_of i32[n]  position f64[q,3]  "
-       "directional bool[q]  target_of i32[n]  closed i64  o f32[n,3]!  d f32[n,3]!  t f32[n]!")
+       "directional bool[q]  target_of i32[n]  closed i64  o f32[n,3]!  d f32[n,3]!  t f32[n]!"
+       ";  0<=origin_of<m  0<=target_of<q")
 i64 tracer_segments(i64 m, i64 n, i64 q, const f64 *centre, f64 scale, f64 reach, const f64 *origin, const f64 *normal,
                     const i32 *origin_of, const f64 *position, const u8 *directional, const i32 *target_of, i64 closed,
                     f32 *o, f32 *d, f32 *t) {
@@ -87,7 +89,8 @@ static int facing(const f32 *vertices, const i32 *triangle, const f32 *d) {
    rays are rounded. */
 KERNEL(tracer_cross,
        "vertices f32[v,3]  triangles i32[t,3]  instance i32[t]  triangle i32[n]  start f64[n,3]  end f64[n,3]  o f32[n,3]!  "
-       "d f32[n,3]!  length f32[n]!  passed f64[n]!  last i32[n]!  near i32[n]!  new bool[n]!  until f64[n]!")
+       "d f32[n,3]!  length f32[n]!  passed f64[n]!  last i32[n]!  near i32[n]!  new bool[n]!  until f64[n]!"
+       ";  0<=triangle<t  -1<=last<t;  0<=triangles<v")
 i64 tracer_cross(i64 v, i64 t, i64 n, const f32 *vertices, const i32 *triangles, const i32 *instance,
                  const i32 *triangle, const f64 *start, const f64 *end, f32 *o, f32 *d, f32 *length, f64 *passed,
                  i32 *last, i32 *near, u8 *new, f64 *until) {

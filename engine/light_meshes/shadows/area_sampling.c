@@ -15,7 +15,8 @@ static f64 random_of(u64 x) {
    sees as a disc of radius `size`; rectangle: a rectangle, otherwise an ellipse. u, v: half-axes. */
 KERNEL(area_sample,
        "s i64  samples i64  seed u64  P f64[n,3]  row i32[k]  position f64[L,3]  directional bool[L]  light i32[k]  "
-       "free bool[L]  rectangle bool[L]  size f64[L]  u f64[L,3]  v f64[L,3]  out f64[k,3]!")
+       "free bool[L]  rectangle bool[L]  size f64[L]  u f64[L,3]  v f64[L,3]  out f64[k,3]!"
+       ";  0<=s  0<samples  0<=row<n  0<=light<L")
 i64 area_sample(i64 n, i64 k, i64 L, i64 s, i64 samples, u64 seed, const f64 *P, const i32 *row, const f64 *position,
                 const u8 *directional, const i32 *light, const u8 *free, const u8 *rectangle, const f64 *size,
                 const f64 *u, const f64 *v, f64 *out) {

@@ -8,7 +8,8 @@ enum { LIT = 1, DIM = 2, VOTER = 4, MOST = 1 << 12 };
    counts is `rays`, unless this is 0: then everywhere. Returns how many. */
 KERNEL(blocks_todo,
        "first i64  rays i64  few i64  lifts i64  row i32[k]  light i32[k]  left i32[m]  lifted u64[n,W]  chosen u8[n]?  "
-       "counts u8[n,L]  have u8[k]!  out i32[m]!")
+       "counts u8[n,L]  have u8[k]!  out i32[m]!"
+       ";  W=words(L)  0<=left<k  0<=row<n  0<=light<L")
 i64 blocks_todo(i64 k, i64 m, i64 n, i64 W, i64 L, i64 first, i64 rays, i64 few, i64 lifts, const i32 *row, const i32 *light,
                 const i32 *left, const u64 *lifted, const u8 *chosen, const u8 *counts, u8 *have, i32 *out) {
     i64 count = 0;
@@ -26,7 +27,8 @@ i64 blocks_todo(i64 k, i64 m, i64 n, i64 W, i64 L, i64 first, i64 rays, i64 few,
 /* Adds the votes of the pairs left to those of the receivers' blocks: whether some light arrives, whether some does not, and
    how many receivers say so. Those that have no rays, or only to points below the horizon, do not vote. */
 KERNEL(blocks_voted,
-       "block i32[n]  row i32[k]  light i32[k]  left i32[m]  have u8[k]  clear f64[k,C]  whole f64[k]  votes u16[b,L]!")
+       "block i32[n]  row i32[k]  light i32[k]  left i32[m]  have u8[k]  clear f64[k,C]  whole f64[k]  votes u16[b,L]!"
+       ";  0<=left<k  0<=block<b  0<=row<n  0<=light<L")
 i64 blocks_voted(i64 n, i64 k, i64 m, i64 C, i64 b, i64 L, const i32 *block, const i32 *row, const i32 *light, const i32 *left,
                  const u8 *have, const f64 *clear, const f64 *whole, u16 *votes) {
     (void)n, (void)k, (void)b;
@@ -47,7 +49,8 @@ i64 blocks_voted(i64 n, i64 k, i64 m, i64 C, i64 b, i64 L, const i32 *block, con
    front of `left` those whose block disagrees, or of which fewer than `fewest` receivers vote. Returns how many these are.
    */
 KERNEL(blocks_agreed,
-       "fewest i64  block i32[n]  row i32[k]  light i32[k]  votes u16[b,L]  left i32[m]!  S f32[n,L,C]!")
+       "fewest i64  block i32[n]  row i32[k]  light i32[k]  votes u16[b,L]  left i32[m]!  S f32[n,L,C]!"
+       ";  0<=left<k  0<=block<b  0<=row<n  0<=light<L")
 i64 blocks_agreed(i64 n, i64 k, i64 b, i64 L, i64 m, i64 C, i64 fewest, const i32 *block, const i32 *row, const i32 *light,
                   const u16 *votes, i32 *left, f32 *S) {
     i64 count = 0;
@@ -65,7 +68,8 @@ i64 blocks_agreed(i64 n, i64 k, i64 b, i64 L, i64 m, i64 C, i64 fewest, const i3
 
 /* Sets S of the pairs left to what their rays say, and their lights' bits in partly. */
 KERNEL(blocks_said,
-       "row i32[k]  light i32[k]  left i32[m]  clear f64[k,C]  whole f64[k]  S f32[n,L,C]!  partly u64[n,W]!")
+       "row i32[k]  light i32[k]  left i32[m]  clear f64[k,C]  whole f64[k]  S f32[n,L,C]!  partly u64[n,W]!"
+       ";  W=words(L)  0<=left<k  0<=row<n  0<=light<L")
 i64 blocks_said(i64 k, i64 m, i64 C, i64 n, i64 L, i64 W, const i32 *row, const i32 *light, const i32 *left, const f64 *clear,
                 const f64 *whole, f32 *S, u64 *partly) {
     (void)k, (void)n;

@@ -41,7 +41,8 @@ static f64 choose(const Tree *t, i64 node, f64 u, i64 *chosen) {
    of the latter that of their groups; bound (n,): the sum of e of the lamps that others stand for. */
 KERNEL(lamp_groups,
        "P f64[n,3]  active u64[n,W]  e f32[n,L]  threshold f64  order i32[l]  together bool[m]  group i32[n,L]!  "
-       "asked u64[n,W]!  several u64[n,W]!  weight f32[n,L]!  bound f64[n]!")
+       "asked u64[n,W]!  several u64[n,W]!  weight f32[n,L]!  bound f64[n]!"
+       ";  W=words(L)  m=2*l  power(l)  -1<=order<L")
 i64 lamp_groups(i64 n, i64 W, i64 L, i64 l, i64 m, const f64 *P, const u64 *active, const f32 *e, f64 threshold,
                 const i32 *order, const u8 *together, i32 *group, u64 *asked, u64 *several, f32 *weight, f64 *bound) {
     f64 *sum = malloc((size_t)(2 * l) * sizeof *sum);
@@ -88,7 +89,8 @@ i64 lamp_groups(i64 n, i64 W, i64 L, i64 l, i64 m, const f64 *P, const u64 *acti
 }
 
 /* S of each lamp becomes that of the lamp that stands for it. */
-KERNEL(lamp_groups_spread, "group i32[n,L]  S f32[n,L,C]!")
+KERNEL(lamp_groups_spread, "group i32[n,L]  S f32[n,L,C]!"
+       ";  -1<=group<L")
 i64 lamp_groups_spread(i64 n, i64 L, i64 C, const i32 *group, f32 *S) {
     for (i64 p = 0; p < n; p++)
         for (i64 i = 0; i < L; i++) {

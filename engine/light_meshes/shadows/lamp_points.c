@@ -5,14 +5,14 @@
    turn[row], and for each lamp in another way, by `own`. share (by origin), sharers, common: see `Patterns`. */
 KERNEL(lamp_points,
        "first i64  count i64  origin f64[m,3]  turn f64[m,2]  share i64[m]?  sharers i64  common i64  row i32[k]  light i32[k]  "
-       "position f64[L,3]  directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!")
+       "position f64[L,3]  directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  out f64[p,3]!"
+       ";  p=k*count  0<=first  0<sharers  0<=row<m  0<=light<L")
 i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *origin, const f64 *turn, const i64 *share,
                 i64 sharers, i64 common, const i32 *row, const i32 *light, const f64 *position, const u8 *directional,
                 const u8 *shape, const f64 *size, const f64 *u, const f64 *v, const u64 *own, f64 *out) {
     Lamps lamps = {position, directional, shape, size, u, v, own};
     Patterns by = {turn, share, sharers, common};
-    (void)m, (void)L;
-    if (p != k * count) return 1;
+    (void)m, (void)L, (void)p;
     for (i64 at = 0; at < k; at++) {
         Face face = face_of(&lamps, light[at], origin + 3 * (i64)row[at], &by, row[at]);
         for (i64 q = 0; q < count; q++) point_of(&face, first + q, out + 3 * (at * count + q));
@@ -24,12 +24,12 @@ i64 lamp_points(i64 m, i64 k, i64 L, i64 p, i64 first, i64 count, const f64 *ori
    through to there: `visible` of each point. Up to a constant of the pair; facing: the normals of lamps that have a face. */
 KERNEL(lamp_sums,
        "count i64  P f64[n,3]  N f64[n,3]  row i32[k]  light i32[k]  directional bool[L]  shape u8[L]  facing f64[L,3]  "
-       "point f64[p,3]  visible f32[p,C]  to i32[k]  clear f64[t,C]!  whole f64[t]!")
+       "point f64[p,3]  visible f32[p,C]  to i32[k]  clear f64[t,C]!  whole f64[t]!"
+       ";  p=k*count  0<=row<n  0<=light<L  0<=to<t")
 i64 lamp_sums(i64 n, i64 k, i64 L, i64 p, i64 C, i64 t, i64 count, const f64 *P, const f64 *N, const i32 *row,
               const i32 *light, const u8 *directional, const u8 *shape, const f64 *facing, const f64 *point,
               const f32 *visible, const i32 *to, f64 *clear, f64 *whole) {
-    (void)n, (void)L, (void)t;
-    if (p != k * count) return 1;
+    (void)n, (void)L, (void)t, (void)p;
     for (i64 at = 0; at < k; at++) {
         i64 i = light[at];
         for (i64 q = at * count; q < (at + 1) * count; q++) {

@@ -30,12 +30,12 @@ static f64 met(const f64 *P, const f64 *way, const f64 *c, int directional, int 
 KERNEL(lobe_points,
        "count i64  P f64[n,3]  N f64[n,3]  way f64[n,3]  alpha f64[n]  turn f64[n,2]  row i32[k]  light i32[k]  "
        "position f64[L,3]  directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  out f64[p,3]!  "
-       "weight f64[p]!")
+       "weight f64[p]!"
+       ";  p=k*count  0<=row<n  0<=light<L")
 i64 lobe_points(i64 n, i64 k, i64 L, i64 p, i64 count, const f64 *P, const f64 *N, const f64 *way, const f64 *alpha,
                 const f64 *turn, const i32 *row, const i32 *light, const f64 *position, const u8 *directional,
                 const u8 *shape, const f64 *size, const f64 *u, const f64 *v, f64 *out, f64 *weight) {
-    (void)n, (void)L;
-    if (p != k * count) return 1;
+    (void)n, (void)L, (void)p;
     for (i64 at = 0; at < k; at++) {
         i64 r = row[at], i = light[at];
         const f64 *normal = N + 3 * r, *eye = way + 3 * r, *from = P + 3 * r;

@@ -2,7 +2,8 @@
 #include "native.h"
 
 /* Sets S to `value` for each set bit among the first `lights` lights; S (n, L·C). */
-KERNEL(pairs_set, "mask u64[n,W]  lights i64  value f64  S f32[n,s]!")
+KERNEL(pairs_set, "mask u64[n,W]  lights i64  value f64  S f32[n,s]!"
+       ";  0<=lights")
 i64 pairs_set(i64 n, i64 W, i64 s, const u64 *mask, i64 lights, f64 value, f32 *S) {
     i64 C = lights ? s / lights : 0;
     for (i64 p = 0; p < n; p++)
@@ -29,7 +30,8 @@ enum { ROWS = 1024 }; /* receivers that are listed together, of which few have b
 
 /* Lists (row, light) of each set bit, light by light, so that neighbouring rays have similar directions; returns how
    many. */
-KERNEL(pairs_listed, "mask u64[n,W]  first i64  last i64  row i32[r]!  light i32[r]!")
+KERNEL(pairs_listed, "mask u64[n,W]  first i64  last i64  row i32[r]!  light i32[r]!"
+       ";  0<=first  last<=64*W")
 i64 pairs_listed(i64 n, i64 W, i64 r, const u64 *mask, i64 first, i64 last, i32 *row, i32 *light) {
     i64 count = 0;
     i32 some[ROWS];
@@ -56,7 +58,8 @@ i64 pairs_listed(i64 n, i64 W, i64 r, const u64 *mask, i64 first, i64 last, i32 
 }
 
 /* Clears the bits of lights with S = 0, because nothing can dim these further. S (n, L·C). */
-KERNEL(pairs_drop_dark, "S f32[n,s]  lights i64  mask u64[n,W]!")
+KERNEL(pairs_drop_dark, "S f32[n,s]  lights i64  mask u64[n,W]!"
+       ";  W=words(lights)")
 i64 pairs_drop_dark(i64 n, i64 s, i64 W, const f32 *S, i64 lights, u64 *mask) {
     i64 C = lights ? s / lights : 0;
     for (i64 p = 0; p < n; p++)

@@ -7,7 +7,8 @@ enum { COUNTS = 8 };
    reaches, or the least. e: what of the lamp's light the receiver returns, from light_each; ē: its mean over the lamps,
    weighed by e; shown (n,): 0 is that the last factor is 1. */
 KERNEL(lamp_ray_counts,
-       "active u64[n,W]  e f32[n,L]  shown f64[n]  mean f64  counts f64[q]  out u8[n,L]!")
+       "active u64[n,W]  e f32[n,L]  shown f64[n]  mean f64  counts f64[q]  out u8[n,L]!"
+       ";  W=words(L)  1<=q<=8")
 i64 lamp_ray_counts(i64 n, i64 W, i64 L, i64 q, const u64 *active, const f32 *e, const f64 *shown, f64 mean,
                     const f64 *counts, u8 *out) {
     if (q > COUNTS) return 1;

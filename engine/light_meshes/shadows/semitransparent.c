@@ -23,7 +23,8 @@ typedef struct {
 
 /* Marks receivers whose candidates all have the same values, for the soft lights that count them. */
 KERNEL(semitransparent_uniform,
-       "start i64[n,s]  candidate i32[c]  values f32[u,v]  soft u64[n,W]  ring i64[L]  channels i64  uniform bool[n]!")
+       "start i64[n,s]  candidate i32[c]  values f32[u,v]  soft u64[n,W]  ring i64[L]  channels i64  uniform bool[n]!"
+       ";  0<channels  v<=L*channels  W=words(L)  0<=ring<s-1;  0<=candidate<u  0<=start<=c  rising(start)")
 i64 semitransparent_uniform(i64 n, i64 s, i64 c, i64 u, i64 v, i64 W, i64 L, const i64 *start, const i32 *candidate,
                     const f32 *values, const u64 *soft, const i64 *ring, i64 channels, u8 *uniform) {
     (void)c, (void)u, (void)L;

@@ -24,7 +24,9 @@ KERNEL(NAME(semitransparent_mean),
        "start i64[n,s]  candidate i32[c]  weight f32[c,C]  kept bool[c]  uniform bool[n]  values " T_NAME "[u,v]  "
        "soft u64[n,W]  ring i64[L]  smooth i64  radius f64[K]  P f64[n,3]  N f64[n,3]  position f64[L,3]  "
        "directional bool[L]  node f64[u,3]  alpha f64[a,3]  ends f64[a,3]  focus i64  m i32[n,K]  rows i64[n]  "
-       "S f32[r,L,C]!")
+       "S f32[r,L,C]!"
+       ";  1<=C<=3  s=K+1  W=words(L)  v=L*C|v=L*C+2*L  0<=ring<K  0<=rows<r;  0<=candidate<u  0<=start<=c  "
+       "rising(start)")
 i64 NAME(semitransparent_mean)(i64 n, i64 s, i64 c, i64 C, i64 u, i64 v, i64 W, i64 L, i64 K, i64 a, i64 r, const i64 *start,
                        const i32 *candidate, const f32 *weight, const u8 *kept, const u8 *uniform, const T *values,
                        const u64 *soft, const i64 *ring, i64 smooth, const f64 *radius, const f64 *P, const f64 *N,

@@ -16,7 +16,8 @@ static u64 mixed_key(u64 x, u64 word) {
 KERNEL(shares_groups,
        "h f64  rotation f64[3,3]  origin f64[3]  centre f64[3]  scale f64  vertices f32[v,3]  triangles i32[t,3]  "
        "P f64[n,3]  N f64[n,3]  triangle i32[n]?  soft u64[n,W]  table i32[e]!  cells i64[n,3]!  group i32[n]!  "
-       "first i64[n]!  place f64[n,3]!  lit u64[n,W]!")
+       "first i64[n]!  place f64[n,3]!  lit u64[n,W]!"
+       ";  0<h<inf  0<=triangle<t;  t=0|power(e)  -1<=table<n  0<=triangles<v")
 i64 shares_groups(i64 v, i64 t, i64 n, i64 W, i64 e, f64 h, const f64 *R, const f64 *origin, const f64 *centre,
                   f64 scale, const f32 *vertices, const i32 *triangles, const f64 *P, const f64 *N,
                   const i32 *triangle, const u64 *soft, i32 *table, i64 *cells, i32 *group, i64 *first, f64 *place,
@@ -78,7 +79,8 @@ i64 shares_groups(i64 v, i64 t, i64 n, i64 W, i64 e, f64 h, const f64 *R, const 
    what is seen of them. */
 KERNEL(shares_grazing,
        "place f64[g,3]  N f64[n,3]  first i64[g]  position f64[L,3]  directional bool[L]  shape u8[L]  size f64[L]  "
-       "u f64[L,3]  v f64[L,3]  lit u64[g,W]  out u64[g,W]!")
+       "u f64[L,3]  v f64[L,3]  lit u64[g,W]  out u64[g,W]!"
+       ";  W=words(L)  0<=first<n")
 i64 shares_grazing(i64 g, i64 n, i64 L, i64 W, const f64 *place, const f64 *N, const i64 *first, const f64 *position,
                    const u8 *directional, const u8 *shape, const f64 *size, const f64 *u, const f64 *v,
                    const u64 *lit, u64 *out) {
@@ -101,7 +103,8 @@ i64 shares_grazing(i64 g, i64 n, i64 L, i64 W, const f64 *place, const f64 *N, c
    is no share of the light. */
 KERNEL(shares_uneven,
        "share f64  place f64[g,3]  N f64[n,3]  first i64[g]  position f64[L,3]  directional bool[L]  shape u8[L]  "
-       "size f64[L]  u f64[L,3]  v f64[L,3]  mixed u64[g,W]  out u64[g,W]!")
+       "size f64[L]  u f64[L,3]  v f64[L,3]  mixed u64[g,W]  out u64[g,W]!"
+       ";  W=words(L)  0<=first<n")
 i64 shares_uneven(i64 g, i64 n, i64 L, i64 W, f64 share, const f64 *place, const f64 *N, const i64 *first,
                   const f64 *position, const u8 *directional, const u8 *shape, const f64 *size, const f64 *u, const f64 *v,
                   const u64 *mixed, u64 *out) {
@@ -129,7 +132,8 @@ i64 shares_uneven(i64 g, i64 n, i64 L, i64 W, f64 share, const f64 *place, const
    let light through are in the way: then the light is mixed and in `through`. */
 KERNEL(shares_sorted,
        "start i64[g,s]  candidate i32[c]  points i64  seen_points u8[u,L]  lit u64[g,W]  seen u64[g,W]!  mixed u64[g,W]!  "
-       "through u64[g,W]!")
+       "through u64[g,W]!"
+       ";  1<=s  W=words(L);  0<=candidate<u  0<=start<=c  rising(start)")
 i64 shares_sorted(i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, const i64 *start, const i32 *candidate, i64 points,
                   const u8 *seen_points, const u64 *lit, u64 *seen, u64 *mixed, u64 *through) {
     u8 *every = malloc((size_t)(2 * L)), *some = every + L;
@@ -211,7 +215,8 @@ static int agreed(const Near *near, f32 least, i64 enough, i64 points, const u8 
 KERNEL(shares_agreed,
        "P f64[n,3]  N f64[n,3]  group i32[n]  start i64[g,s]  candidate i32[c]  position f64[u,3]  points i64  "
        "seen_points u8[u,L]  light_position f64[L,3]  directional bool[L]  far f64  slid f64  enough i64  asked u64[n,W]  "
-       "to i64[n]  rest f32[m,L]  S f32[m,L,C]!  known u64[n,W]!")
+       "to i64[n]  rest f32[m,L]  S f32[m,L,C]!  known u64[n,W]!"
+       ";  1<=s  W=words(L)  0<=group<g  0<=to<m;  0<=candidate<u  0<=start<=c  rising(start)")
 i64 shares_agreed(i64 n, i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, i64 m, i64 C, const f64 *P, const f64 *N,
                   const i32 *group, const i64 *start, const i32 *candidate, const f64 *position, i64 points,
                   const u8 *seen_points, const f64 *light_position, const u8 *directional, f64 far, f64 slid,
@@ -248,7 +253,8 @@ i64 shares_agreed(i64 n, i64 g, i64 s, i64 c, i64 u, i64 L, i64 W, i64 m, i64 C,
 }
 
 /* Adds to S[to[p]] of the lights in seen (n,W) all that counts, `rest`. */
-KERNEL(shares_add, "seen u64[n,W]  to i64[n]  rest f32[m,L]  S f32[m,L,C]!")
+KERNEL(shares_add, "seen u64[n,W]  to i64[n]  rest f32[m,L]  S f32[m,L,C]!"
+       ";  W=words(L)  0<=to<m")
 i64 shares_add(i64 n, i64 W, i64 m, i64 L, i64 C, const u64 *seen, const i64 *to, const f32 *rest, f32 *S) {
     (void)m;
     for (i64 p = 0; p < n; p++)
@@ -263,7 +269,8 @@ i64 shares_add(i64 n, i64 W, i64 m, i64 L, i64 C, const u64 *seen, const i64 *to
 /* How far each ray from origin[row] has come to the place (u, v) of a triangle (−1: none), as 8 bits; 0: none. */
 KERNEL(shares_distances,
        "centre f64[3]  scale f64  vertices f32[v,3]  triangles i32[t,3]  h f64  origin f64[n,3]  triangle i32[n]  "
-       "a f32[n]  b f32[n]  out u8[n]!")
+       "a f32[n]  b f32[n]  out u8[n]!"
+       ";  0<h<inf  -1<=triangle<t;  0<=triangles<v")
 i64 shares_distances(i64 v, i64 t, i64 n, const f64 *centre, f64 scale, const f32 *vertices, const i32 *triangles,
                      f64 h, const f64 *origin, const i32 *triangle, const f32 *a, const f32 *b, u8 *out) {
     (void)v, (void)t;
@@ -305,7 +312,8 @@ static f64 bent(f64 value, f64 core) {
 KERNEL(shares_mean,
        "P f64[n,3]  N f64[n,3]  row i32[k]  light i32[k]  group i32[n]  start i64[g,s]  candidate i32[c]  "
        "position f64[u,3]  shares u8[u,l]  points i64  h f64  r f64  light_position f64[L,3]  "
-       "directional bool[L]  narrow f64[L]  facing f64[L,3]  S f32[k]!  width f32[k]!")
+       "directional bool[L]  narrow f64[L]  facing f64[L,3]  S f32[k]!  width f32[k]!"
+       ";  1<=s  l=2*L  0<=row<n  0<=light<L  0<=group<g;  0<=candidate<u  0<=start<=c  rising(start)")
 i64 shares_mean(i64 n, i64 k, i64 g, i64 s, i64 c, i64 u, i64 l, i64 L, const f64 *P, const f64 *N, const i32 *row,
                 const i32 *light, const i32 *group, const i64 *start, const i32 *candidate, const f64 *position,
                 const u8 *shares, i64 points, f64 h, f64 r, const f64 *light_position,

@@ -47,7 +47,8 @@ static f64 point_on(const Sized *s, const f64 *P, f64 a, f64 b, f64 *way, f64 *l
 KERNEL(sized_sample,
        "s i64  samples i64  seed u64  P f64[n,3]  N f64[n,3]  row i32[k]  type i8[L]  position f64[L,3]  "
        "direction f64[L,3]  edge f64[L]  slope f64[L]  axes f64[L,3,3]  extent f64[L,8]  light i32[k]  out f64[k,3]!  "
-       "weight f64[k]!")
+       "weight f64[k]!"
+       ";  0<=s  0<samples  0<=row<n  0<=light<L")
 i64 sized_sample(i64 n, i64 k, i64 L, i64 s, i64 samples, u64 seed, const f64 *P, const f64 *N, const i32 *row,
                  const i8 *type, const f64 *position, const f64 *direction, const f64 *edge, const f64 *slope,
                  const f64 *axes, const f64 *extent, const i32 *light, f64 *out, f64 *weight) {

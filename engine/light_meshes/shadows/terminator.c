@@ -51,7 +51,8 @@ KERNEL(terminator_lift,
        "centre f64[3]  scale f64  vertices f32[v,3]  triangles i32[t,3]  instance i32[t]  source i32[t]  "
        "normal_matrix f64[I,3,3]  corner_normals f32[s,3,3]  piece i32[y]  cut f64[z,3,2]  "
        "smooth bool[s]  owner i32[I]  geometry f64[O]  normal f64[O]  "
-       "P f64[n,3]  Ns f64[n,3]  triangle i32[n]  front bool[n]  above f64[n,3]!  side f64[n,3]!  cutoff f64[n]!")
+       "P f64[n,3]  Ns f64[n,3]  triangle i32[n]  front bool[n]  above f64[n,3]!  side f64[n,3]!  cutoff f64[n]!"
+       ";  y=0|y=t  0<=triangle<t;  0<=triangles<v  0<=instance<I  0<=source<s  -1<=piece<z  0<=owner<O")
 i64 terminator_lift(i64 nv, i64 t, i64 I, i64 s, i64 y, i64 z, i64 O, i64 n, const f64 *centre, f64 scale, const f32 *vertices,
                     const i32 *triangles, const i32 *instance, const i32 *source, const f64 *normal_matrix,
                     const f32 *corner_normals, const i32 *piece, const f64 *cut, const u8 *smooth, const i32 *owner, const f64 *geometry,
@@ -193,7 +194,8 @@ static int may_lift(const Lifts *l, i64 p, i64 i, f64 size) {
 
 /* Lists the receivers that some active light lifts, or some point of it; returns how many, −1 if there is not enough
    memory. size: see `may_lift`. */
-KERNEL(terminator_grazing, LIFT "size f64[L]  active u64[n,W]  rows i64[n]!")
+KERNEL(terminator_grazing, LIFT "size f64[L]  active u64[n,W]  rows i64[n]!"
+       ";  W=words(L)")
 i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                        const f64 *N, const f64 *position, const u8 *directional, const f64 *size, const u64 *active,
                        i64 *rows) {
@@ -218,7 +220,8 @@ i64 terminator_grazing(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, c
 }
 
 /* Computes where the rays of pairs (row, light) start. */
-KERNEL(terminator_starts, LIFT "row i32[k]  light i32[k]  origin f64[k,3]!")
+KERNEL(terminator_starts, LIFT "row i32[k]  light i32[k]  origin f64[k,3]!"
+       ";  0<=row<n  0<=light<L")
 i64 terminator_starts(i64 n, i64 L, i64 k, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                       const f64 *N, const f64 *position, const u8 *directional, const i32 *row, const i32 *light,
                       f64 *origin) {
@@ -234,7 +237,8 @@ i64 terminator_starts(i64 n, i64 L, i64 k, const f64 *above, const f64 *side, co
 }
 
 /* Sets in lifted the lights of soft for which P may be lifted for some of their points. size: see `may_lift`. */
-KERNEL(terminator_touched, LIFT "size f64[L]  soft u64[n,W]  lifted u64[n,W]!")
+KERNEL(terminator_touched, LIFT "size f64[L]  soft u64[n,W]  lifted u64[n,W]!"
+       ";  W=words(L)")
 i64 terminator_touched(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                        const f64 *N, const f64 *position, const u8 *directional, const f64 *size, const u64 *soft,
                        u64 *lifted) {
@@ -251,7 +255,8 @@ i64 terminator_touched(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, c
 
 /* Moves lights from soft to lifted where P is fully lifted. Where P is partly lifted they are in both. Returns 1 if
    there is not enough memory. */
-KERNEL(terminator_split, LIFT "soft u64[n,W]!  lifted u64[n,W]!")
+KERNEL(terminator_split, LIFT "soft u64[n,W]!  lifted u64[n,W]!"
+       ";  W=words(L)")
 i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, const f64 *cutoff, const f64 *P,
                      const f64 *N, const f64 *position, const u8 *directional, u64 *soft, u64 *lifted) {
     Lifts lifts = {side, cutoff, P, N, {position, directional}};
@@ -277,7 +282,8 @@ i64 terminator_split(i64 n, i64 L, i64 W, const f64 *above, const f64 *side, con
 /* Combines the S at P and the S at the lifted P, for the lights in lifted of the receivers `rows`. answered: where
    S_lifted is known. soft: where S is known; updated for the result. Returns 1 if there is not enough memory. */
 KERNEL(terminator_merge,
-       LIFT "rows i64[m]  lifted u64[m,W]  answered u64[m,W]  S_lifted f32[m,L,C]  soft u64[n,W]!  S f32[n,L,C]!")
+       LIFT "rows i64[m]  lifted u64[m,W]  answered u64[m,W]  S_lifted f32[m,L,C]  soft u64[n,W]!  S f32[n,L,C]!"
+       ";  W=words(L)  0<=rows<n")
 i64 terminator_merge(i64 n, i64 L, i64 m, i64 W, i64 C, const f64 *above, const f64 *side, const f64 *cutoff,
                      const f64 *P, const f64 *N, const f64 *position, const u8 *directional, const i64 *rows,
                      const u64 *lifted, const u64 *answered, const f32 *S_lifted, u64 *soft, f32 *S) {

@@ -15,10 +15,11 @@ typedef struct {
 } Argument;
 
 /* A kernel as native.py describes it, in one array of i64. Of its `count` arguments the first `given` are known; then so are
-   their values, and the lengths that they say (the others are −1). otherwise: a Python function for calls that are not as
-   expected, which raises the error. */
+   their values, and the lengths that they say (the others are −1). broken: tests those of its conditions that are asked for, a
+   bit each; 0: it has none. otherwise: a Python function for calls that are not as expected, which raises the error; outside:
+   one that raises that of a kernel which returns OUTSIDE. */
 typedef struct {
-    i64 slots, otherwise, lengths, count, given;
+    i64 slots, broken, asked, otherwise, outside, lengths, count, given;
     i64 known[MOST], values[MOST];
     Argument arguments[];
 } Called;
@@ -103,25 +104,31 @@ static int filled(const Called *k, const Object *const *given, Slot *slots) {
     return 1;
 }
 
-static i64 run(const Called *k, const Slot *slots) {
-    return ((i64 (*)(const Slot *))(uintptr_t)k->slots)(slots);
+/* Calls a kernel if its conditions hold; returns whether they do. */
+static int run(const Called *k, const Slot *slots, i64 *result) {
+    if (k->asked && ((i64 (*)(const Slot *, u64))(uintptr_t)k->broken)(slots, (u64)k->asked)) return 0;
+    *result = ((i64 (*)(const Slot *))(uintptr_t)k->slots)(slots);
+    return 1;
 }
 
 /* A Python function (METH_FASTCALL) for all kernels; self: an array that holds its `Called`. */
 EXPORT Object *calls_kernel(const Object *self, const Object *const *given, i64 count) {
     const Called *k = ((const Array *)self)->data;
     Slot slots[2 * MOST];
-    if (count != k->count - k->given || !filled(k, given, slots))
-        return python.call((Object *)(intptr_t)k->otherwise, given, (size_t)count, 0);
-    void *thread = python.leave();
-    i64 result = run(k, slots);
-    python.enter(thread);
-    return python.integer(result);
+    i64 result = 0;
+    int right = count == k->count - k->given && filled(k, given, slots);
+    if (right) {
+        void *thread = python.leave();
+        right = run(k, slots, &result);
+        python.enter(thread);
+    }
+    if (!right) return python.call((Object *)(intptr_t)k->otherwise, given, (size_t)count, 0);
+    return result == OUTSIDE ? python.call((Object *)(intptr_t)k->outside, given, 0, 0) : python.integer(result);
 }
 
 /* A Python function for several kernels, one after the other. self: the class of arrays that hold a `Called`. given: an
    array (TOGETHER,) for the results, and for each kernel the array that holds its `Called`, and its arguments. Returns how
-   many kernels were called: none if some call is not as expected. */
+   many kernels were called: none if some call is not as expected, and those before the first whose conditions are broken. */
 EXPORT Object *calls_together(const Object *self, const Object *const *given, i64 count) {
     const Called *kernels[TOGETHER];
     Slot slots[TOGETHER][2 * MOST];
@@ -134,7 +141,8 @@ EXPORT Object *calls_together(const Object *self, const Object *const *given, i6
     }
     if (at != count) return python.integer(0);
     void *thread = python.leave();
-    for (i64 i = 0; i < n; i++) results[i] = run(kernels[i], slots[i]);
+    i64 done = 0;
+    for (results[0] = 0; done < n && run(kernels[done], slots[done], results + done) && results[done] != OUTSIDE;) done++;
     python.enter(thread);
-    return python.integer(n);
+    return python.integer(done);
 }

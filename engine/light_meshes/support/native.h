@@ -4,7 +4,13 @@
    every call is checked against it (calls.c): names, types and shapes (a letter is the same length wherever it occurs). ! marks an
    array that is written, ? an array that may be None. The function takes first the lengths, as i64, in the order in
    which their letters first appear, and then the arguments in order, arrays as pointers to contiguous memory. It
-   returns an i64. */
+   returns an i64; OUTSIDE if it meets an index that is outside of its array, which Python gets as an error.
+
+   Conditions follow behind a semicolon, without spaces in them: "…;  W=words(L)  s=K+1  0<=row<n  0<h<inf". Their words are
+   letters of lengths, numbers that are arguments, and arrays, all values of which are meant; | is "or". power(m): m is a
+   power of two; rising(start): no row of start falls; tree(child,n): see calls.h. Behind a second semicolon stand those
+   that would take long, of arrays that Python or another kernel has made right: they are tested by `Kernel.of`, by calls
+   that fail, and with LIGHT_MESHES_CHECKS=all, as the tests have it. */
 #pragma once
 #include <math.h>
 #include <stdint.h>
@@ -26,6 +32,7 @@ typedef double f64;
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
+#define OUTSIDE INT64_MIN
 #define PI 3.14159265358979323846
 #define JOINED(a, b) a##b
 #define TAKES(name) JOINED(name, _takes)

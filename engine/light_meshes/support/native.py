@@ -2,7 +2,8 @@
 
 `kernel("name")` returns the function of that name. The comment above it in its C source declares its arguments
 (`native.h` explains the format). They are checked at every call, so that a wrong call is a TypeError or a ValueError
-here and not a crash in C. While a kernel runs, other Python threads can run too.
+here and not a crash in C. So are the conditions that it declares, but for those of arrays that are right by themselves:
+these are tested only with LIGHT_MESHES_CHECKS=all. While a kernel runs, other Python threads can run too.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from .sources import ARGUMENT, KernelError, digest, library, sources
+from .declarations import Argument, declared, names
+from .sources import KernelError, digest, library, sources
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 Call = tuple[Any, ...]  # a function and its arguments
@@ -58,6 +60,8 @@ _ARRAY, _INTEGER, _UNSIGNED, _REAL = range(4)  # kinds of arguments, as in calls
 _KINDS = {"i64": _INTEGER, "u64": _UNSIGNED, "f64": _REAL}
 _MOST, _DIMENSIONS, _TOGETHER, _FASTCALL = 64, 4, 8, 0x80
 _NEEDED, _WRITTEN = 0x101, 0x501  # of flags.num: contiguous and aligned; writable, too
+_OUTSIDE = -2**63  # what a kernel returns that meets an index outside of its array
+_ALL = os.environ.get("LIGHT_MESHES_CHECKS") == "all"
 
 
 class _Array(ctypes.Structure):
@@ -120,12 +124,17 @@ class Kernel:
         self._call, self._slots = getattr(_LIBRARY, name), getattr(_LIBRARY, f"{name}_slots")
         text = ctypes.c_char.in_dll(_LIBRARY, f"{name}_takes")
         self.takes = ctypes.string_at(ctypes.addressof(text)).decode()
-        self._lengths: list[str] = []
-        self._arguments = [self._argument(*match) for match in ARGUMENT.findall(self.takes)]
+        of = declared(self.takes)
+        self._lengths, self._conditions, self._late = of.lengths, of.conditions, of.late
+        self._broken = getattr(_LIBRARY, f"{name}_broken") if of.conditions else None
+        if self._broken:
+            self._broken.argtypes, self._broken.restype = [ctypes.c_void_p, ctypes.c_uint64], ctypes.c_int64
+        self._arguments = [self._argument(argument) for argument in of.arguments]
         scalars = [_SCALARS[kind][0] if shape is None else ctypes.c_void_p for _, kind, shape, *_ in self._arguments]
         self._call.argtypes = [ctypes.c_int64] * len(self._lengths) + scalars
         self._call.restype = ctypes.c_int64
         self.fast = self._first
+        self._outside = self._raise_outside  # one object, whose address calls.c keeps
 
     def _first(self, *arguments: Any) -> int:
         """Make the function for all calls, and call it."""
@@ -138,11 +147,18 @@ class Kernel:
         It is for arrays that do not change their place as long as the function is in use, such as those of a scene.
         """
         known = [-1] * len(self._lengths)
-        return self._function(first, self._passed(first, known), known)
+        passed = self._passed(first, known)
+        there = {name for name, *_ in self._arguments[:len(first)]}
+        there.update(name for name, length in zip(self._lengths, known, strict=True) if length >= 0)
+        tested = sum(1 << k for k, condition in enumerate(self._conditions) if there.issuperset(names(condition)))
+        self._test(first, passed, known, tested)
+        return self._function(first, passed, known, tested)
 
-    def _function(self, first: tuple = (), passed: Sequence[Any] = (), known: Sequence[int] = ()) -> Any:
+    def _function(self, first: tuple = (), passed: Sequence[Any] = (), known: Sequence[int] = (),
+                  tested: int = 0) -> Any:
         """Return a Python function that makes the checks of `checked` in C, and calls `checked` where something is not
-        as expected. It takes what follows the arguments `first`; passed and known: what `_passed` said of these.
+        as expected. It takes what follows the arguments `first`; passed and known: what `_passed` said of these;
+        tested: the conditions that they have been tested for.
         """
         otherwise, make = partial(self.checked, *first) if first else self.checked, _calls()
         axes = max((len(shape or ()) for _, _, shape, *_ in self._arguments), default=0)
@@ -152,11 +168,13 @@ class Kernel:
         for n, (value, (_, kind, shape, *_)) in enumerate(zip(passed, self._arguments, strict=False)):
             values[n:n + 1].view(np.float64 if shape is None and kind == "f64" else np.int64)[:] = value or 0
         lengths = [*(known or [-1] * len(self._lengths)), *[0] * (_MOST - len(self._lengths))]
-        head = [_address(self._slots), id(otherwise), len(self._lengths), len(self._arguments), len(first)]
+        asked = (1 << (len(self._conditions) if _ALL else self._late)) - 1 & ~tested
+        head = [_address(self._slots), _address(self._broken) if self._broken else 0, asked, id(otherwise),
+                id(self._outside), len(self._lengths), len(self._arguments), len(first)]
         words = [w for argument in self._arguments for w in self._words(*argument)]
         called = np.array([*head, *lengths, *values.tolist(), *words], np.int64).view(_Called)
         definition = _Definition(self.name.encode(), _address(_LIBRARY.calls_kernel), _FASTCALL, None)
-        called.kept = otherwise, definition, first
+        called.kept = otherwise, definition, first, self
         return make(ctypes.addressof(definition), called, None)
 
     @staticmethod
@@ -168,21 +186,14 @@ class Kernel:
         return [_ARRAY, id(dtype), len(shape), _WRITTEN if written else _NEEDED, int(optional), *lengths,
                 *[0] * (_DIMENSIONS - len(shape))]
 
-    def _argument(self, name: str, kind: str, shape: str, marks: str) -> tuple:
-        """Parse the declaration of one argument into (name, kind, lengths, dtype, written, optional). A length is a
+    def _argument(self, of: Argument) -> tuple:
+        """Return the declaration of one argument as (name, kind, lengths, dtype, written, optional). A length is a
         number or an index.
         """
-        if not shape:
-            return name, kind, None, None, False, False
-        lengths: list[tuple[bool, int]] = []
-        for letter in shape.split(","):
-            if letter.isdigit():
-                lengths.append((False, int(letter)))
-            else:
-                if letter not in self._lengths:
-                    self._lengths.append(letter)
-                lengths.append((True, self._lengths.index(letter)))
-        return name, kind, tuple(lengths), np.dtype(_TYPES[kind]), "!" in marks, "?" in marks
+        if not of.lengths:
+            return of.name, of.kind, None, None, False, False
+        lengths = tuple((False, int(n)) if n.isdigit() else (True, self._lengths.index(n)) for n in of.lengths)
+        return of.name, of.kind, lengths, np.dtype(_TYPES[of.kind]), "!" in of.marks, "?" in of.marks
 
     def __call__(self, *arguments: Any) -> int:
         """Call the kernel and return its result. Arrays are passed without copies, and the kernel may write into
@@ -197,7 +208,29 @@ class Kernel:
                             f"{self.takes}")
         known: list[int] = [-1] * len(self._lengths)
         passed = self._passed(arguments, known)
-        return self._call(*(max(length, 0) for length in known), *passed)  # type: ignore[no-any-return]
+        self._test(arguments, passed, known, (1 << len(self._conditions)) - 1)
+        result = self._call(*(max(length, 0) for length in known), *passed)
+        return self._outside() if result == _OUTSIDE else result  # type: ignore[no-any-return]
+
+    def _test(self, arguments: Sequence[Any], passed: Sequence[Any], known: Sequence[int], asked: int) -> None:
+        """Raise ValueError if one of the conditions whose bits are set in `asked` is broken."""
+        if not self._broken or not asked:
+            return
+        slots = np.zeros(len(known) + len(self._arguments), np.int64)
+        slots[:len(known)] = np.maximum(known, 0)
+        for n, (value, (_, kind, shape, *_)) in enumerate(zip(passed, self._arguments, strict=False), len(known)):
+            view = np.float64 if shape is None and kind == "f64" else np.uint64
+            slots[n:n + 1].view(view)[:] = (value or 0) if view is np.float64 else (value or 0) % 2**64
+        broken = self._broken(slots.ctypes.data, asked)
+        if broken:
+            condition = self._conditions[broken - 1]
+            has = {argument[0]: value for value, argument in zip(arguments, self._arguments, strict=False)}
+            has.update(zip(self._lengths, known, strict=True))
+            values = ", ".join(f"{name} is {_range_of(has[name])}" for name in names(condition))
+            raise ValueError(f"kernel {self.name}: {condition} does not hold; {values}")
+
+    def _raise_outside(self) -> int:
+        raise ValueError(f"kernel {self.name}: an index is outside of its array: {self.takes}")
 
     def _passed(self, arguments: Sequence[Any], known: list[int]) -> list[Any]:
         """Check the first arguments; return what C gets for them, and fill in the lengths that they say."""
@@ -225,6 +258,12 @@ class Kernel:
 
 def _what(value: Any) -> str:
     return f"{value.dtype}{list(value.shape)}" if isinstance(value, np.ndarray) else type(value).__name__
+
+
+def _range_of(value: Any) -> str:
+    if not isinstance(value, np.ndarray):
+        return str(value)
+    return f"from {value.min()} to {value.max()}" if value.size else "empty"
 
 
 def kernel(name: str) -> Kernel:
@@ -257,8 +296,8 @@ def together(*calls: Call) -> list[int]:
         flat += known, *arguments
     else:
         run = _run_together()
-        if run is not None and len(calls) <= _TOGETHER and run(*flat):
-            return results[:len(calls)].tolist()  # type: ignore[no-any-return]
+        done = run(*flat) if run is not None and len(calls) <= _TOGETHER else 0
+        return [*results[:done].tolist(), *(function(*arguments) for function, *arguments in calls[done:])]
     return [function(*arguments) for function, *arguments in calls]
 
 

@@ -8,13 +8,8 @@ loads no kernels.
 from __future__ import annotations
 
 import hashlib
-import re
 from pathlib import Path
 from typing import NamedTuple
-
-ARGUMENT = re.compile(r"(\w+) (\w+)(?:\[([\w,]+)\])?([!?]*)")  # name, type, lengths, marks: see native.h
-_LITERAL = re.compile(r'"([^"]*)"')
-_DECLARED = re.compile(r'const char (\w+)_takes\[\] = ((?:"[^"]*"\s*)*);')
 
 
 class KernelError(RuntimeError):
@@ -62,21 +57,3 @@ def library(system: str, level: str = "kernels") -> str:
 def included(package: Path) -> str:
     """Return a C source that includes all others, so that one run of a preprocessor expands all declarations."""
     return "".join(f'#include "{path.as_posix()}"\n' for path in sources(package))
-
-
-def calls(expanded: str) -> str:
-    """Return a C source with a function for each kernel that takes its arguments as an array (calls.h).
-
-    expanded: what a C preprocessor makes of `included`.
-    """
-    lines = ['#include "calls.h"']
-    for name, text in _DECLARED.findall(expanded):
-        arguments, lengths = ARGUMENT.findall("".join(_LITERAL.findall(text))), []
-        for *_, shape, _ in arguments:
-            lengths += [a for a in shape.split(",") if a and not a.isdigit() and a not in lengths]
-        kinds = ["i64"] * len(lengths) + ["const void *" if shape else kind for _, kind, shape, _ in arguments]
-        member = {"i64": "integer", "u64": "whole", "f64": "real", "const void *": "place"}
-        passed = ", ".join(f"s[{n}].{member[kind]}" for n, kind in enumerate(kinds))
-        lines += [f"i64 {name}({', '.join(kinds) or 'void'});",
-                  f"EXPORT i64 {name}_slots(const Slot *s) {{ (void)s; return {name}({passed}); }}"]
-    return "\n".join(lines) + "\n"

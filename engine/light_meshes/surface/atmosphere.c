@@ -2,7 +2,8 @@
 #include "native.h"
 
 /* Sets out to the sum of tables, each times its phase function, between the entries at column x and row y. */
-KERNEL(atmosphere_look, "tables f64[k,r,a,3]  x f64[n]  y f64[n]  phases f64[k,n]  out f64[n,3]!")
+KERNEL(atmosphere_look, "tables f64[k,r,a,3]  x f64[n]  y f64[n]  phases f64[k,n]  out f64[n,3]!"
+       ";  2<=r  2<=a")
 i64 atmosphere_look(i64 k, i64 r, i64 a, i64 n, const f64 *tables, const f64 *x, const f64 *y, const f64 *phases,
                     f64 *out) {
     for (i64 p = 0; p < n; p++) {

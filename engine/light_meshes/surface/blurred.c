@@ -66,7 +66,8 @@ static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
    not spread out yet, which may be. may: whether rays may go on from there. matt: what
    of the light the surface scatters. weight: what of the light counts. */
 KERNEL(blurred_count, "ggx f64[M,34]  tables f64[T]  blurred bool[M]  way f64[n,3]  Ns f64[n,3]  material i32[n]  "
-       "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  later f64  samples i64  count i32[n,2]!  left f64[n,3]!")
+       "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  later f64  samples i64  count i32[n,2]!  left f64[n,3]!"
+       ";  T=5152  0<=material<M  0<samples")
 i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const u8 *blurred, const f64 *way, const f64 *Ns,
                   const i32 *material, const i32 *fan, const u8 *may, const f64 *matt, const f64 *weight, f64 cutoff, f64 later, i64 samples,
                   i32 *count, f64 *left) {
@@ -169,7 +170,8 @@ static f64 facet_reflects(const Gloss *g, int j, f64 c) {
    depth: how many lobes rays have met before. */
 KERNEL(blurred_rays, "ggx f64[M,34]  tables f64[T]  way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  material i32[n]  fan i32[n]  "
        "depth i32[n]  matt f64[n]  weight f64[n,3]  up f64[3]  samples i64  count i32[n,2]  hit i64[m]!  out f64[m,3]!  "
-       "share f64[m,3]!  number i32[m]!  blur f64[m]!")
+       "share f64[m,3]!  number i32[m]!  blur f64[m]!"
+       ";  T=5152  0<=material<M  0<=depth  0<samples")
 i64 blurred_rays(i64 M, i64 T, i64 n, i64 most, const f64 *ggx, const f64 *tables, const f64 *way, const f64 *Ng,
                  const f64 *Ns, const i32 *material, const i32 *fan, const i32 *depth, const f64 *matt, const f64 *weight,
                  const f64 *up, i64 samples, const i32 *count, i64 *hit, f64 *out, f64 *share, i32 *number, f64 *blur) {
@@ -207,7 +209,8 @@ i64 blurred_rays(i64 M, i64 T, i64 n, i64 most, const f64 *ggx, const f64 *table
 }
 
 /* How many rays go on through each rough surface of glass, and come back from it. */
-KERNEL(blurred_glass_count, "roughness f64[n]  fan i32[n]  samples i64  count i32[n]!")
+KERNEL(blurred_glass_count, "roughness f64[n]  fan i32[n]  samples i64  count i32[n]!"
+       ";  0<samples")
 i64 blurred_glass_count(i64 n, const f64 *roughness, const i32 *fan, i64 samples, i32 *count) {
     for (i64 p = 0; p < n; p++) count[p] = fan[p] < 0 ? rays_of(held(roughness[p], 0.0, 1.0), 1.0, samples) : 1;
     return 0;
@@ -215,7 +218,8 @@ i64 blurred_glass_count(i64 n, const f64 *roughness, const i32 *fan, i64 samples
 
 /* The microfacets that these rays meet, in the order of hits; hit, number and blur are as in `blurred_rays`. */
 KERNEL(blurred_glass, "way f64[n,3]  Ns f64[n,3]  roughness f64[n]  fan i32[n]  depth i32[n]  up f64[3]  samples i64  "
-       "count i32[n]  hit i64[m]!  facet f64[m,3]!  number i32[m]!  blur f64[m]!")
+       "count i32[n]  hit i64[m]!  facet f64[m,3]!  number i32[m]!  blur f64[m]!"
+       ";  0<=depth  0<samples")
 i64 blurred_glass(i64 n, i64 most, const f64 *way, const f64 *Ns, const f64 *roughness, const i32 *fan, const i32 *depth,
                   const f64 *up, i64 samples, const i32 *count, i64 *hit, f64 *facet, i32 *number, f64 *blur) {
     i64 at = 0;

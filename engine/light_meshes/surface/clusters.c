@@ -244,9 +244,10 @@ static void load(Work *w, i64 first, const Materials *m, const Materials *shown,
    each receiver's groups begin; lamp, light (g): of groups; asked, several, weight, bound: as `lamp_groups` has them;
    total (n,): all light; wrong (n,): by how much that may be wrong. Returns the number of groups: more than there is room, if they do not fit. −1: no memory. */
 KERNEL(clusters_asked,
-       LIGHTS MATERIALS HITS "faces f64[n,3]  shown f64[M,32]?  order i32[l]  together bool[m]  state u8[m]  middle f64[m,3]  "
+       LIGHTS MATERIALS HITS "faces f64[n,3]  shown f64[M,34]?  order i32[l]  together bool[m]  state u8[m]  middle f64[m,3]  "
        "reach f64[m]  size f64[m]  amount f64[m,3]  moment f64[m,3]  second f64[m,3]  threshold f64[n]  part f64  start i64[k]!  lamp i32[g]!  "
-       "light f32[g,6]!  asked u64[n,W]!  several u64[n,W]!  weight f32[n,L]!  bound f64[n]!  total f64[n]!  wrong f64[n]!")
+       "light f32[g,6]!  asked u64[n,W]!  several u64[n,W]!  weight f32[n,L]!  bound f64[n]!  total f64[n]!  wrong f64[n]!"
+       ";  T=0|T=5152  W=words(L)  k=n+1  m=2*l  power(l)  0<=material<M  -1<=order<L")
 i64 clusters_asked(i64 L, i64 M, i64 T, i64 n, i64 l, i64 m, i64 k, i64 g, i64 W, TAKEN, const f64 *faces, const f64 *shown,
                    const i32 *order, const u8 *together, const u8 *state, const f64 *middle, const f64 *reach, const f64 *size,
                    const f64 *amount, const f64 *moment, const f64 *second, const f64 *threshold, f64 part, i64 *start, i32 *lamp,
@@ -284,7 +285,8 @@ i64 clusters_asked(i64 L, i64 M, i64 T, i64 n, i64 l, i64 m, i64 k, i64 g, i64 W
 }
 
 /* Adds what groups return that S leaves of their lamps' light to colour, and its two terms to matt and gloss. */
-KERNEL(clusters_sum, "start i64[k]  lamp i32[g]  light f32[g,6]  S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
+KERNEL(clusters_sum, "start i64[k]  lamp i32[g]  light f32[g,6]  S f32[n,L,C]  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!"
+       ";  1<=C  k=n+1  0<=start  rising(start)  0<=lamp<L")
 i64 clusters_sum(i64 k, i64 g, i64 n, i64 L, i64 C, const i64 *start, const i32 *lamp, const f32 *light, const f32 *S,
                  f64 *colour, f64 *matt, f64 *gloss) {
     const i64 channel[3] = {0, C / 2, C - 1};

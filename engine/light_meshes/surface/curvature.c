@@ -5,7 +5,8 @@
    0 where its corners have no normals. */
 KERNEL(curvature_of,
        "scale f64  vertices f32[V,3]  triangles i32[T,3]  instance i32[T]  source i32[T]  normals f32[S,3,3]  "
-       "matrix f64[I,3,3]  curvature f32[T]!")
+       "matrix f64[I,3,3]  curvature f32[T]!"
+       ";  0<=triangles<V  0<=instance<I  0<=source<S")
 i64 curvature_of(i64 V, i64 T, i64 S, i64 I, f64 scale, const f32 *vertices, const i32 *triangles, const i32 *instance,
                  const i32 *source, const f32 *normals, const f64 *matrix, f32 *curvature) {
     (void)V, (void)S, (void)I;

@@ -7,7 +7,8 @@ static Place4 place_at(const f64 *place, i64 k) {
 }
 
 /* out: the value, and a colour. how: (n,6) detail, roughness, lacunarity, offset, gain, distortion. */
-KERNEL(procedural_noise, "place f64[n,4]  how f64[n,6]  dimensions i64  kind i64  normalize i64  out f64[n,4]!")
+KERNEL(procedural_noise, "place f64[n,4]  how f64[n,6]  dimensions i64  kind i64  normalize i64  out f64[n,4]!"
+       ";  1<=dimensions<=4")
 i64 procedural_noise(i64 n, const f64 *place, const f64 *how, i64 dimensions, i64 kind, i64 normalize, f64 *out) {
     int d = (int)dimensions;
     for (i64 k = 0; k < n; k++) {
@@ -31,7 +32,8 @@ i64 procedural_noise(i64 n, const f64 *place, const f64 *how, i64 dimensions, i6
 }
 
 /* out: a value and a colour that have nothing to do with those of any other place. */
-KERNEL(procedural_white_noise, "place f64[n,4]  dimensions i64  out f64[n,4]!")
+KERNEL(procedural_white_noise, "place f64[n,4]  dimensions i64  out f64[n,4]!"
+       ";  1<=dimensions<=4")
 i64 procedural_white_noise(i64 n, const f64 *place, i64 dimensions, f64 *out) {
     int d = (int)dimensions;
     for (i64 k = 0; k < n; k++) {

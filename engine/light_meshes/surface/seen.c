@@ -66,7 +66,8 @@ static void near_ray(const f64 *o, const f64 *d, i64 B, const i32 *block, const 
    where there are fewer; ball: their middle, and a radius that has all. Returns 1 without memory. */
 KERNEL(seen_lamps, "origin f64[n,3]  direction f64[n,3]  reach f64[n]  by u8[n]  shape i8[L]  bound i8[L]  rays u8[L]  "
        "centre f64[L,3]  axis f64[L,3]  across f64[L,2,3]  size f64[L]  limits f64[L,2]  radiance f64[L,3]  "
-       "block i32[B,16]  ball f64[B,4]  light f64[n,3]!")
+       "block i32[B,16]  ball f64[B,4]  light f64[n,3]!"
+       ";  -1<=block<L")
 i64 seen_lamps(i64 n, i64 L, i64 B, const f64 *origin, const f64 *direction, const f64 *reach, const u8 *by, const i8 *shape,
                const i8 *bound, const u8 *rays, const f64 *centre, const f64 *axis, const f64 *across, const f64 *size,
                const f64 *limits, const f64 *radiance, const i32 *block, const f64 *ball,

@@ -10,7 +10,8 @@
 
 /* Fills active with the bits of the lights for which ξ_i·Ω_i ≠ 0. unlit: also sets the bits of lights that reach P
    (ξ_i·I_i·f_att ≠ 0) but from which the material reflects nothing; the shadow passes need these. */
-KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!")
+KERNEL(shading_reaching, LIGHTS MATERIALS HITS "unlit i64  active u64[n,W]!"
+       ";  T=0|T=5152  W=words(L)  0<=material<M")
 i64 shading_reaching(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, i64 unlit, u64 *active) {
     GATHERED;
     Block block, mirrors;
@@ -42,7 +43,8 @@ i64 shading_reaching(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, i64 unlit, u64 *a
    multiplied by `shines`, where it is given, for highlights. S must be 0 where ξ_i·Ω_i is 0; this is not checked again. */
 KERNEL(shading_gather,
        LIGHTS MATERIALS HITS
-       "S f32[n,L,C]  shines f32[n,L,C]?  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!")
+       "S f32[n,L,C]  shines f32[n,L,C]?  colour f64[n,3]!  matt f64[n,3]?!  gloss f64[n,3]?!"
+       ";  T=0|T=5152  1<=C<=3  0<=material<M")
 i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const f32 *shines, f64 *colour, f64 *matt,
                    f64 *gloss) {
     GATHERED;
@@ -83,7 +85,8 @@ i64 shading_gather(i64 L, i64 M, i64 T, i64 n, i64 C, TAKEN, const f32 *S, const
 }
 
 /* Fills out with the largest channel of what receivers return of each active light that nothing hides; 0 of others. */
-KERNEL(shading_each, LIGHTS MATERIALS HITS "active u64[n,W]  out f32[n,L]!")
+KERNEL(shading_each, LIGHTS MATERIALS HITS "active u64[n,W]  out f32[n,L]!"
+       ";  T=0|T=5152  W=words(L)  0<=material<M")
 i64 shading_each(i64 L, i64 M, i64 T, i64 n, i64 W, TAKEN, const u64 *active, f32 *out) {
     GATHERED;
     Block block;
@@ -156,7 +159,8 @@ static void add_white(const Source *s, const Block *b, int k, f64 most, f64 nShi
    light), the value is multiplied by S. narrow: lights that may change by all of it, as the whole group then does. */
 KERNEL(shading_steps,
        LIGHTS MATERIALS HITS "S f32[n,L,C]  group i64[L]  order i64[L]  narrow u64[n,W]?  jump f64  step f64  "
-       "matt f64[n]!  gloss f64[n]!")
+       "matt f64[n]!  gloss f64[n]!"
+       ";  T=0|T=5152  0<=material<M  0<=order<L")
 i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, i64 W, TAKEN, const f32 *S, const i64 *group, const i64 *order,
                   const u64 *narrow, f64 jump, f64 step, f64 *matt, f64 *gloss) {
     GATHERED;
@@ -192,7 +196,8 @@ i64 shading_steps(i64 L, i64 M, i64 T, i64 n, i64 C, i64 W, TAKEN, const f32 *S,
 
 /* Computes emission + Ia·ka·Od, and separately only the second term. */
 KERNEL(shading_unlit,
-       "ka f64[M]  emission f64[M,3]  material i32[n]  Ia f64[3]  Od f64[n,3]  colour f64[n,3]!  ambient f64[n,3]!")
+       "ka f64[M]  emission f64[M,3]  material i32[n]  Ia f64[3]  Od f64[n,3]  colour f64[n,3]!  ambient f64[n,3]!"
+       ";  0<=material<M")
 i64 shading_unlit(i64 M, i64 n, const f64 *ka, const f64 *emission, const i32 *material, const f64 *Ia, const f64 *Od,
                   f64 *colour, f64 *ambient) {
     (void)M;
@@ -207,7 +212,8 @@ i64 shading_unlit(i64 M, i64 n, const f64 *ka, const f64 *emission, const i32 *m
 }
 
 /* Clears the bits of lights that do not light the object owner[p]. */
-KERNEL(shading_unlink, "linked u64[o,W]  owner i32[n]  active u64[n,W]!")
+KERNEL(shading_unlink, "linked u64[o,W]  owner i32[n]  active u64[n,W]!"
+       ";  0<=owner<o")
 i64 shading_unlink(i64 o, i64 W, i64 n, const u64 *linked, const i32 *owner, u64 *active) {
     (void)o;
     for (i64 p = 0; p < n; p++)

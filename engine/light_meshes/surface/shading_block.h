@@ -58,7 +58,8 @@ typedef struct {
     Lights lights = {type, position, direction, intensity, edge, slope, axes, extent, diffuse, glossy}; \
     Materials materials = {kd, ks, Os, nShiny, ggx, tables};                 \
     Receivers hits = {n, P, Ng, Ns, way, Od, material, smooth};              \
-    (void)M, (void)T
+    (void)M, (void)T;                                                        \
+    if (ggx && !tables) return OUTSIDE
 
 static Source source_of(const Lights *l, i64 i) {
     const f64 *a = l->position + 3 * i, *d = l->direction + 3 * i, *c = l->intensity + 3 * i;

@@ -10,6 +10,7 @@ static void place_of(const f64 *d, f64 *x, f64 *y) {
         u = 1.0 - v, v = other;
     }
     *x = 0.5 + copysign(0.5 * u, d[0]), *y = 0.5 + copysign(0.5 * v, d[1]);
+    if (!(*x >= 0.0 && *x <= 1.0 && *y >= 0.0 && *y <= 1.0)) *x = *y = 0.5;  /* d is no unit vector */
 }
 
 /* The texel (i, j) of a table of size² texels, or the one that is there beyond an edge, as the sphere is folded. */
@@ -33,7 +34,8 @@ static void add(const f32 *table, i64 size, f64 x, f64 y, f64 weight, f64 *out) 
 
 /* Sets out to the radiance from unit directions. texels: of all tables, the largest (size²) first, each half as long
    and wide as the one before. level: which table, with what is between; of each direction, or one for all. */
-KERNEL(sky_table_look, "texels f32[t,3]  size i64  direction f64[n,3]  level f64[m]  out f64[n,3]!")
+KERNEL(sky_table_look, "texels f32[t,3]  size i64  direction f64[n,3]  level f64[m]  out f64[n,3]!"
+       ";  m=n|m=1  1<=size  size*size<=t")
 i64 sky_table_look(i64 t, i64 n, i64 m, const f32 *texels, i64 size, const f64 *direction, const f64 *level, f64 *out) {
     i64 first[64], last = 0;
     first[0] = 0;

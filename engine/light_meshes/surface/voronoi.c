@@ -282,7 +282,8 @@ static f32 held(f64 x, f32 low, f32 high) { return x > low ? x < high ? (f32)x :
 
 /* out: distance (or radius), colour, position, which is to be divided by the texture's scale. place: (n,4), already
    scaled; how: (n,6) detail, roughness, lacunarity, smoothness, exponent, randomness. */
-KERNEL(procedural_voronoi, "place f64[n,4]  how f64[n,6]  dimensions i64  feature i64  metric i64  normalize i64  hash i64  out f64[n,8]!")
+KERNEL(procedural_voronoi, "place f64[n,4]  how f64[n,6]  dimensions i64  feature i64  metric i64  normalize i64  hash i64  out f64[n,8]!"
+       ";  1<=dimensions<=4")
 i64 procedural_voronoi(i64 n, const f64 *place, const f64 *how, i64 dimensions, i64 feature, i64 metric, i64 normalize,
                        i64 hash, f64 *out) {
     for (i64 k = 0; k < n; k++) {

@@ -5,7 +5,8 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
-KERNEL(psi_ask, "start i64[n,s]  candidate i32[c]  soft u64[n,W]  serve u64[K,W]  need u64[u,W]!")
+KERNEL(psi_ask, "start i64[n,s]  candidate i32[c]  soft u64[n,W]  serve u64[K,W]  need u64[u,W]!"
+       ";  s=K+1;  0<=candidate<u  0<=start<=c  rising(start)")
 i64 psi_ask(i64 n, i64 s, i64 c, i64 W, i64 K, i64 u, const i64 *start, const i32 *candidate, const u64 *soft,
             const u64 *serve, u64 *need) {
     (void)c, (void)u;
@@ -65,7 +66,8 @@ static i64 certify(const f64 *P, const f64 *N, const i32 *candidate, i64 first, 
    seen. */
 KERNEL(psi_spare,
        "start i64[n,s]  candidate i32[c]  values u64[u,W]?  soft u64[n,W]  serve u64[K,W]  holds bool[n]?  foot f64[n,3]?  "
-       "up f64[n,3]?  position f64[v,3]  margin f64  uniform bool[n]!  seen bool[c]!  end i64[n]!  counts i64[2]!")
+       "up f64[n,3]?  position f64[v,3]  margin f64  uniform bool[n]!  seen bool[c]!  end i64[n]!  counts i64[2]!"
+       ";  s=K+1  u=0|u=v;  0<=candidate<v  0<=start<=c  rising(start)")
 i64 psi_spare(i64 n, i64 s, i64 c, i64 u, i64 W, i64 K, i64 v, const i64 *start, const i32 *candidate, const u64 *values,
               const u64 *soft, const u64 *serve, const u8 *holds, const f64 *foot, const f64 *up, const f64 *position,
               f64 margin, u8 *uniform, u8 *seen, i64 *end, i64 *counts) {
@@ -94,16 +96,18 @@ static i64 end_of(const i64 *start, const u64 *soft, const u64 *serve, i64 K, i6
 /* Lists (receiver, index into candidate) of every short ray that is needed; candidates that are `seen` need none.
    Returns how many; if row and index are None it only counts. */
 KERNEL(psi_listed,
-       "start i64[n,s]  soft u64[n,W]  serve u64[K,W]  uniform bool[n]  seen bool[c]  row i32[r]?!  index i64[r]?!")
+       "start i64[n,s]  soft u64[n,W]  serve u64[K,W]  uniform bool[n]  seen bool[c]  row i32[r]?!  index i64[r]?!"
+       ";  s=K+1;  0<=start<=c  rising(start)")
 i64 psi_listed(i64 n, i64 s, i64 W, i64 K, i64 c, i64 r, const i64 *start, const u64 *soft, const u64 *serve,
                const u8 *uniform, const u8 *seen, i32 *row, i64 *index) {
     i64 count = 0;
-    (void)c, (void)r;
+    (void)c;
     for (i64 p = 0; p < n; p++) {
         if (uniform[p]) continue;
         i64 last = end_of(start + p * s, soft + p * W, serve, K, W);
         for (i64 at = start[p * s]; at < last; at++) {
             if (seen[at]) continue;
+            if (row && count == r) return OUTSIDE;
             if (row) row[count] = (i32)p, index[count] = at;
             count++;
         }
@@ -113,7 +117,8 @@ i64 psi_listed(i64 n, i64 s, i64 W, i64 K, i64 c, i64 r, const i64 *start, const
 
 /* Keeps the mark `uniform` only where the first candidate is seen. Fills end with that of the candidates that need a short
    ray then; returns how many receivers are uniform. */
-KERNEL(psi_ends, "start i64[n,s]  soft u64[n,W]  serve u64[K,W]  seen bool[c]  uniform bool[n]!  end i64[n]!")
+KERNEL(psi_ends, "start i64[n,s]  soft u64[n,W]  serve u64[K,W]  seen bool[c]  uniform bool[n]!  end i64[n]!"
+       ";  s=K+1;  0<=start<=c  rising(start)")
 i64 psi_ends(i64 n, i64 s, i64 W, i64 K, i64 c, const i64 *start, const u64 *soft, const u64 *serve, const u8 *seen,
              u8 *uniform, i64 *end) {
     i64 count = 0;
@@ -163,7 +168,8 @@ static void size_of(const i64 *begin, i64 K, const u8 *kept, int uniform, i32 *m
     }
 }
 
-KERNEL(psi_sizes, "start i64[n,s]  kept bool[c]  uniform bool[n]  m i32[n,K]!")
+KERNEL(psi_sizes, "start i64[n,s]  kept bool[c]  uniform bool[n]  m i32[n,K]!"
+       ";  s=K+1;  0<=start<=c  rising(start)")
 i64 psi_sizes(i64 n, i64 s, i64 c, i64 K, const i64 *start, const u8 *kept, const u8 *uniform, i32 *m) {
     (void)c;
     for (i64 p = 0; p < n; p++) size_of(start + p * s, K, kept, uniform[p], m + p * K);
@@ -342,7 +348,8 @@ static void smooth_mean(const Near *near, i64 p, i64 k, Scratch *t, f32 *S) {
 KERNEL(psi_means,
        "start i64[n,s]  candidate i32[c]  kept bool[c]  uniform bool[n]  values u64[u,W]  soft u64[n,W]  ring i64[L]  "
        "radius f64[K]  serve u64[K,W]  own u64[K,W]  P f64[n,3]  position f64[u,3]  smooth i64  rows i64[n]  m i32[n,K]!  "
-       "answered u64[n,W]!  empty bool[n]!  counts i64[1]!  S f32[r,L]!")
+       "answered u64[n,W]!  empty bool[n]!  counts i64[1]!  S f32[r,L]!"
+       ";  1<=K  s=K+1  W=words(L)  0<=ring<K  0<=rows<r;  0<=candidate<u  0<=start<=c  rising(start)")
 i64 psi_means(i64 n, i64 s, i64 c, i64 u, i64 W, i64 L, i64 K, i64 r, const i64 *start, const i32 *candidate,
               const u8 *kept, const u8 *uniform, const u64 *values, const u64 *soft, const i64 *ring, const f64 *radius,
               const u64 *serve, const u64 *own, const f64 *P, const f64 *position, i64 smooth, const i64 *rows, i32 *m,

@@ -2,7 +2,8 @@
    (certificate.py). */
 #include "certificate.h"
 
-KERNEL(certificate_grown, "keys i64[n]  values i32[n]  more i64[m]!  moved i32[m]!")
+KERNEL(certificate_grown, "keys i64[n]  values i32[n]  more i64[m]!  moved i32[m]!"
+       ";  power(m)  n<m")
 i64 certificate_grown(i64 n, i64 m, const i64 *keys, const i32 *values, i64 *more, i32 *moved) {
     for (i64 k = 0; k < n; k++)
         if (keys[k] >= 0) {
@@ -51,7 +52,8 @@ static u8 sides_of(const f32 *vertices, const i32 *triangle, i64 i, const Convex
 }
 
 /* Estimates how many cells the triangles fill, times 1000. */
-KERNEL(certificate_about, SURFACES "wanted i64[w]  cell f64  total f64[1]!")
+KERNEL(certificate_about, SURFACES "wanted i64[w]  cell f64  total f64[1]!"
+       ";  0<=wanted<t  0<cell<inf;  0<=triangles<v")
 i64 certificate_about(i64 v, i64 t, i64 w, const f32 *vertices, const i32 *triangles, const i64 *wanted, f64 cell,
                       f64 *total) {
     (void)v, (void)t;
@@ -129,7 +131,8 @@ static int enter(Cells c, i32 whose, i64 size, i64 *keys, i32 *only, i64 *count)
    until the box of each part covers only a few cells. Stops early if the table is half full: then state[0] is the
    triangle with which to continue in a larger table, and state[1] is the number of cells. */
 KERNEL(certificate_fill,
-       SURFACES "wanted i64[w]  body i32[t]  cell f64  limit f64  state i64[2]!  keys i64[s]!  only i32[s]!")
+       SURFACES "wanted i64[w]  body i32[t]  cell f64  limit f64  state i64[2]!  keys i64[s]!  only i32[s]!"
+       ";  power(s)  0<=wanted<t  0<cell<inf  0<limit  0<=state;  0<=triangles<v")
 i64 certificate_fill(i64 v, i64 t, i64 w, i64 s, const f32 *vertices, const i32 *triangles, const i64 *wanted,
                      const i32 *body, f64 cell, f64 limit, i64 *state, i64 *keys, i32 *only) {
     f64 stack[256][3][3];
@@ -145,7 +148,7 @@ i64 certificate_fill(i64 v, i64 t, i64 w, i64 s, const f32 *vertices, const i32 
             left--;
             Cells c = cells_of(stack[left], limit / cell);
             if (c.beyond) continue;
-            if (c.cells > 8.0) {
+            if (c.cells > 8.0 && left < 255) {
                 halve(stack[left], stack[left + 1]);
                 left += 2;
                 continue;
@@ -178,7 +181,8 @@ static i32 around_of(i64 size, const i64 *keys, const i32 *only, i64 i, i64 j, i
 KERNEL(certificate_holds,
        "centre f64[3]  scale f64  reach f64  " SURFACES "instance i32[t]  cell f64  body i32[t]  clear u8[t]!  "
        "corners f64[3,c]  boxes f64[b,2,3]  larger f64[g,2,3]  first i64[e]  keys i64[s]  only i32[s]  around i32[s]!  "
-       "P f64[n,3]  N f64[n,3]  triangle i32[n]  out bool[n]!")
+       "P f64[n,3]  N f64[n,3]  triangle i32[n]  out bool[n]!"
+       ";  power(s)  b=8*g  c=8*b  0<cell<inf  0<=triangle<t;  0<=triangles<v  0<=instance<e-1  0<=first<=g")
 i64 certificate_holds(i64 v, i64 t, i64 c, i64 b, i64 g, i64 e, i64 s, i64 n, const f64 *centre, f64 scale, f64 reach,
                       const f32 *vertices, const i32 *triangles, const i32 *instance, f64 cell, const i32 *body,
                       u8 *clear, const f64 *corners, const f64 *boxes, const f64 *larger, const i64 *first,

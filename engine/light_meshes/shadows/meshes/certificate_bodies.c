@@ -75,7 +75,8 @@ static int in_plane(const f32 *vertices, const i32 *triangles, i64 t, Plane p, i
 /* Fills body and clear for those of the instances from number `from` on that seem convex, with the range low..high of
    their vertices and their number of boxes of GROUP·GROUP vertices; the number is 0 for all others. */
 KERNEL(certificate_convex,
-       SURFACES "ends i64[e]  from i64  body i32[t]!  clear u8[t]!  low i64[k]!  high i64[k]!  boxes i64[k]!")
+       SURFACES "ends i64[e]  from i64  body i32[t]!  clear u8[t]!  low i64[k]!  high i64[k]!  boxes i64[k]!"
+       ";  0<=ends<=t  rising(ends);  0<=triangles<v")
 i64 certificate_convex(i64 v, i64 t, i64 e, i64 k, const f32 *vertices, const i32 *triangles, const i64 *ends, i64 from,
                        i32 *body, u8 *clear, i64 *low, i64 *high, i64 *boxes) {
     (void)t;
@@ -96,7 +97,8 @@ i64 certificate_convex(i64 v, i64 t, i64 e, i64 k, const f32 *vertices, const i3
 }
 
 /* Names of the planes of triangles begin..end; −1: of a convex instance, or too thin. */
-KERNEL(certificate_keys, SURFACES "begin i64  end i64  body i32[t]  keys i64[t]!")
+KERNEL(certificate_keys, SURFACES "begin i64  end i64  body i32[t]  keys i64[t]!"
+       ";  0<=begin;  0<=triangles<v")
 i64 certificate_keys(i64 v, i64 t, const f32 *vertices, const i32 *triangles, i64 begin, i64 end, const i32 *body,
                      i64 *keys) {
     (void)v;
@@ -110,7 +112,8 @@ i64 certificate_keys(i64 v, i64 t, const f32 *vertices, const i32 *triangles, i6
 /* Fills body and clear of what lies in one plane, of the names whose turn it is: number `part` of `parts`. body: from
    `first` on. Returns 1 where memory is lacking. */
 KERNEL(certificate_planes,
-       SURFACES "keys i64[t]  part i64  parts i64  reach f64  first i64  body i32[t]!  clear u8[t]!")
+       SURFACES "keys i64[t]  part i64  parts i64  reach f64  first i64  body i32[t]!  clear u8[t]!"
+       ";  0<parts;  0<=triangles<v")
 i64 certificate_planes(i64 v, i64 t, const f32 *vertices, const i32 *triangles, const i64 *keys, i64 part, i64 parts,
                        f64 reach, i64 first, i32 *body, u8 *clear) {
     Planes planes = {0};
@@ -139,7 +142,8 @@ static int by_place(const void *a, const void *b) {
 /* Copies the vertices of the convex instances, sorted so that neighbours in space are adjacent: by the interleaved
    bits of x, y and z (Morton order). The last boxes are filled up with the last vertex. Returns 1 if there is not
    enough memory. */
-KERNEL(certificate_sorted, "vertices f32[v,3]  low i64[k]  high i64[k]  first i64[e]  out f64[3,n]!")
+KERNEL(certificate_sorted, "vertices f32[v,3]  low i64[k]  high i64[k]  first i64[e]  out f64[3,n]!"
+       ";  0<=first<=n/64")
 i64 certificate_sorted(i64 v, i64 instances, i64 e, i64 n, const f32 *vertices, const i64 *low, const i64 *high, const i64 *first,
                        f64 *out) {
     Ordered *own = malloc((size_t)(v ? v : 1) * sizeof *own);
@@ -147,7 +151,8 @@ i64 certificate_sorted(i64 v, i64 instances, i64 e, i64 n, const f32 *vertices, 
     for (i64 i = 0; i < instances && i + 1 < e; i++) {
         f64 floor_of[3], size = 1e-30;
         i64 count = high[i] - low[i];
-        if (first[i + 1] == first[i]) continue;
+        if (first[i + 1] <= first[i]) continue;
+        if (low[i] < 0 || high[i] > v || count <= 0) return OUTSIDE;
         for (int j = 0; j < 3; j++) {
             f64 a = INFINITY, b = -INFINITY;
             for (i64 k = low[i]; k < high[i]; k++) a = least(a, vertices[3 * k + j]), b = most(b, vertices[3 * k + j]);
@@ -171,7 +176,8 @@ i64 certificate_sorted(i64 v, i64 instances, i64 e, i64 n, const f32 *vertices, 
 }
 
 /* Computes the centre and half the size of boxes around `group` vertices each. */
-KERNEL(certificate_boxes, "vertices f64[3,n]  group i64  boxes f64[b,2,3]!")
+KERNEL(certificate_boxes, "vertices f64[3,n]  group i64  boxes f64[b,2,3]!"
+       ";  0<group")
 i64 certificate_boxes(i64 n, i64 b, const f64 *vertices, i64 group, f64 *boxes) {
     for (i64 k = 0; k < b; k++)
         for (int j = 0; j < 3; j++) {

@@ -35,7 +35,8 @@ static inline i64 find(i64 size, const i32 *table, const i32 *keys, i32 i, i32 j
 }
 
 /* Fills a hash table with the first `count` nodes. */
-KERNEL(lattice_fill, "table i32[t]!  keys i32[n,3]  count i64")
+KERNEL(lattice_fill, "table i32[t]!  keys i32[n,3]  count i64"
+       ";  power(t)  0<=count<=n  count<t")
 i64 lattice_fill(i64 t, i64 n, i32 *table, const i32 *keys, i64 count) {
     (void)n;
     memset(table, 255, (size_t)t * sizeof *table);
@@ -267,7 +268,8 @@ static i32 *place_of(Places *c, const i32 *cell) {
 KERNEL(lattice_candidates,
        "h f64  reach f64[K]  rotation f64[3,3]  origin f64[3]  offsets f64[3,c]  tau f64  P f64[n,3]  N f64[n,3]  "
        "active u64[n,W]  serve u64[K,W]  state i64[3]!  start i64[n,s]!  candidate i32[a]!  nodes i32[u,3]!  "
-       "position f64[u,3]!  need u64[u,W]!  table i32[t]!")
+       "position f64[u,3]!  need u64[u,W]!  table i32[t]!"
+       ";  1<=K  s=K+1  power(t)  u<t  0<h<inf  0<=state")
 i64 lattice_candidates(i64 K, i64 most, i64 n, i64 W, i64 stride, i64 a, i64 u, i64 t, f64 h, const f64 *reach,
                        const f64 *R, const f64 *origin, const f64 *offsets, f64 tau, const f64 *P, const f64 *N,
                        const u64 *active, const u64 *serve, i64 *state, i64 *start, i32 *candidate, i32 *nodes,

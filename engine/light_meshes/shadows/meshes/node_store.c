@@ -19,7 +19,8 @@ static inline void put_word(u8 *row, i64 B, i64 w, u64 word) {
 KERNEL(store_claim,
        "base i64[3]  near u64[k]!  far u64[f]!  table u32[t]!  key_bits u64  words u64[r,W]  number u8[q,y]  "
        "bits u8[v,B]!  room i64  nodes i32[n,3]  need u64[n,W]  state i64[4]!  rows u32[n]!  wanted i64[n]!  "
-       "todo u64[n,W]!")
+       "todo u64[n,W]!"
+       ";  f=0|f=k  room<=k  room<=q  room<=v  room<t  key_bits<=32  0<=state")
 i64 store_claim(i64 k, i64 f, i64 t, i64 r, i64 W, i64 q, i64 y, i64 v, i64 B, i64 n, const i64 *base, u64 *near,
                 u64 *far, u32 *table, u64 key_bits, u64 *words, u8 *number, u8 *bits, i64 room, const i32 *nodes,
                 const u64 *need, i64 *state, u32 *rows, i64 *wanted, u64 *todo) {
@@ -59,7 +60,8 @@ i64 store_claim(i64 k, i64 f, i64 t, i64 r, i64 W, i64 q, i64 y, i64 v, i64 B, i
     return 0;
 }
 
-KERNEL(store_put, "bits u8[v,B]!  rows u32[n]  todo u8[n,E]  found u8[n,E]")
+KERNEL(store_put, "bits u8[v,B]!  rows u32[n]  todo u8[n,E]  found u8[n,E]"
+       ";  B<=E  rows<v")
 i64 store_put(i64 v, i64 B, i64 n, i64 E, u8 *bits, const u32 *rows, const u8 *todo, const u8 *found) {
     (void)v;
     for (i64 k = 0; k < n; k++) {
@@ -72,7 +74,8 @@ i64 store_put(i64 v, i64 B, i64 n, i64 E, u8 *bits, const u32 *rows, const u8 *t
 /* Records that the rows from `done` on know the lights in todo. Stops if there is no room for a new set; returns the
    next row. */
 KERNEL(store_learn,
-       "words u64[r,W]!  size i64[1]!  table i32[t]!  number u8[q,y]!  rows u32[n]  todo u64[n,W]  lights u64[W]!  done i64")
+       "words u64[r,W]!  size i64[1]!  table i32[t]!  number u8[q,y]!  rows u32[n]  todo u64[n,W]  lights u64[W]!  done i64"
+       ";  power(t)  r<t  0<=size<=r  0<=done  rows<q")
 i64 store_learn(i64 r, i64 W, i64 t, i64 q, i64 y, i64 n, u64 *words, i64 *size, i32 *table, u8 *number,
                 const u32 *rows, const u64 *todo, u64 *lights, i64 done) {
     LightSets known = {words, size, table, number, r, W, t, y};
@@ -94,7 +97,8 @@ i64 store_learn(i64 r, i64 W, i64 t, i64 q, i64 y, i64 n, u64 *words, i64 *size,
     return n;
 }
 
-KERNEL(store_settled, "words u64[r,W]  number u8[q,y]  rows u32[n]  need u64[n,W]")
+KERNEL(store_settled, "words u64[r,W]  number u8[q,y]  rows u32[n]  need u64[n,W]"
+       ";  rows<q")
 i64 store_settled(i64 r, i64 W, i64 q, i64 y, i64 n, u64 *words, u8 *number, const u32 *rows, const u64 *need) {
     LightSets known = {words, 0, 0, number, r, W, 0, y};
     (void)q;
@@ -106,14 +110,16 @@ i64 store_settled(i64 r, i64 W, i64 q, i64 y, i64 n, u64 *words, u8 *number, con
     return 1;
 }
 
-KERNEL(store_gather, "bits u8[v,B]  rows u32[n]  out u8[n,E]!")
+KERNEL(store_gather, "bits u8[v,B]  rows u32[n]  out u8[n,E]!"
+       ";  B<=E  rows<v")
 i64 store_gather(i64 v, i64 B, i64 n, i64 E, const u8 *bits, const u32 *rows, u8 *out) {
     (void)v;
     for (i64 k = 0; k < n; k++) memcpy(out + k * E, bits + rows[k] * B, (size_t)B);
     return 0;
 }
 
-KERNEL(store_drop_begun, "bits u8[v,B]!  words u64[r,W]  number u8[q,y]  count i64")
+KERNEL(store_drop_begun, "bits u8[v,B]!  words u64[r,W]  number u8[q,y]  count i64"
+       ";  0<=count  count<=v  count<=q")
 i64 store_drop_begun(i64 v, i64 B, i64 r, i64 W, i64 q, i64 y, u8 *bits, u64 *words, u8 *number, i64 count) {
     LightSets known = {words, 0, 0, number, r, W, 0, y};
     (void)v, (void)q;
@@ -124,7 +130,8 @@ i64 store_drop_begun(i64 v, i64 B, i64 r, i64 W, i64 q, i64 y, u8 *bits, u64 *wo
 }
 
 /* Fills out (n,W): bit i is bit source[i] of old (n,V); 0 if source[i] is −1. */
-KERNEL(store_moved_bits, "old u64[n,V]  source i32[L]  out u64[n,W]!")
+KERNEL(store_moved_bits, "old u64[n,V]  source i32[L]  out u64[n,W]!"
+       ";  W=words(L)  -1<=source<64*V")
 i64 store_moved_bits(i64 n, i64 V, i64 L, i64 W, const u64 *old, const i32 *source, u64 *out) {
     for (i64 i = 0; i < L; i++) {
         i64 j = source[i];
