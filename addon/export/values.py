@@ -172,6 +172,11 @@ def unary(name: str, fold: Callable[[float], float], a: Value) -> Value:
         return 0.0
 
 
+def truncated(a: Value) -> Value:
+    """Return the value without what follows the decimal point."""
+    return unary("truncate", math.trunc, a)
+
+
 def mixed(a: Value, b: Value, factor: Value) -> Value:
     """Return a + (b − a)·factor."""
     if is_constant(factor):

@@ -45,7 +45,7 @@ def test_a_sheet_of_trees(python, name, tmp_path):
                 agree(ours[cell], theirs[cell])
 
 
-@pytest.mark.parametrize("name", ["values", "images", "inputs", "muted", "structures"])
+@pytest.mark.parametrize("name", ["values", "images", "inputs", "muted", "structures", "sources"])
 def test_the_catalogue(python, name, tmp_path):
     """Every node with each of its choices: in the median within .5 %, and of what is no edge 99 % within 3 %."""
     ours, theirs = ((a - 0.5) / 0.12 for a in sheet(python, name, tmp_path, str(tmp_path / "cells.json")))

@@ -1,5 +1,5 @@
 """A sheet of node trees by this bpy's Cycles and by Light Meshes: for a Python with another bpy, see
-test_node_versions.py. Arguments: which sheet, and the two files to write, and for a sheet of `node_catalogue` a third
+test_node_versions.py. Arguments: which sheet, and the two files to write, and for a sheet of the catalogue a third
 one for the names of its cells.
 """
 
@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 import light_meshes_addon
 import node_catalogue
+import node_sources
 from node_trees import Tree, World, exact, lamp_sheet, outputs_of_lamps, sheet
 
 CELL = 20  # pixels of a case of the catalogue
@@ -78,6 +79,7 @@ def worlds(scene):
 
 
 SHEETS = {"bumps": bumps, "others": others}
+CATALOGUE = node_catalogue.SHEETS | node_sources.SHEETS
 
 
 def main(name, *files):
@@ -97,8 +99,8 @@ def main(name, *files):
     elif name == "area lamps":
         lamp_sheet(scene, outputs_of_lamps(['AREA']))
         scene.cycles.samples = 64
-    elif name in node_catalogue.SHEETS:
-        cases = node_catalogue.SHEETS[name]()
+    elif name in CATALOGUE:
+        cases = CATALOGUE[name]()
         columns = node_catalogue.sheet(scene, cases, CELL)
         Path(files[2]).write_text(json.dumps([CELL, columns, [label for label, _ in cases]]))
     else:

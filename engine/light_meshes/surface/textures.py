@@ -112,8 +112,8 @@ class Texture:
         value of alpha that means 1; seen: whether there may be others. Returns what is to be done to the texels, see
         `_each`, each with how many texels at once.
 
-        As in Cycles, colours are converted without alpha; only what needs no conversion, or sRGB's own, is multiplied by
-        alpha as it is in the file.
+        As in Cycles, colours are converted without alpha; only what needs no conversion, or sRGB's own, is multiplied
+        by alpha as it is in the file.
         """
         self._weight, self._weighted, self._divides = -1, False, False  # see texels.h
         has, changes = image.alpha in ("STRAIGHT", "MULTIPLIED") and seen, list[tuple[_Change, int]]()
