@@ -113,6 +113,49 @@ def test_given_arguments_live_as_long_as_the_function_and_no_longer():
     assert alive() is None
 
 
+def a_chain(count):
+    """Calls of which each mirrors what the one before has written, and these arrays (count+1,4,3)."""
+    kernel, rng = native.kernel("shading_mirrored"), np.random.default_rng(count)
+    arrays, N = rng.normal(size=(count + 1, 4, 3)), rng.normal(size=(4, 3))
+    kernel(N, N, N, N.copy())
+    first = [(kernel, N), (kernel.of(N),)]
+    return [(*first[k % 2], N, arrays[k], arrays[k + 1]) for k in range(count)], arrays
+
+
+@pytest.mark.parametrize("count", [1, 2, 8, 9])
+def test_kernels_called_together_do_the_same_as_one_by_one(count):
+    """Each needs what the one before has written. More than 8 are called from Python."""
+    calls, arrays = a_chain(count)
+    assert native.together(*calls) == [0] * count
+    others, same = a_chain(count)
+    for function, *arguments in others:
+        function(*arguments)
+    np.testing.assert_array_equal(arrays, same)
+
+
+def test_python_functions_can_be_among_the_calls():
+    calls, arrays = a_chain(2)
+    others, same = a_chain(2)
+    native.together(*others)
+    assert native.together(calls[0], (lambda a: a.size, P), calls[1]) == [0, 12, 0]
+    np.testing.assert_array_equal(arrays, same)
+
+
+@pytest.mark.parametrize(("change", "error"), [
+    (lambda call: (*call[:-1], np.zeros((4, 2))), ValueError),
+    (lambda call: (*call[:-1], np.zeros((4, 3), np.float32)), TypeError),
+    (lambda call: (*call[:-1], "out"), TypeError),
+    (lambda call: (*call, P), TypeError),
+    (lambda call: call[:-1], TypeError),
+])
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_a_wrong_call_among_those_together_is_an_error(change, error, which):
+    calls, _ = a_chain(3)
+    calls[which] = change(calls[which])
+    with pytest.raises(error):
+        native.together(*calls)
+
+
 def test_declarations_in_pieces_are_joined():
     """As macros leave them: a type in a text of its own, and lengths after it."""
     expanded = ('const char some_takes[] = "P f64[n,3]  texels "\n "u8" "[h,n]  h f64  k u64  "; '

@@ -37,7 +37,9 @@ MESH = 60  # for a triangle in the snapshot, once for all its instances; data th
 TRIANGLE, VERTEX = 60, 12  # for an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
 BATCH = 1 << 17  # camera rays of a tile, about: each thread has one under way
-LARGER = 2  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
+# How many times as many there are if tiles compute the points at their edges twice (`sparse`), or if there are so few
+# lights that a ray takes little memory: larger tiles spend less of their time in Python.
+LARGER, FEW = 2, 16
 SPREAD = 8  # how many times fewer there are if surfaces spread them out
 RAY, LIT, CANDIDATE = 400, 5, 6  # for a ray; for a receiver and a light; for a receiver and a node
 NODE = 16  # for a node, in addition to its values
@@ -54,6 +56,11 @@ class Part(NamedTuple):
     remedy: str
 
 
+def rays_of_tile(scene: Scene) -> int:
+    """Return how many camera rays a tile has at most, about, if surfaces do not spread them out."""
+    return BATCH * (LARGER if scene.settings.shadow_rate > 1 or len(scene.lights) <= FEW else 1)
+
+
 def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
     """Return the parts that are known before anything is made: all but the nodes. `copies` of the picture are counted:
     2 if a parent process has one as well.
@@ -61,8 +68,7 @@ def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
     x0, y0, x1, y1 = crop_of(scene)
     pixels, threads, lights = (x1 - x0) * (y1 - y0), processors.count(), len(scene.lights)
     glass = any(m.alpha < 1 or m.alpha_image >= 0 or any(m.kt) for m in scene.materials)
-    most = BATCH * LARGER if scene.settings.shadow_rate > 1 else BATCH
-    rays = min(most, pixels * scene.settings.samples / (4 * threads))
+    rays = min(rays_of_tile(scene), pixels * scene.settings.samples / (4 * threads))
     shaded = min(rays * lights, SHADED)
     painted = any(light.program for light in scene.lights)  # then each lamp's light has three channels
     work = rays * RAY + shaded * (LIT + 8 * glass + 12 * painted)

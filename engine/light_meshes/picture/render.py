@@ -19,10 +19,11 @@ from ..shadows import blocks
 from ..shadows.grouped import PARTS
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
+from ..support.rows import even
 from ..support.statistics import peak_memory
 from . import everywhere, reuse
 from .integrator import radiance
-from .memory import BATCH, LARGER, SPREAD
+from .memory import BATCH, SPREAD, rays_of_tile
 from .prepared import Before, Prepared
 
 SHOWN = 8  # lamps of which the statistics tell one by one how their shadows were found
@@ -55,10 +56,14 @@ class Result:
 
 
 def _tiles(crop: tuple[int, int, int, int], size: int, step: int = 1) -> list[tuple[int, int, int, int]]:
-    """Return tiles of at most size × size pixels, top rows first, that begin at multiples of `step` inside the crop."""
+    """Return the fewest tiles of at most size × size pixels, almost equally large, top rows first, that begin at
+    multiples of `step` inside the crop. size is a multiple of `step`.
+    """
     x0, y0, x1, y1 = crop
-    rows, columns = range(y0 - y0 % step, y1, size), range(x0 - x0 % step, x1, size)
-    return [(max(x, x0), max(y, y0), min(x + size, x1), min(y + size, y1)) for y in reversed(rows) for x in columns]
+    x, y = x0 - x0 % step, y0 - y0 % step
+    width, height = (step * -(-even(n, size) // step) for n in (x1 - x, y1 - y))
+    rows, columns = range(y, y1, height), range(x, x1, width)
+    return [(max(x, x0), max(y, y0), min(x + width, x1), min(y + height, y1)) for y in reversed(rows) for x in columns]
 
 
 def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> int:
@@ -120,11 +125,11 @@ def draw(
     crop = crop_of(ready.scene)
     threads = threads or processors.count()
     if tile_size is None:
-        batch = BATCH * (LARGER if ready.sparse else 1) // (SPREAD if ready.plan.spreads else 1)
+        batch = rays_of_tile(ready.scene) // (SPREAD if ready.plan.spreads else 1)
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     step = 2 * blocks.edge(ready.scene.settings.samples) if ready.plan.blocks else 1  # no block is drawn twice
     tiles = _tiles(crop, max(step, tile_size - tile_size % step), step)
-    lock, done, saying = threading.Lock(), 0, Saying(ready, len(tiles), progress)
+    lock, done, left, saying = threading.Lock(), 0, iter(tiles), Saying(ready, len(tiles), progress)
 
     def work(box: tuple[int, int, int, int]) -> None:
         nonlocal done
@@ -138,6 +143,10 @@ def draw(
             tile((x0, y0, x1, y1))
             saying(done)
 
+    def work_on() -> None:
+        for box in left:  # threads share it, and a list's iterator gives each box to one of them
+            work(box)
+
     def ahead(part: int) -> None:
         if ready.everywhere is not None:
             everywhere.ahead(ready.world, ready.everywhere.records, ready.scene.camera, ready.offsets, part, threads,
@@ -145,7 +154,7 @@ def draw(
 
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(ahead, part) for part in range(threads)] if ready.plan.gathers else []
-        futures += [pool.submit(work, box) for box in tiles]
+        futures += [pool.submit(work_on) for _ in range(min(threads, len(tiles)))]
         _finish(pool, futures, stopped)
     return Result(frame, _report(ready, frame, tiles, threads, ready.seconds + time.perf_counter() - started),
                   [*ready.warnings, *ready.shadowing.path_warnings()])

@@ -65,8 +65,8 @@ class Accelerator(Protocol):
     def lit(self, *points: Any) -> int:
         """Do what the kernel embree_lit does with the arguments behind `scene`."""
 
-    def near(self, *points: Any) -> None:
-        """Do what the kernel embree_near does with the arguments behind `scene`."""
+    def near(self, *points: Any) -> int:
+        """Do what the kernel embree_near does with the arguments behind `scene`, and return 0."""
 
 
 class Met(NamedTuple):
@@ -150,7 +150,7 @@ class ByRun:
             total += len(row)
         return total
 
-    def near(self, *points: Any) -> None:
+    def near(self, *points: Any) -> int:
         """See Accelerator."""
         *frame, origin, normal, position, start, end, target, most, seen, state = points
         first, count = state[0], np.maximum(end - start[:, 0], 0)
@@ -162,6 +162,7 @@ class ByRun:
         free = np.zeros(len(position), np.bool_)
         seen[index] = ~self.occluded_of(*frame, origin, normal, row, position, free, target[index], True)
         state[:] = some.stop, state[1] + len(row)
+        return 0
 
 
 class Direct:
@@ -194,6 +195,7 @@ class Direct:
             raise RuntimeError(f"Embree cannot build its accelerator of {len(triangles):,} triangles: error {error}")
         self._for_closest = device.closest, self._scene
         self._for_occluded = *device.occluded, self._scene
+        self.lit, self.near = _lit.of(*self._for_occluded), _near.of(*self._for_occluded)
 
     def __del__(self) -> None:
         if getattr(self, "_scene", None):
@@ -229,14 +231,6 @@ class Direct:
         blocked = np.empty(len(segments[5]), np.bool_)
         _occluded_of(*self._for_occluded, *segments, blocked)
         return blocked
-
-    def lit(self, *points: Any) -> int:
-        """See Accelerator."""
-        return _lit(*self._for_occluded, *points)
-
-    def near(self, *points: Any) -> None:
-        """See Accelerator."""
-        _near(*self._for_occluded, *points)
 
 
 class Device(NamedTuple):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..scene.description import Scene
 from ..scene.errors import SceneError
-from ..support.native import kernel
+from ..support.native import Call, kernel
 from .embree import Accelerator, Met, accelerator, room_for
 from .geometry import Surfaces
 from .stacks import Stacks, place_of
@@ -157,26 +157,27 @@ class Tracer:
         return embree.occluded_of(*self._frame, origin, normal, origin_of, *targets, target_of, closed)
 
     def lit(self, origin: NDArray[np.float64], targets: Targets, asked: NDArray[np.uint64], among: NDArray[np.uint64],
-            lights: tuple[int, int], found: NDArray[np.uint64], casters: int = 0) -> int:
-        """Set the bits of found (n,W) for the lights that the free points origin (n,3) see past opaque surfaces.
+            lights: tuple[int, int], found: NDArray[np.uint64], casters: int = 0) -> Call:
+        """Return the call that sets the bits of found (n,W) for the lights that the free points origin (n,3) see past
+        opaque surfaces.
 
-        Only lights first..last, `lights`, are tried, of those in asked (n,W) and among (W,). Returns how many rays that
-        took.
+        Only lights first..last, `lights`, are tried, of those in asked (n,W) and among (W,). Its result is how many
+        rays that took.
         """
         embree, _ = self._embree["opaque", casters]
-        return embree.lit(*self._frame, origin, *targets, asked, among, *lights, found)
+        return embree.lit, *self._frame, origin, *targets, asked, among, *lights, found
 
     def near(self, origin: NDArray[np.float64], normal: NDArray[np.float64], position: NDArray[np.float64],
              start: NDArray[np.int64], end: NDArray[np.int64], target: NDArray[np.int32], most: int,
-             seen: NDArray[np.bool_], state: NDArray[np.int64]) -> None:
-        """Find out what points on surfaces see of what is near them: whether nothing is between origin[p] and
-        position[target[k]], with k from start[p,0] to end[p], where seen[k] is not set yet.
+             seen: NDArray[np.bool_], state: NDArray[np.int64]) -> Call:
+        """Return the call that finds out what points on surfaces see of what is near them: whether nothing is between
+        origin[p] and position[target[k]], with k from start[p,0] to end[p], where seen[k] is not set yet.
 
         As `occluded` with `closed`. It begins with point state[0] and stops after about `most` rays, which state[1]
         counts, so that the caller can see whether the picture is still wanted.
         """
         embree, _ = self._embree["shadow", 0]
-        embree.near(*self._frame, origin, normal, position, start, end, target, most, seen, state)
+        return embree.near, *self._frame, origin, normal, position, start, end, target, most, seen, state
 
     def transmittance(
         self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,

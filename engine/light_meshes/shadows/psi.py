@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.tracer import points
-from ..support.native import needs_memory
-from ..support.rows import even, put, taken
+from ..support.native import Call, needs_memory, together
+from ..support.rows import even, taken
 from . import pairs
 from .casters import union
 from .lamp_points import Shapes
@@ -25,16 +25,15 @@ from .sharp import dim, sharp
 from .terminator import merge, split
 
 CANDIDATES = 1 << 23  # about the largest number of candidates that are held at once, of 6 bytes each
-
+TRACED = 3  # calls of PAIRS rays at a time, between which it is seen whether the picture is still wanted
 
 
 class Answer(NamedTuple):
-    """Where the means of some receivers are written: the rows (n,) of S (…,L,C), and of the probe (…,4) if there is
-    one.
-    """
+    """Where the means of some receivers are written: the rows (n,) of all that follows."""
 
     rows: NDArray[np.intp]
-    S: NDArray[np.float32]
+    active: NDArray[np.uint64]  # (…,W) which lights were asked for, then for which Ψ has an answer
+    S: NDArray[np.float32]  # (…,L,C)
     probe: NDArray[np.float64] | None
 
 
@@ -98,7 +97,7 @@ class LightMeshes(Method):
         for i in range(0, len(lit), step):
             check()
             row = lit[i:i + step]
-            put(at.active, row, self._average(at.at(row), Answer(row, S, probe), check))
+            self._average(at.at(row), Answer(row, at.active, S, probe), check)
 
     def _ask_above(self, at: Receivers, lifted: NDArray[np.uint64], soft: NDArray[np.uint64], S: NDArray[np.float32],
                    check: Check, probe: NDArray | None) -> None:
@@ -123,23 +122,22 @@ class LightMeshes(Method):
         if probe is not None and work is not None and only is not None:
             probe[rows[only]] = work[only]
 
-    def _average(self, at: Receivers, answer: Answer, check: Check) -> NDArray[np.uint64]:
-        """Do steps 1 to 5 for the receivers' soft lights and fill S. Returns the lights (n,W) whose set is not
-        empty.
-        """
+    def _average(self, at: Receivers, answer: Answer, check: Check) -> None:
+        """Do steps 1 to 5 for the receivers' soft lights and write the answer."""
         stats = self._stats
         near = self._look_up(at, check)
-        end = self._spare_rays(at, near)
+        end, state = np.empty(len(at.P), np.int64), np.zeros(2, np.int64)
+        with stats.stage("uniform skip"):
+            self._spare_rays(at, near, end, state)
         near = near._replace(weight=self._weights(near.seen))
-        self._short_rays(at, near, end, check)
+        self._short_rays(at, near, end, state, check)
         with stats.stage("average"):
-            answered, empty, count = self._mean(at, near, answer)
+            empty, count = self._mean(at, near, answer)
         stats.add(candidates=len(near.candidate), empty_sets=count)
         if answer.probe is not None:  # for the largest ball
             m = near.m[:, -1]
             counts = near.start[:, -1] - near.start[:, 0], np.where(near.uniform, 0, m), empty, near.uniform
             answer.probe[answer.rows] = np.stack(counts, axis=1)
-        return answered
 
     def _look_up(self, at: Receivers, check: Check) -> Neighbourhood:
         """Return the candidates of receivers (steps 1 and 2), and their values for the lights."""
@@ -151,46 +149,64 @@ class LightMeshes(Method):
         return Neighbourhood(found.start, found.candidate, found.position, values, seen, seen, np.zeros(n, np.bool_),
                              np.empty((n, len(self.classes.serve)), np.int32))
 
-    def _spare_rays(self, at: Receivers, near: Neighbourhood) -> NDArray[np.int64]:
+    def _spare_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], state: NDArray[np.int64]) -> None:
         """Mark receivers whose candidates all agree, and candidates that are certainly seen.
 
-        Returns the ends (n,) of the candidates to which rays are needed first: one of each receiver that is marked.
+        Sets the ends (n,) of the candidates to which rays are needed first: one of each receiver that is marked. Begins
+        to trace these, see `_near`.
         """
-        end, counts, holds = np.empty(len(at.P), np.int64), np.empty(2, np.int64), None
+        calls: list[Call] = []
+        counts, holds = np.empty(2, np.int64), None
         on = at.facet or (None if at.triangle is None else Facet(at.P, at.normals(), at.triangle))
         if self._holds is not None and on is not None:
-            with self._stats.stage("certificate"):
-                holds = self._holds(at.P, on.N, on.triangle)
-                if at.facet is not None:
-                    averaging.free_start(at.P, at.normals(), on.P, on.N, self._margin, holds)
-        with self._stats.stage("uniform skip"):
-            averaging.spare(near.start, near.candidate, self._agreeing(at, near), at.active, self.classes.serve, holds,
-                            *(on or (None, None))[:2], near.position, self._margin, near.uniform, near.seen, end,
-                            counts)
+            holds = np.empty(len(at.P), np.bool_)
+            calls.append((self._holds, *on, holds))
+            if at.facet is not None:
+                calls.append((averaging.free_start, at.P, at.normals(), on.P, on.N, self._margin, holds))
+        calls.append((averaging.spare, near.start, near.candidate, self._agreeing(at, near), at.active,
+                      self.classes.serve, holds, *(on or (None, None))[:2], near.position, self._margin, near.uniform,
+                      near.seen, end, counts))
+        together(*calls, *self._first_rays(at, near, end, state))
         if holds is not None:
             self._stats.add(certified=counts[0], spared_rays=counts[1])
-        return end
 
-    def _short_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], check: Check) -> None:
-        """Fill weight (which is `seen`) by rays, where it matters; first up to `end` (n,) of a receiver's candidates.
+    def _first_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64],
+                    state: NDArray[np.int64]) -> tuple[Call, ...]:
+        """Return the calls that begin to trace the rays of the uniform skip."""
+        return (self._near(at, near, end, state),) if self._uniform_skip else ()
+
+    def _short_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], state: NDArray[np.int64],
+                    check: Check) -> None:
+        """Fill weight (which is `seen`) by rays, where it matters; first up to `end` (n,) of a receiver's candidates,
+        which are traced as far as `state` says.
 
         The mark `uniform` is kept only where the first candidate is seen. Otherwise it is not certain that m > 0, and
         all candidates are tested.
         """
+        rest = np.zeros(2, np.int64)
         with self._stats.stage("short rays"):
-            rays = self._near(at, near, end, check) if self._uniform_skip else 0
-            uniform = averaging.ends(near.start, at.active, self.classes.serve, near.seen, near.uniform, end)
-            rays += self._near(at, near, end, check)
-        self._stats.add(short_rays=rays, uniform_skips=uniform)
+            if self._uniform_skip:
+                self._go_on(at, near, end, state, check)
+            check()
+            uniform, _ = together((averaging.ends, near.start, at.active, self.classes.serve, near.seen, near.uniform,
+                                   end), self._near(at, near, end, rest))
+            self._go_on(at, near, end, rest, check)
+        self._stats.add(short_rays=int(state[1] + rest[1]), uniform_skips=uniform)
 
-    def _near(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], check: Check) -> int:
-        """Fill `seen` of the candidates up to end (n,) of each receiver; return how many rays that took."""
-        state = np.zeros(2, np.int64)
+    def _near(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], state: NDArray[np.int64]) -> Call:
+        """Return the call that fills `seen` of the candidates up to end (n,) of each receiver, from receiver state[0]
+        on. It stops after about PAIRS rays; state[1] counts them.
+        """
+        return self._tracer.near(at.P, at.normals(), near.position, near.start, end, near.candidate, PAIRS, near.seen,
+                                 state)
+
+    def _go_on(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], state: NDArray[np.int64],
+               check: Check) -> None:
+        """Repeat `_near` until there is no receiver left."""
         while state[0] < len(end):
             check()
-            self._tracer.near(at.P, at.normals(), near.position, near.start, end, near.candidate, PAIRS, near.seen,
-                              state)
-        return int(state[1])
+            function, *arguments = self._near(at, near, end, state)
+            function(*arguments)
 
     def _weights(self, seen: NDArray[np.bool_]) -> NDArray:
         """Return v(x_l,P) of candidates (c,) as far as it is known, for those that are certainly seen."""
@@ -204,23 +220,25 @@ class LightMeshes(Method):
         """Return the values (u,W) on which candidates must agree for the uniform skip; None: near.uniform knows."""
         return near.values if self._uniform_skip else None
 
-    def _mean(self, at: Receivers, near: Neighbourhood,
-              answer: Answer) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
-        """Do step 5: fill m, and S of these rows. Returns what `averaging.answered` returns."""
-        return averaging.means(near, at.P, at.active, self.classes, self._smooth, answer.rows, answer.S)
+    def _mean(self, at: Receivers, near: Neighbourhood, answer: Answer) -> tuple[NDArray[np.bool_], int]:
+        """Do step 5: fill m, and write the answer. Returns which receivers (n,) have soft lights with an empty set, and
+        how many these are.
+        """
+        return averaging.means(near, at.P, at.active, self.classes, self._smooth, answer.rows, answer.S, answer.active)
 
     def _trace(self, nodes: NDArray[np.int32], todo: NDArray[np.uint64], check: Check) -> NDArray:
         """Return V(i, x) of nodes (n,3) for the lights in todo (n,W), as bits."""
-        found, rays = np.zeros_like(todo), 0
-        position = self.lattice.position(nodes)
+        found, position, rays = np.zeros_like(todo), np.empty((len(nodes), 3)), 0
+        calls: list[Call] = [self.lattice.place(nodes, position)]
         for i in range(0, len(nodes), 16384):
             part = slice(i, i + 16384)
-            origin, step = position[part], max(1, PAIRS // len(position[part]))
-            for group in self._groups:
-                for first in range(0, self.count, step):
-                    check()
-                    rays += self._tracer.lit(origin, self._targets, todo[part], group.lights,
-                                             (first, min(first + step, self.count)), found[part], group.casters)
+            step = max(1, PAIRS // len(position[part]))
+            calls += [self._tracer.lit(position[part], self._targets, todo[part], group.lights,
+                                       (first, min(first + step, self.count)), found[part], group.casters)
+                      for group in self._groups for first in range(0, self.count, step)]
+        for k in range(0, len(calls), TRACED):
+            check()
+            rays += sum(together(*calls[k:k + TRACED]))
         self._stats.add(long_rays=rays)
         return found
 

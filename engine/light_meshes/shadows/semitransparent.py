@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.tracer import points
-from ..support.native import kernel
+from ..support.native import Call, kernel
+from ..support.rows import put
 from .meshes.averaging import Neighbourhood, answered, any_channel, listed, sizes
 from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
@@ -55,17 +56,22 @@ class SemitransparentMeshes(LightMeshes):
         if self._uniform_skip:
             _uniform(near.start, near.candidate, near.values, at.active, self.classes.ring, self.channels, near.uniform)
 
-    def _mean(self, at: Receivers, near: Neighbourhood,
-              answer: Answer) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
+    def _mean(self, at: Receivers, near: Neighbourhood, answer: Answer) -> tuple[NDArray[np.bool_], int]:
         alpha, ends = self.paths.rows if self.paths else PathTable.NONE
         average = _mean_apart if self._apart else _mean
         sizes(near)
         average(near.start, near.candidate, near.weight, near.kept(), near.uniform, near.values, at.active,
                 self.classes.ring, self._smooth, self.classes.radius, at.P, at.N, *self._targets, near.position, alpha,
                 ends, self._focus, near.m, answer.rows, answer.S)
-        return answered(near, at.active, self.classes)
+        found, empty, count = answered(near, at.active, self.classes)
+        put(answer.active, answer.rows, found)
+        return empty, count
 
-    def _short_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], check: Check) -> None:
+    def _first_rays(self, *_: object) -> tuple[Call, ...]:
+        return ()  # rays to candidates are listed
+
+    def _short_rays(self, at: Receivers, near: Neighbourhood, end: NDArray[np.int64], state: NDArray[np.int64],
+                    check: Check) -> None:
         stats = self._stats
         if self._uniform_skip:
             with stats.stage("uniform skip"):

@@ -5,7 +5,7 @@
    type and flags are those of numpy's C interface; native.py looks whether they are right before it uses this file. */
 #include "calls.h"
 
-enum { DIMENSIONS = 4, MOST = 64 };  /* axes of an array; lengths and arguments of a kernel */
+enum { DIMENSIONS = 4, MOST = 64, TOGETHER = 8 };  /* axes of an array; lengths and arguments of a kernel; kernels */
 enum { ARRAY, INTEGER, UNSIGNED, REAL };  /* kinds of arguments */
 
 /* What is known of one argument. type: the address of its numpy.dtype. length: of each axis, where it is fixed, else
@@ -92,20 +92,49 @@ static int take(const Argument *wanted, const Object *given, i64 *lengths, Slot 
     return 0;
 }
 
+/* Fills slots with the lengths and the arguments of a kernel; returns whether these are what it takes. */
+static int filled(const Called *k, const Object *const *given, Slot *slots) {
+    i64 lengths[MOST];
+    memcpy(lengths, k->known, (size_t)k->lengths * sizeof *lengths);
+    for (i64 i = 0; i < k->given; i++) slots[k->lengths + i].integer = k->values[i];
+    for (i64 i = k->given; i < k->count; i++)
+        if (!take(k->arguments + i, given[i - k->given], lengths, slots + k->lengths + i)) return 0;
+    for (i64 i = 0; i < k->lengths; i++) slots[i].integer = lengths[i] < 0 ? 0 : lengths[i];
+    return 1;
+}
+
+static i64 run(const Called *k, const Slot *slots) {
+    return ((i64 (*)(const Slot *))(uintptr_t)k->slots)(slots);
+}
+
 /* A Python function (METH_FASTCALL) for all kernels; self: an array that holds its `Called`. */
 EXPORT Object *calls_kernel(const Object *self, const Object *const *given, i64 count) {
     const Called *k = ((const Array *)self)->data;
     Slot slots[2 * MOST];
-    i64 lengths[MOST];
-    int right = count == k->count - k->given;
-    memcpy(lengths, k->known, (size_t)k->lengths * sizeof *lengths);
-    for (i64 i = 0; i < k->given; i++) slots[k->lengths + i].integer = k->values[i];
-    for (i64 i = 0; right && i < count; i++)
-        right = take(k->arguments + k->given + i, given[i], lengths, slots + k->lengths + k->given + i);
-    if (!right) return python.call((Object *)(intptr_t)k->otherwise, given, (size_t)count, 0);
-    for (i64 i = 0; i < k->lengths; i++) slots[i].integer = lengths[i] < 0 ? 0 : lengths[i];
+    if (count != k->count - k->given || !filled(k, given, slots))
+        return python.call((Object *)(intptr_t)k->otherwise, given, (size_t)count, 0);
     void *thread = python.leave();
-    i64 result = ((i64 (*)(const Slot *))(uintptr_t)k->slots)(slots);
+    i64 result = run(k, slots);
     python.enter(thread);
     return python.integer(result);
+}
+
+/* A Python function for several kernels, one after the other. self: the class of arrays that hold a `Called`. given: an
+   array (TOGETHER,) for the results, and for each kernel the array that holds its `Called`, and its arguments. Returns how
+   many kernels were called: none if some call is not as expected. */
+EXPORT Object *calls_together(const Object *self, const Object *const *given, i64 count) {
+    const Called *kernels[TOGETHER];
+    Slot slots[TOGETHER][2 * MOST];
+    i64 *results = ((const Array *)given[0])->data, n = 0, at = 1;
+    for (; at < count && n < TOGETHER; n++) {
+        if (given[at]->type != self) return python.integer(0);
+        const Called *k = kernels[n] = ((const Array *)given[at++])->data;
+        if (k->count - k->given > count - at || !filled(k, given + at, slots[n])) return python.integer(0);
+        at += k->count - k->given;
+    }
+    if (at != count) return python.integer(0);
+    void *thread = python.leave();
+    for (i64 i = 0; i < n; i++) results[i] = run(kernels[i], slots[i]);
+    python.enter(thread);
+    return python.integer(n);
 }

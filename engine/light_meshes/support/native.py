@@ -20,6 +20,7 @@ import numpy as np
 from .sources import ARGUMENT, KernelError, digest, library, sources
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+Call = tuple[Any, ...]  # a function and its arguments
 _TYPES: dict[str, Any] = {
     "i8": np.int8, "i32": np.int32, "i64": np.int64, "u8": np.uint8, "u16": np.uint16, "u32": np.uint32,
     "u64": np.uint64, "f32": np.float32, "f64": np.float64, "bool": np.bool_,
@@ -55,7 +56,7 @@ _LIBRARY = _load()
 
 _ARRAY, _INTEGER, _UNSIGNED, _REAL = range(4)  # kinds of arguments, as in calls.c
 _KINDS = {"i64": _INTEGER, "u64": _UNSIGNED, "f64": _REAL}
-_MOST, _DIMENSIONS, _FASTCALL = 64, 4, 0x80
+_MOST, _DIMENSIONS, _TOGETHER, _FASTCALL = 64, 4, 8, 0x80
 _NEEDED, _WRITTEN = 0x101, 0x501  # of flags.num: contiguous and aligned; writable, too
 
 
@@ -72,6 +73,9 @@ class _Definition(ctypes.Structure):
 
     _fields_ = (("name", ctypes.c_char_p), ("function", ctypes.c_void_p), ("flags", ctypes.c_int),
                 ("text", ctypes.c_char_p))
+
+
+_kept: list[_Definition] = []  # as long as Python's functions of them
 
 
 class _Called(np.ndarray):
@@ -226,6 +230,36 @@ def _what(value: Any) -> str:
 def kernel(name: str) -> Kernel:
     """Return the compiled function with this name."""
     return Kernel(name)
+
+
+@cache
+def _run_together() -> Any:
+    """Return the function of calls.c that calls several kernels; None where `_calls` returns None."""
+    make = _calls()
+    definition = _Definition(b"together", _address(_LIBRARY.calls_together), _FASTCALL, None)
+    _kept.append(definition)
+    return make and make(ctypes.addressof(definition), _Called, None)
+
+
+def together(*calls: Call) -> list[int]:
+    """Call some functions one after the other, each given as (function, *arguments), and return their results.
+
+    If all of them are kernels, or what `Kernel.of` returned, and at most 8, no Python runs between them. Use it for
+    kernels of a tile that need nothing but each other's arrays: what Python does between two kernels is a hundred times
+    slower than usual, as meanwhile nothing of it stays in the processor's caches, and other threads have to wait.
+    """
+    results = np.empty(_TOGETHER, np.int64)
+    flat: list[Any] = [results]
+    for function, *arguments in calls:
+        known = getattr(function.fast if isinstance(function, Kernel) else function, "__self__", None)
+        if type(known) is not _Called:
+            break
+        flat += known, *arguments
+    else:
+        run = _run_together()
+        if run is not None and len(calls) <= _TOGETHER and run(*flat):
+            return results[:len(calls)].tolist()  # type: ignore[no-any-return]
+    return [function(*arguments) for function, *arguments in calls]
 
 
 def needs_memory(failed: int) -> None:

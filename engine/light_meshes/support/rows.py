@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from .native import kernel
 
-_taken, _where, _put = kernel("rows_taken"), kernel("rows_where"), kernel("rows_put")
+_taken, _where = kernel("rows_taken"), kernel("rows_where")
+put = kernel("rows_put")  # (words (n,W), rows, values (m,W)): set these rows of words to values
 
 
 def taken(array: NDArray, rows: NDArray[np.int64]) -> NDArray:
@@ -20,11 +21,6 @@ def taken(array: NDArray, rows: NDArray[np.int64]) -> NDArray:
         _taken(array, rows, out)
         return out
     return array.take(rows, axis=0)
-
-
-def put(words: NDArray[np.uint64], rows: NDArray[np.int64], values: NDArray[np.uint64]) -> None:
-    """Set these rows of words (n,W) to values (m,W)."""
-    _put(words, rows, values)
 
 
 def where(mask: NDArray[np.bool_], there: bool = True) -> NDArray[np.int64]:

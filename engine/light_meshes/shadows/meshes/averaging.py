@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...support.bits import mask_of
-from ...support.native import kernel, needs_memory
+from ...support.native import kernel, needs_memory, together
+from ...support.rows import put
 
 # The width of the blur. A light of radius ρ seen past an edge has the variance ρ²/4. The mean over the half-ball has
 # this share of r² as its variance.
@@ -96,13 +97,16 @@ def sizes(near: Neighbourhood) -> None:
 
 
 def means(near: Neighbourhood, P: NDArray[np.float64], soft: NDArray[np.uint64], lights: Classes, smooth: bool,
-          rows: NDArray[np.int64], S: NDArray[np.float32]) -> tuple[NDArray[np.uint64], NDArray[np.bool_], int]:
-    """Do step 5: fill m of the neighbourhood, set S[rows] (…,L,1), and return what `answered` returns.
+          rows: NDArray[np.int64], S: NDArray[np.float32], into: NDArray[np.uint64]) -> tuple[NDArray[np.bool_], int]:
+    """Do step 5: fill m of the neighbourhood, and set S[rows] (…,L,1) and into[rows] (…,W): the soft lights whose set
+    is not empty. Returns which receivers (n,) have soft lights with an empty set, and how many these are.
 
     S is the number of kept nodes that see the light/m, eq. (4); or, with smooth weights, Σ w·v / Σ w over the kept
     nodes, w = max(1 − |x − P|²/r², 1e-9).
     """
     found, empty, counts = np.empty_like(soft), np.empty(len(soft), np.bool_), np.empty(1, np.int64)
-    needs_memory(_means(near.start, near.candidate, near.weight, near.uniform, near.values, soft, *lights, P,
-                        near.position, smooth, rows, near.m, found, empty, counts, S[..., 0]))
-    return found, empty, int(counts[0])
+    mean = (_means, near.start, near.candidate, near.weight, near.uniform, near.values, soft, *lights, P, near.position,
+            smooth, rows, near.m, found, empty, counts, S[..., 0])
+    failed, _ = together(mean, (put, into, rows, found))
+    needs_memory(failed)
+    return empty, int(counts[0])

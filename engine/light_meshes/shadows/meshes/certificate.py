@@ -63,20 +63,20 @@ class Certificate(NamedTuple):
         """Return which receivers (n,), on the side N of `triangle` (n,), see all nodes that are more than MARGIN above
         it within r.
         """
-        return self.asked()(P, N, triangle)
+        out = np.empty(len(P), np.bool_)
+        self.asked()(P, N, triangle, out)
+        return out
 
-    def asked(self) -> Callable[..., NDArray[np.bool_]]:
-        """Return `holds` for many batches: the arrays of the certificate are checked once, here."""
+    def asked(self) -> Callable[..., int]:
+        """Return a kernel (P, N, triangle, out) for many batches, which sets out (n,) to what `holds` returns.
+
+        The arrays of the certificate are checked once, here.
+        """
         s = self.surfaces
-        kernel_of = _holds.of(s.centre, s.scale, s.reach, s.vertices, s.triangles, s.instance, self.cell, self.body,
-                              self.clear, *self.convex, self.keys, self.only, self.around)
-
-        def holds(P: NDArray[np.float64], N: NDArray[np.float64], triangle: NDArray[np.int32]) -> NDArray[np.bool_]:
-            out = np.empty(len(P), np.bool_)
-            kernel_of(P, N, triangle, out)
-            return out
-
-        return holds
+        known: Callable[..., int] = _holds.of(
+            s.centre, s.scale, s.reach, s.vertices, s.triangles, s.instance, self.cell, self.body, self.clear,
+            *self.convex, self.keys, self.only, self.around)
+        return known
 
 
 def certificate(surfaces: Surfaces, casts: NDArray[np.bool_], r: float) -> Certificate | None:

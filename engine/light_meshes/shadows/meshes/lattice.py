@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...support.native import kernel, needs_memory
+from ...support.native import Call, kernel, needs_memory
 
 # A node nearer than TAU·h to the receiver's plane is dropped: it is on the surface, and a node that touches a surface
 # counts as blocked.
@@ -42,8 +42,13 @@ class Lattice(NamedTuple):
     def position(self, nodes: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return the world positions (n,3) of nodes (n,3)."""
         out = np.empty((len(nodes), 3))
-        _positions(self.h, self.rotation, self.origin, nodes, out)
+        function, *arguments = self.place(nodes, out)
+        function(*arguments)
         return out
+
+    def place(self, nodes: NDArray[np.int32], out: NDArray[np.float64]) -> Call:
+        """Return the call that sets out (n,3) to the world positions of nodes (n,3). Its result is 0."""
+        return _positions, self.h, self.rotation, self.origin, nodes, out
 
 
 def above_a_plane(reach: float) -> float:

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ...support.native import kernel
+from ...support.native import kernel, together
 from .light_sets import light_sets
 from .node_keys import keys
 
@@ -129,14 +129,15 @@ class NodeStore:
             wanted, todo = wanted[:begun], todo[:begun]
             found = evaluate(nodes.take(wanted, axis=0), todo) if begun else None
             with self._ready:
+                value = None
                 if found is not None:
-                    self._settle(rows.take(wanted), todo, found)
+                    value = self._settle(rows, need, rows.take(wanted), todo, found)
                     self._ready.notify_all()
-                while not _settled(self._known.words, self._known.number, rows, need):
+                while value is None and not _settled(self._known.words, self._known.number, rows, need):
                     if self._broken:
                         raise SharedNodesError
                     self._ready.wait()
-                return self._value(rows)
+                return self._value(rows) if value is None else value
         except BaseException:
             with self._ready:
                 self._broken = True  # otherwise threads that wait for these nodes would wait for ever
@@ -178,17 +179,30 @@ class NodeStore:
                 self._numbers.resize((new, self._numbers.shape[1]), refcheck=False)
                 self._bits.resize((new, self._bits.shape[1]), refcheck=False)
 
-    def _settle(self, rows: NDArray[np.uint32], todo: NDArray[np.uint64], found: NDArray) -> None:
-        """Store the values: from now on these rows know the lights in `todo`."""
+    def _settle(self, rows: NDArray[np.uint32], need: NDArray[np.uint64], own: NDArray[np.uint32],
+                todo: NDArray[np.uint64], found: NDArray) -> NDArray | None:
+        """Store the values `found`: from now on the rows `own` know the lights in `todo`.
+
+        Return `values` of all rows, or None if other threads are still computing some; also for other reasons.
+        """
+        value, lights = None, np.empty(self.words, np.uint64)
         if self._channels:
             # each value is found once, and was 0 before
-            self._numbers[rows] += found.astype(self._numbers.dtype, copy=False)
+            self._numbers[own] += found.astype(self._numbers.dtype, copy=False)
+            done = self._learn(own, todo, lights, 0)
         else:
-            _put(self._bits, rows, todo.view(np.uint8), found.view(np.uint8))
-        done, lights = 0, np.empty(self.words, np.uint64)
-        while True:
-            k = self._known
-            done = _learn(k.words, k.size, k.table, k.number, rows, todo, lights, done)
-            if done == len(rows):
-                return
+            k, out = self._known, np.zeros((len(rows), self.words), np.uint64)
+            _, done, settled, _ = together(
+                (_put, self._bits, own, todo.view(np.uint8), found.view(np.uint8)),
+                (_learn, k.words, k.size, k.table, k.number, own, todo, lights, 0),
+                (_settled, k.words, k.number, rows, need), (_gather, self._bits, rows, out.view(np.uint8)))
+            value = out if settled and done == len(own) else None
+        while done < len(own):  # there are more different sets of lights than there is room for
             self._known = self._known.renewed()
+            done = self._learn(own, todo, lights, done)
+        return value
+
+    def _learn(self, rows: NDArray[np.uint32], todo: NDArray[np.uint64], lights: NDArray[np.uint64], done: int) -> int:
+        """Note from row `done` on that these rows know the lights in `todo`; return how many are done."""
+        k = self._known
+        return _learn(k.words, k.size, k.table, k.number, rows, todo, lights, done)
