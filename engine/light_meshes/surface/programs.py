@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..scene.programs import OPERATIONS, PARAMETERS, Program, layer_of
 from .atmosphere import sky
 from .points import Points
-from .procedural import TEXTURES, noise
+from .procedural import TEXTURES
 from .shading import covered, sent_out
 from .textures import Texture
 
@@ -62,11 +62,9 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
                 registers.extend(_images(textures, points, alpha, *map(value, arguments)))
             elif name == "sky":
                 registers.extend(sky(len(points.P), *map(value, arguments)))
-            elif name == "noise":
-                colour = not asked.isdisjoint((len(registers) + 2, len(registers) + 3))
-                registers.extend(noise(len(points.P), *map(value, arguments), colour=colour))
             elif name in TEXTURES:
-                registers.extend(TEXTURES[name](len(points.P), *map(value, arguments)))
+                how = {"colour": bool({len(registers) + i for i in (2, 3)} & asked)} if name == "noise" else {}
+                registers.extend(TEXTURES[name](len(points.P), *map(value, arguments), **how))
             elif name == "table":
                 registers.append(_table(value(arguments[0]), np.array(arguments[1]), *map(bool, arguments[2:])))
             else:
