@@ -4,7 +4,7 @@ import bpy
 
 from ..export.materials import translate, typical
 from ..export.report import Report
-from ..properties import PARAMETERS, translated
+from ..surface_properties import PARAMETERS, translated
 from .panel import LightMeshesPanel, in_shader_editor, paragraph
 
 

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from .film.passes import PASSES
     from .frontends.program import Picture, read_snapshot, render, write_snapshot
     from .picture.render import Cancelled
-    from .scene.description import Camera, Geometry, Image, Light, Material, Object, Scene, Settings, Shape
+    from .scene.description import Camera, Image, Light, Material, Object, Scene, Settings, Shape
     from .scene.errors import SceneError
+    from .scene.geometry import Geometry
     from .scene.mesh import Mesh, box, cylinder, rectangle, sphere
     from .scene.transforms import rotate_x, rotate_y, rotate_z, scale, translate
     from .support.sources import KernelError
@@ -26,9 +27,9 @@ else:
         "film.passes": ("PASSES",),
         "frontends.program": ("Picture", "read_snapshot", "render", "write_snapshot"),
         "picture.render": ("Cancelled",),
-        "scene.description": (
-            "Camera", "Geometry", "Image", "Light", "Material", "Object", "Scene", "Settings", "Shape"),
+        "scene.description": ("Camera", "Image", "Light", "Material", "Object", "Scene", "Settings", "Shape"),
         "scene.errors": ("SceneError",),
+        "scene.geometry": ("Geometry",),
         "scene.mesh": ("Mesh", "box", "cylinder", "rectangle", "sphere"),
         "scene.transforms": ("rotate_x", "rotate_y", "rotate_z", "scale", "translate"),
         "support.sources": ("KernelError",),

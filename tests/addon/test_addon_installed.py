@@ -1,6 +1,10 @@
-"""The zip works as an artist installs it: only Blender, no other Python, no network, a new user folder."""
+"""The zip works as an artist installs it: only Blender, no other Python, no network, a new user folder. And the wheel
+in it could be published.
+"""
 
+import base64
 import copy
+import hashlib
 import importlib.util
 import json
 import os
@@ -27,11 +31,31 @@ def builder(root: Path):
     return module
 
 
+build = builder(ROOT)
+libraries = sys.modules["libraries"]  # as build imported it, so that its errors are the same classes
+HERE = build.PLATFORMS[PLATFORM].target
+
+
+@pytest.fixture(scope="module")
+def zipped(tmp_path_factory):
+    """The zip for this system."""
+    return build.build_zip(PLATFORM, tmp_path_factory.mktemp("zip"))[0]
+
+
+@pytest.fixture(scope="module")
+def wheels(zipped, tmp_path_factory):
+    """The wheels in the zip, the engine's own first."""
+    folder = tmp_path_factory.mktemp("wheels")
+    with zipfile.ZipFile(zipped) as archive:
+        paths = [Path(archive.extract(name, folder)) for name in archive.namelist() if name.startswith("wheels/")]
+    return sorted(paths, key=lambda path: not path.name.startswith("light_meshes-"))
+
+
 class Installed:
     """A Blender of its own, offline, with the add-on installed from a zip."""
 
-    def __init__(self, blender: str, folder: Path) -> None:
-        for name in ("user", "tmp", "home", "no programs", "wheels"):
+    def __init__(self, blender: str, folder: Path, path: Path, wheels: list[Path]) -> None:
+        for name in ("user", "tmp", "home", "no programs"):
             (folder / name).mkdir()
         self.blender, self.folder, self.user, self.tmp = blender, folder, folder / "user", folder / "tmp"
         self._alone = [shutil.which("unshare"), "-rn"] if shutil.which("unshare") else []
@@ -43,14 +67,10 @@ class Installed:
         }
         said = self.run("-b", "--python-expr", "import sys; print('PYTHON', *sys.version_info[:2])")
         self.version = ".".join(re.search(r"PYTHON (\d+) (\d+)", said).groups())
-        build, newer = builder(ROOT), self._newer_checkout(folder / "newer")
         assert self.version in build.PYTHONS
-        self.zip, self.newer = build.build_zip(PLATFORM, folder)[0], folder / "newer.zip"
-        with zipfile.ZipFile(self.zip) as archive:
-            packages = [archive.extract(name, folder) for name in archive.namelist() if name.startswith("wheels/")]
-        wheels = [Path(path) for path in packages if not Path(path).name.startswith("light_meshes-")]
-        engine, _ = newer.build_wheel(build.PLATFORMS[PLATFORM].target, folder)
-        newer.write_zip(PLATFORM, [engine, *wheels], self.newer)
+        self.zip, self.newer = path, folder / "newer.zip"
+        newer = self._newer_checkout(folder / "newer")
+        newer.write_zip(PLATFORM, [_newer_wheel(wheels[0], folder), *wheels[1:]], self.newer)
 
     def run(self, *arguments, program=None, code=0) -> str:
         """What Blender, or another program, says until it has ended."""
@@ -74,22 +94,99 @@ class Installed:
     def _newer_checkout(folder: Path):
         for name in ("addon", "engine"):
             shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-        for name in ("LICENSE", "README.md", "pyproject.toml", "setup.py"):
-            shutil.copy(ROOT / name, folder)
+        shutil.copy(ROOT / "LICENSE", folder)
         for name in ("addon/blender_manifest.toml", "engine/light_meshes/__init__.py"):
-            text = (folder / name).read_text(encoding="utf-8")
-            (folder / name).write_text(re.sub(r'(?m)(^(?:__)?version(?:__)? = ")[\d.]+"', r'\g<1>99.0.0"', text))
+            (folder / name).write_text(_renumbered((folder / name).read_text(encoding="utf-8")))
         return builder(folder)
 
 
+def _renumbered(text: str) -> str:
+    return re.sub(r'(?m)(^(?:__)?version(?:__)? = ")[\d.]+"', r'\g<1>99.0.0"', text)
+
+
+def _newer_wheel(wheel: Path, folder: Path) -> Path:
+    """The wheel of version 99.0.0: of the same sources and kernels, which have no version in them."""
+    old = build.version()
+    path = folder / wheel.name.replace(old, "99.0.0")
+    rows = []
+    with zipfile.ZipFile(wheel) as archive, zipfile.ZipFile(path, "w") as new:
+        for name in archive.namelist():
+            data, place = archive.read(name), name.replace(f"-{old}.dist-info", "-99.0.0.dist-info")
+            if name.endswith(("light_meshes/__init__.py", "blender_manifest.toml")):
+                data = _renumbered(data.decode()).encode()
+            elif name.endswith(".dist-info/METADATA"):
+                data = data.replace(f"\nVersion: {old}\n".encode(), b"\nVersion: 99.0.0\n")
+            elif name.endswith(".dist-info/RECORD"):
+                data = "".join([*rows, f"{place},,\n"]).encode()
+            digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")
+            rows.append(f"{place},sha256={digest},{len(data)}\n")
+            new.writestr(place, data)
+    return path
+
+
 @pytest.fixture(scope="module")
-def installed(blender_path, tmp_path_factory):
-    found = Installed(blender_path, tmp_path_factory.mktemp("installed"))
+def installed(blender_path, zipped, wheels, tmp_path_factory):
+    found = Installed(blender_path, tmp_path_factory.mktemp("installed"), zipped, wheels)
     assert "Success" in found.run("--command", "extension", "validate", found.zip)
     found.run("--command", "extension", "install-file", "-r", "user_default", "--enable", found.zip)
     found.run("-b", "--python-exit-code", "3", "--python-expr",
               SCENE + f"bpy.ops.wm.save_as_mainfile(filepath={str(found.folder / 'scene.blend')!r})")
     return found
+
+
+@pytest.mark.slow
+def test_the_wheel_can_be_published_and_is_reproducible(wheels, tmp_path):
+    wheel = wheels[0]
+    target = build.TARGETS[HERE]
+    assert wheel.name == f"light_meshes-{build.version()}-py3-none-{target.wheel}.whl"
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+        metadata = archive.read(f"light_meshes-{build.version()}.dist-info/METADATA").decode()
+    engine = {p.relative_to(ROOT / "engine").as_posix() for p in (ROOT / "engine").rglob("*.py")}
+    addon = {f"light_meshes_addon/{p.relative_to(build.ADDON).as_posix()}" for p in build.ADDON.rglob("*.py")
+             if p.name not in build.TOOLS}
+    kernels = {f"light_meshes/{build.library(target.system, level)}" for level in target.levels}
+    assert names == engine | addon | kernels | {"light_meshes/py.typed", "light_meshes_addon/blender_manifest.toml"}
+    needs = {re.match(r"[\w-]+", line)[0] for line in re.findall("^Requires-Dist: (.*)$", metadata, re.M)
+             if "extra ==" not in line}
+    assert needs == {"numpy", "embreex", "OpenImageIO"}
+    assert build.build_wheel(HERE, tmp_path)[0].read_bytes() == wheel.read_bytes()
+
+
+@pytest.mark.slow
+def test_what_a_wheel_is_not_is_told(wheels, tmp_path):
+    wheel = wheels[0]
+    target = build.TARGETS[HERE]
+    elsewhere = "manylinux2014_aarch64" if target.system == "darwin" else "macosx_11_0_arm64"
+    names = {build.library(target.system, level) for level in target.levels}
+
+    def check(version=None, tag=target.wheel, libraries_=names, **members):
+        """The check of a wheel with another version, tag or list of libraries, or with members added."""
+        version = version or build.version()
+        path = tmp_path / f"light_meshes-{version}-py3-none-{tag}.whl"
+        info = f"light_meshes-{build.version()}.dist-info"
+        with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(path, "w") as new:
+            for name in old.namelist():
+                data = old.read(name)
+                if name == f"{info}/WHEEL":
+                    data = data.replace(target.wheel.encode(), tag.encode())
+                new.writestr(name.replace(build.version(), version), data.replace(
+                    f"\nVersion: {build.version()}\n".encode(), f"\nVersion: {version}\n".encode()))
+            for name, data in members.items():
+                new.writestr(name, data)
+        return libraries.check_wheel(path, version, tag, libraries_)
+
+    assert len(check()) == len(names)
+    for wrong, says in (
+        ({"version": build.version() + "+abcd"}, "is not the name of version"),
+        ({"tag": elsewhere}, f"is for {target.system} {HERE.split('-')[1]}"),
+        ({"libraries_": {"kernels.pyd"}}, "should hold"),
+        ({"numba": b""}, "has or needs numba"),
+        ({"tag": "manylinux_2_5_x86_64"}, "newer than the tag says") if target.system == "linux" else ({}, None),
+    ):
+        if says:
+            with pytest.raises(libraries.LibraryError, match=re.escape(says)):
+                check(**wrong)
 
 
 def assert_right(picture):
@@ -190,7 +287,8 @@ def test_nothing_is_left(installed):
     assert found["VERSIONS"] == [[99, 0, 0], ["light_meshes-99.0.0.dist-info"]]
     assert found["UNINSTALLED"].pop("files")[1] == [] and found["UNINSTALLED"] == {}
     # Blender 4.3 keeps all property groups that have an update function, whoever's.
-    assert found["MODULES"] == [] and not [name for name in found["ALIVE"] if ".properties." not in name]
+    assert found["MODULES"] == [] and not [
+        name for name in found["ALIVE"] if not re.search(r"\.(surface_)?properties\.", name)]
     assert not list(installed.tmp.iterdir())
     left = [p for p in installed.user.rglob("*") if p.is_file() and p.name not in {"userpref.blend", "compat.dat"}]
     assert not left

@@ -46,7 +46,7 @@ def test_labels_are_written_as_blenders(addon):
 
 def test_the_material_panel_shows_translated_colors(scene, node_material):
     from light_meshes_addon.export.materials import translated_value
-    from light_meshes_addon.properties import translated
+    from light_meshes_addon.surface_properties import translated
 
     material = node_material("Red", 'ShaderNodeBsdfDiffuse', Color=(0.8, 0.1, 0.2, 1))
     translated[material.session_uid] = {name: translated_value(material, name) for name in ("Od", "mirror")}

@@ -31,6 +31,7 @@ from viewport_tools import (
 )
 
 SLOW_SECONDS = 2.0  # of a first picture
+MOST_ROUNDS = 12  # in which the scene is made slower, until its first picture takes that long
 
 
 def story():
@@ -99,15 +100,23 @@ def slow(scene, ball):
     scene.frame_start, scene.frame_end = 1, 1000
 
     def slower():
-        """Twice as many rays, as far as they may be chosen, and more lamps."""
-        own.light_samples = min(2 * own.light_samples, 65536)
-        for i in range(4):
+        """Twice as many rays, as far as they may be chosen; then twice as many lamps. Not more, as what follows takes
+        several times as long as a first picture.
+        """
+        lamps = [ob for ob in scene.objects if ob.type == 'LIGHT']
+        if own.light_samples < 65536:
+            own.light_samples *= 2
+            return
+        for i in range(len(lamps)):
             lamp = bpy.data.objects.new("Lamp", bpy.data.objects["Light"].data)
-            lamp.location = i, 3, 5
+            lamp.location = i % 8, 3 + i // 8, 5
             scene.collection.objects.link(lamp)
 
-    took = 0.0
+    took, rounds = 0.0, 0
     while took < SLOW_SECONDS:
+        if (rounds := rounds + 1) > MOST_ROUNDS:
+            raise TimeoutError(f"the first picture takes {took:.2f} s only, with {own.light_samples} rays to each of "
+                               f"{sum(ob.type == 'LIGHT' for ob in scene.objects)} lamps")
         yield from first_after(slower)  # whose first picture comes may be the one before
         took = math.inf
         for _ in range(2):  # the machine may have been busy with others

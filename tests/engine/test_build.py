@@ -1,6 +1,6 @@
-"""What addon/build.py writes for each platform: wheels that could be published, and zips for every Blender.
+"""What addon/build.py writes for other platforms, what it refuses, and what the zips' manifests say.
 
-tests/addon/test_addon_installed.py installs a zip.
+tests/addon/test_addon_installed.py builds this platform's zip, looks at the wheel in it, and installs it.
 """
 
 import importlib.util
@@ -26,13 +26,6 @@ def _load(name):
 
 build = _load("build")
 libraries = sys.modules["libraries"]  # as build imported it, so that its errors are the same classes
-HERE = next(name for name, t in build.TARGETS.items() if t.system == sys.platform and name.endswith("x86_64"))
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    """The wheel for this system on x86-64."""
-    return build.build_wheel(HERE, tmp_path_factory.mktemp("wheel"))[0]
 
 
 def test_the_version_stands_in_one_place():
@@ -87,64 +80,12 @@ def test_the_folder_is_a_valid_extension():
 
 
 @pytest.mark.slow
-def test_a_wheel_can_be_published_and_is_reproducible(wheel, tmp_path):
-    target = build.TARGETS[HERE]
-    assert wheel.name == f"light_meshes-{build.version()}-py3-none-{target.wheel}.whl"
-    with zipfile.ZipFile(wheel) as archive:
-        names = {name for name in archive.namelist() if ".dist-info/" not in name}
-        metadata = archive.read(f"light_meshes-{build.version()}.dist-info/METADATA").decode()
-    engine = {p.relative_to(ROOT / "engine").as_posix() for p in (ROOT / "engine").rglob("*.py")}
-    addon = {f"light_meshes_addon/{p.relative_to(ADDON).as_posix()}" for p in ADDON.rglob("*.py")
-             if p.name not in build.TOOLS}
-    kernels = {f"light_meshes/{build.library(target.system, level)}" for level in target.levels}
-    assert names == engine | addon | kernels | {"light_meshes/py.typed", "light_meshes_addon/blender_manifest.toml"}
-    needs = {re.match(r"[\w-]+", line)[0] for line in re.findall("^Requires-Dist: (.*)$", metadata, re.M)
-             if "extra ==" not in line}
-    assert needs == {"numpy", "embreex", "OpenImageIO"}
-    assert build.build_wheel(HERE, tmp_path)[0].read_bytes() == wheel.read_bytes()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("other", ["darwin-arm64", "linux-arm64"])
 def test_wheels_are_built_for_other_platforms(other, tmp_path):
     path, said = build.build_wheel(other, tmp_path)
     system, machine = other.split("-")
     assert path.name.endswith(f"-py3-none-{build.TARGETS[other].wheel}.whl")
     assert said.startswith("light_meshes/kernels.") and f": {system} {machine}, needs " in said
-
-
-@pytest.mark.slow
-def test_what_a_wheel_is_not_is_told(wheel, tmp_path):
-    target = build.TARGETS[HERE]
-    names = {build.library(target.system, level) for level in target.levels}
-
-    def check(version=None, tag=target.wheel, libraries_=names, **members):
-        """The check of a wheel with another version, tag or list of libraries, or with members added."""
-        version = version or build.version()
-        path = tmp_path / f"light_meshes-{version}-py3-none-{tag}.whl"
-        info = f"light_meshes-{build.version()}.dist-info"
-        with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(path, "w") as new:
-            for name in old.namelist():
-                data = old.read(name)
-                if name == f"{info}/WHEEL":
-                    data = data.replace(target.wheel.encode(), tag.encode())
-                new.writestr(name.replace(build.version(), version), data.replace(
-                    f"\nVersion: {build.version()}\n".encode(), f"\nVersion: {version}\n".encode()))
-            for name, data in members.items():
-                new.writestr(name, data)
-        return libraries.check_wheel(path, version, tag, libraries_)
-
-    assert len(check()) == len(names)
-    for wrong, says in (
-        ({"version": build.version() + "+abcd"}, "is not the name of version"),
-        ({"tag": "macosx_11_0_arm64"}, f"is for {target.system} x86_64"),
-        ({"libraries_": {"kernels.pyd"}}, "should hold"),
-        ({"numba": b""}, "has or needs numba"),
-        ({"tag": "manylinux_2_5_x86_64"}, "newer than the tag says") if target.system == "linux" else ({}, None),
-    ):
-        if says:
-            with pytest.raises(libraries.LibraryError, match=re.escape(says)):
-                check(**wrong)
 
 
 def test_what_a_library_may_not_need():

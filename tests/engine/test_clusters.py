@@ -10,6 +10,7 @@ from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import render_image
 from light_meshes.rays.geometry import Hits
 from light_meshes.scene.material import Material
+from light_meshes.shadows import grouped
 from light_meshes.shadows.grouped import tree
 from light_meshes.surface import clusters, colours, shading
 from scenes import point, with_lights
@@ -71,7 +72,7 @@ def test_light_without_shadows_is_within_the_bound(seed, bent, threshold):
     arrays = shading.light_arrays(lights)
     hits, way, Od = receivers(random, 70, bent)
     lit = shading.Lit(arrays, hits.table, hits, way, Od)
-    asked = clusters.Clusters(arrays, *tree(Setup(lights)))(lit, hits.Ng, threshold)
+    asked = clusters.Clusters(arrays, *tree(Setup(lights)))(lit, hits.Ng, np.full(70, threshold))
     active, exact, found = np.empty_like(asked.active), np.zeros((70, 3)), np.zeros((70, 3))
     shading.reaching(lit, False, active)
     bits = np.unpackbits(active.view(np.uint8), axis=1, count=len(lights), bitorder="little")
@@ -100,7 +101,8 @@ def direct(scene):
     if ready.lighting._clusters is None:
         return sums.colour, None, ready
     lit = ready.lighting._surfaces(hits, direction, colours.matt(hits, ready.world.textures))
-    return sums.colour, ready.lighting._clusters(lit, hits.Ng, scene.settings.light_threshold).bound, ready
+    return sums.colour, ready.lighting._clusters(
+        lit, hits.Ng, np.full(len(hits.P), scene.settings.light_threshold)).bound, ready
 
 
 @pytest.mark.parametrize("threshold", [0.005, 0.1])
@@ -111,13 +113,23 @@ def test_the_light_with_shadows_is_within_the_bound(threshold):
     error = np.abs(found - exact).max(1)
     assert error.max() > 0 and (error <= bound * (1 + 1e-5) + 1e-6).all()
     assert error.mean() < 0.2 * bound.mean()  # as a rule far below it
-    assert ready.stats.counts["grouped_receivers"] == len(exact)
+    assert ready.stats.counts["grouped_receivers"] == len(exact) * grouped.PARTS
 
 
 def test_tiles_and_threads_change_nothing():
     a, b = (render_image(crowded(light_threshold=0.05), threads=n, tile_size=size) for n, size in ((1, 64), (2, 8)))
     assert np.array_equal(a.passes["Combined"], b.passes["Combined"])
     assert a.statistics["light_bound"] > 0
+
+
+def test_what_rough_mirrors_show_does_not_depend_on_tiles_either():
+    """There receivers are put in an order by their places."""
+    metal = Material("metal", Od=(0, 0, 0), kd=0.0, highlight="GGX", roughness=0.7, metal=1.0, blurred=True)
+    scene = replace(crowded(light_threshold=0.05, mode="WHITTED"), materials=(metal,))
+    a, b = (render_image(scene, threads=n, tile_size=size) for n, size in ((1, 64), (2, 8)))
+    assert a.statistics["secondary_rays"] > 0
+    assert np.array_equal(a.passes["Combined"], b.passes["Combined"])
+    assert a.statistics["light_bound"] == b.statistics["light_bound"]
 
 
 @pytest.mark.parametrize("why", ["few", "links", "spots"])

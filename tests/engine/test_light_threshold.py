@@ -53,7 +53,7 @@ def test_the_error_is_below_the_bound(threshold):
     assert (error <= bound * (1 + 1e-6) + 1e-6).all() and error.max() > 0
     share = (bound / e.sum(1)).mean()
     counts = ready.stats.counts
-    assert counts["grouped_light"] / 2**30 / counts["grouped_receivers"] == pytest.approx(share, rel=1e-3)
+    assert counts["grouped_light"] / counts["grouped_receivers"] == pytest.approx(share, rel=1e-3)
     for row in range(0, len(e), 97):
         for lamp in np.unique(group[row][group[row] >= 0]):
             members = np.flatnonzero(group[row] == lamp)

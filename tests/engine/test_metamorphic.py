@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -152,10 +153,19 @@ TO_A_ROUNDING = [rotate, mirror, enlarge, move, permute_triangles, permute_light
 Change = Callable[[Scene, np.random.Generator], Changed]
 
 
-def pictures(change: Change, kind: str, seed: int) -> tuple[Scene, np.ndarray, np.ndarray]:
+@cache
+def unchanged(seed: int, kind: str) -> tuple[Scene, np.ndarray]:
+    """An example and its picture, which all changes are compared with."""
     scene = example(seed, kind)
+    picture = render_image(scene).passes["Combined"][..., :3].astype(float)
+    picture.setflags(write=False)
+    return scene, picture
+
+
+def pictures(change: Change, kind: str, seed: int) -> tuple[Scene, np.ndarray, np.ndarray]:
+    scene, first = unchanged(seed, kind)
     other, backwards = change(scene, np.random.default_rng(seed))
-    first, second = (render_image(s).passes["Combined"][..., :3].astype(float) for s in (scene, other))
+    second = render_image(other).passes["Combined"][..., :3].astype(float)
     return scene, first, second[:, ::-1] if backwards else second
 
 

@@ -63,3 +63,11 @@ def test_functions_are_found():
     """Or the test above says nothing."""
     assert functions(ROOT / "engine/light_meshes/rays/embree.c")["embree_near"] > 20
     assert functions(Path(__file__))["functions"] > 10
+
+
+def test_the_files_that_begin_are_there():
+    """conftest.py names them, and nothing would tell that one has another name now."""
+    tree = ast.parse((ROOT / "tests" / "conftest.py").read_text(encoding="utf-8"))
+    names = next(ast.literal_eval(node.value) for node in tree.body
+                 if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "LONGEST")
+    assert all(len(list((ROOT / "tests").glob(f"*/test_{name}.py"))) == 1 for name in names)

@@ -1,8 +1,9 @@
-"""A sheet of balls and tilted squares of shiny materials, by this bpy's Cycles and by Light Meshes.
+"""Sheets of balls and tilted squares of shiny materials, by this bpy's Cycles and by Light Meshes.
 
-For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER SHEET LAMP.PART …, where the sheet is lobes,
-mixes or bumps, and the part is diffuse, gloss, or whole: writes LAMP.PART.ours.npy and LAMP.PART.theirs.npy (rows from
-the bottom, RGB), and cells.json, the materials' names in the order of the cells.
+For any Python with a bpy, see test_ggx.py. python ggx_pictures.py FOLDER SHEET:LAMP.PART,LAMP.PART… …, where the sheet
+is lobes, mixes or bumps, and the part is diffuse, gloss, or whole: writes SHEET/LAMP.PART.ours.npy and
+SHEET/LAMP.PART.theirs.npy (rows from the bottom, RGB), and SHEET/cells.json, the materials' names in the order of the
+cells.
 """
 
 import json
@@ -257,11 +258,10 @@ def picture(scene, engine, file):
     return pixels
 
 
-def main(folder, name, *wanted):
+def draw(folder, name, wanted):
     """Mixes and bumps give each other no light and no shadows; mixes have more samples, since Cycles takes one side by
     chance.
     """
-    light_meshes_addon.register()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene, found = bpy.context.scene, {"lobes": cases, "mixes": mixes, "bumps": bumps}[name]()
     middle, alone = sheet(scene, found), name in ("mixes", "bumps")
@@ -284,6 +284,13 @@ def main(folder, name, *wanted):
             np.save(folder / f"{name}.{part}.{whose}.npy", picture(scene, engine, folder / "picture.exr"))
         bpy.data.objects.remove(lamp)
     (folder / "cells.json").write_text(json.dumps(list(found)))
+
+
+def main(folder, *sheets):
+    light_meshes_addon.register()
+    for name, _, wanted in (s.partition(":") for s in sheets):
+        (folder / name).mkdir()
+        draw(folder / name, name, wanted.split(","))
     from light_meshes_addon.headless import leave
     light_meshes_addon.unregister()
     leave(0)

@@ -20,26 +20,36 @@ MOST = {"diffuse": (0.005, 0.03), "gloss": (0.03, 0.12), "whole": (0.01, 0.12)}
 PICTURES = ["sun.diffuse", "area.diffuse", "point.gloss", "sun.gloss", "spot.gloss", "area.gloss"]
 
 
-def draw(python, folder, sheet, wanted):
-    """Draw the pictures `wanted` of a sheet by a Python's bpy; returns the materials' names."""
+def draw(python, folder, **sheets):
+    """Draw pictures of sheets by a Python's bpy: sheet → those that are wanted. Returns sheet → (its folder, the
+    materials' names).
+    """
     import light_meshes_addon
 
     packages = folder / "packages"
-    if not packages.exists():
-        packages.mkdir()
-        (packages / "light_meshes_addon").symlink_to(Path(light_meshes_addon.__file__).parent)
+    packages.mkdir()
+    (packages / "light_meshes_addon").symlink_to(Path(light_meshes_addon.__file__).parent)
     environment = os.environ | {"PYTHONPATH": str(packages), "LIGHT_MESHES_PYTHON": sys.executable,
                                 "TMPDIR": str(folder)}
-    done = subprocess.run([python, str(HERE / "ggx_pictures.py"), str(folder), sheet, *wanted], env=environment,
-                          capture_output=True, text=True, timeout=200)
-    assert (folder / "cells.json").exists(), done.stdout[-3000:] + done.stderr[-3000:]
-    return json.loads((folder / "cells.json").read_text())
+    jobs = [f"{name}:{','.join(wanted)}" for name, wanted in sheets.items()]
+    done = subprocess.run([python, str(HERE / "ggx_pictures.py"), str(folder), *jobs], env=environment,
+                          capture_output=True, text=True, timeout=600)
+    files = {name: folder / name / "cells.json" for name in sheets}
+    assert all(file.exists() for file in files.values()), done.stdout[-3000:] + done.stderr[-3000:]
+    return {name: (file.parent, json.loads(file.read_text())) for name, file in files.items()}
 
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("ggx")
-    return folder, draw(sys.executable, folder, "lobes", PICTURES)
+    return draw(sys.executable, tmp_path_factory.mktemp("ggx"), lobes=PICTURES, mixes=["sun.whole", "area.whole"],
+                bumps=["sun.diffuse", "sun.gloss"])
+
+
+@pytest.fixture(scope="module", params=PYTHONS or [pytest.param(
+    None, marks=pytest.mark.skip(reason="LIGHT_MESHES_BPY_PYTHONS names no Python with another bpy"))])
+def drawn_elsewhere(request, tmp_path_factory):
+    return draw(request.param, tmp_path_factory.mktemp("ggx"), lobes=["sun.diffuse", "sun.gloss"],
+                mixes=["sun.whole"], bumps=["sun.diffuse"])
 
 
 def inside():
@@ -71,35 +81,27 @@ def compare(folder, names, name):
 
 @pytest.mark.parametrize("name", PICTURES)
 def test_lit_as_in_cycles(drawn, name):
-    folder, names = drawn
     # Not all have a diffuse part, and not all shine.
-    assert compare(folder, names, name) >= (30 if name.endswith("diffuse") else 50)
+    assert compare(*drawn["lobes"], name) >= (30 if name.endswith("diffuse") else 50)
 
 
-def test_mixed_shaders_are_as_in_cycles(tmp_path):
-    names = draw(sys.executable, tmp_path, "mixes", ["sun.whole", "area.whole"])
+def test_mixed_shaders_are_as_in_cycles(drawn):
     for name in ("sun.whole", "area.whole"):
-        assert compare(tmp_path, names, name) == 2 * len(names)
+        assert compare(*drawn["mixes"], name) == 2 * len(drawn["mixes"][1])
 
 
-def test_bumps_are_lit_as_in_cycles(tmp_path):
+def test_bumps_are_lit_as_in_cycles(drawn):
     """What is scattered is softened, and mirrors do not show what is inside."""
-    names = draw(sys.executable, tmp_path, "bumps", ["sun.diffuse", "sun.gloss"])
-    assert compare(tmp_path, names, "sun.diffuse") >= 18 and compare(tmp_path, names, "sun.gloss") >= 12
+    assert compare(*drawn["bumps"], "sun.diffuse") >= 18 and compare(*drawn["bumps"], "sun.gloss") >= 12
 
 
-@pytest.mark.parametrize("python", PYTHONS or [pytest.param(
-    None, marks=pytest.mark.skip(reason="LIGHT_MESHES_BPY_PYTHONS names no Python with another bpy"))])
-def test_in_every_blender(python, tmp_path):
-    names = draw(python, tmp_path, "lobes", ["sun.diffuse", "sun.gloss"])
-    assert compare(tmp_path, names, "sun.diffuse") >= 30 and compare(tmp_path, names, "sun.gloss") >= 50
+def test_in_every_blender(drawn_elsewhere):
+    lobes = drawn_elsewhere["lobes"]
+    assert compare(*lobes, "sun.diffuse") >= 30 and compare(*lobes, "sun.gloss") >= 50
 
 
-@pytest.mark.parametrize("python", PYTHONS or [pytest.param(
-    None, marks=pytest.mark.skip(reason="LIGHT_MESHES_BPY_PYTHONS names no Python with another bpy"))])
-def test_mixes_and_bumps_in_every_blender(python, tmp_path):
-    names = draw(python, tmp_path, "mixes", ["sun.whole"])
-    assert compare(tmp_path, names, "sun.whole") == 2 * len(names)
-    if "two diffuse: .35" in names:  # Blender 4.3 and later soften bumps by another formula than those before
-        names = draw(python, tmp_path, "bumps", ["sun.diffuse"])
-        assert compare(tmp_path, names, "sun.diffuse") >= 18
+def test_mixes_and_bumps_in_every_blender(drawn_elsewhere):
+    mixes = drawn_elsewhere["mixes"]
+    assert compare(*mixes, "sun.whole") == 2 * len(mixes[1])
+    if "two diffuse: .35" in mixes[1]:  # Blender 4.3 and later soften bumps by another formula than those before
+        assert compare(*drawn_elsewhere["bumps"], "sun.diffuse") >= 18

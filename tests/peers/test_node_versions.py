@@ -13,31 +13,42 @@ from node_pictures import agree
 oiio = pytest.importorskip("OpenImageIO")
 SUPPORT = Path(__file__).parents[1] / "support"
 PYTHONS = [sys.executable, *(p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p)]
-pytestmark = [pytest.mark.slow, pytest.mark.parametrize("python", PYTHONS)]
+pytestmark = pytest.mark.slow
+TREES = ["bumps", "others", "lamps", "suns", "area lamps", "worlds"]
+CATALOGUE = ["values", "images", "inputs", "muted", "structures", "sources"]
 
 
 def picture(path):
     return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT))[..., :3]
 
 
-def sheet(python, name, tmp_path, *more):
-    """Both engines' pictures of a sheet, by that Python; more: further arguments of node_versions.py."""
+@pytest.fixture(scope="module", params=PYTHONS)
+def sheets(request, tmp_path_factory):
+    """(name) → both engines' pictures of a sheet, and the names of its cells. One process draws all of them."""
     import light_meshes_addon
 
-    (tmp_path / "packages").mkdir()
-    (tmp_path / "packages" / "light_meshes_addon").symlink_to(Path(light_meshes_addon.__file__).parent)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path / "packages"), str(SUPPORT)]),
-                                "LIGHT_MESHES_PYTHON": sys.executable, "TMPDIR": str(tmp_path)}
-    files = [tmp_path / "ours.exr", tmp_path / "theirs.exr"]
-    done = subprocess.run([python, str(SUPPORT / "node_versions.py"), name, *map(str, files), *more], env=environment,
-                          capture_output=True, text=True, timeout=400)
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    return map(picture, files)
+    folder = tmp_path_factory.mktemp("sheets")
+    (folder / "packages").mkdir()
+    (folder / "packages" / "light_meshes_addon").symlink_to(Path(light_meshes_addon.__file__).parent)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder / "packages"), str(SUPPORT)]),
+                                "LIGHT_MESHES_PYTHON": sys.executable, "TMPDIR": str(folder)}
+    done = subprocess.run([request.param, str(SUPPORT / "node_versions.py"), folder, *TREES, *CATALOGUE],
+                          env=environment, capture_output=True, text=True, timeout=1200)
+    said = done.stdout[-3000:] + done.stderr[-3000:]
+
+    def drawn(name):
+        files = [folder / f"{name}.{whose}.exr" for whose in ("ours", "theirs")]
+        assert all(file.exists() for file in files), said
+        names = folder / f"{name}.json"
+        return *map(picture, files), json.loads(names.read_text()) if names.exists() else None
+
+    yield drawn
+    assert done.returncode == 0, said
 
 
-@pytest.mark.parametrize("name", ["bumps", "others", "lamps", "suns", "area lamps", "worlds"])
-def test_a_sheet_of_trees(python, name, tmp_path):
-    ours, theirs = sheet(python, name, tmp_path)
+@pytest.mark.parametrize("name", TREES)
+def test_a_sheet_of_trees(sheets, name):
+    ours, theirs, _ = sheets(name)
     for y in range(0, len(ours), 32):
         for x in range(0, ours.shape[1], 32):
             cell = np.s_[y:y + 32, x:x + 32]
@@ -45,11 +56,11 @@ def test_a_sheet_of_trees(python, name, tmp_path):
                 agree(ours[cell], theirs[cell])
 
 
-@pytest.mark.parametrize("name", ["values", "images", "inputs", "muted", "structures", "sources"])
-def test_the_catalogue(python, name, tmp_path):
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_the_catalogue(sheets, name):
     """Every node with each of its choices: in the median within .5 %, and of what is no edge 99 % within 3 %."""
-    ours, theirs = ((a - 0.5) / 0.12 for a in sheet(python, name, tmp_path, str(tmp_path / "cells.json")))
-    cell, columns, labels = json.loads((tmp_path / "cells.json").read_text())
+    ours, theirs, (cell, columns, labels) = sheets(name)
+    ours, theirs = ((a - 0.5) / 0.12 for a in (ours, theirs))
     seam = np.abs(np.add.outer(np.arange(cell), np.arange(cell)) - cell + 1) <= 1  # between a plane's two triangles
     wrong = []
     for i, label in enumerate(labels):

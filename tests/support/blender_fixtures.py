@@ -288,6 +288,8 @@ def play_story(blender_path, blender_environment, display, tmp_path_factory):
                                        env=environment, stdout=f, stderr=f)
             try:
                 process.wait(1500)
+            except subprocess.TimeoutExpired:
+                pytest.fail(f"{script} has not ended after 25 minutes:\n" + log.read_text(errors="replace")[-4000:])
             finally:
                 process.kill()
                 process.wait()

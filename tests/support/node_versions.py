@@ -1,6 +1,6 @@
-"""A sheet of node trees by this bpy's Cycles and by Light Meshes: for a Python with another bpy, see
-test_node_versions.py. Arguments: which sheet, and the two files to write, and for a sheet of the catalogue a third
-one for the names of its cells.
+"""Sheets of node trees by this bpy's Cycles and by Light Meshes: for a Python with another bpy, see
+test_node_versions.py. Arguments: a folder, and which sheets. Of each it writes NAME.ours.exr and NAME.theirs.exr, and
+for a sheet of the catalogue NAME.json, with the names of its cells.
 """
 
 import json
@@ -82,8 +82,8 @@ SHEETS = {"bumps": bumps, "others": others}
 CATALOGUE = node_catalogue.SHEETS | node_sources.SHEETS
 
 
-def main(name, *files):
-    light_meshes_addon.register()
+def draw(folder, name):
+    """Draw one sheet, in a scene of its own."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.view_settings.view_transform = 'Standard'
@@ -102,16 +102,23 @@ def main(name, *files):
     elif name in CATALOGUE:
         cases = CATALOGUE[name]()
         columns = node_catalogue.sheet(scene, cases, CELL)
-        Path(files[2]).write_text(json.dumps([CELL, columns, [label for label, _ in cases]]))
+        (folder / f"{name}.json").write_text(json.dumps([CELL, columns, [label for label, _ in cases]]))
     else:
         sheet(scene, list(SHEETS[name]()))
-    for engine, file in zip(('LIGHT_MESHES', 'CYCLES'), files[:2], strict=True):
+    for engine, whose in (('LIGHT_MESHES', "ours"), ('CYCLES', "theirs")):
         scene.render.engine = engine
         scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
         scene.render.image_settings.file_format = 'OPEN_EXR'
         scene.render.image_settings.color_depth = '32'
-        scene.render.filepath = file
+        scene.render.filepath = str(folder / f"{name}.{whose}.exr")
         bpy.ops.render.render(write_still=True)
+
+
+def main(folder, *names):
+    light_meshes_addon.register()
+    for name in names:
+        print("SHEET", name, flush=True)
+        draw(Path(folder), name)
     from light_meshes_addon.headless import leave
     light_meshes_addon.unregister()
     leave(0)

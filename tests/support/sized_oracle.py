@@ -89,11 +89,13 @@ def _cone(light: Light, way: np.ndarray) -> np.ndarray:
     return t * t * (3 - 2 * t)
 
 
-def both(light: Light, P: np.ndarray, N: np.ndarray, M: np.ndarray, n: float, grid: int = 400) -> tuple[float, float]:
-    """What `matt` and `gloss` return."""
+def all_of(light: Light, P: np.ndarray, N: np.ndarray, M: np.ndarray, shiny: tuple[float, ...],
+           grid: int = 400) -> list[float]:
+    """Return what `matt` returns, and then what `gloss` returns for each n of `shiny`."""
     way, sent, _ = parts(light, P, grid)
-    up = way @ N
-    return float((sent * np.maximum(up, 0)).sum()), float((sent * (up > 0) * np.maximum(way @ M, 0) ** n).sum())
+    up, mirrored = way @ N, np.maximum(way @ M, 0)
+    glossy = sent * (up > 0)
+    return [float((sent * np.maximum(up, 0)).sum()), *(float((glossy * mirrored**n).sum()) for n in shiny)]
 
 
 def matt(light: Light, P: np.ndarray, N: np.ndarray, grid: int = 400) -> float:

@@ -1,4 +1,4 @@
-"""The command `light-meshes contest`: would an artist choose this engine?
+"""The command `light-meshes contest`: compare time and error with Cycles, to see which engine an artist would choose.
 
 Scenes of `blend_scenes/contest` are rendered by this engine at Draft, Balanced and Fine, and by Cycles with several
 numbers of samples, with and without its denoiser, with the same bounces. All are judged against Cycles with many

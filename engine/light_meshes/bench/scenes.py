@@ -14,8 +14,9 @@ from ..frontends import blend
 from ..picture.prepared import Prepared
 from ..picture.render import measure
 from ..scene import snapshot
-from ..scene.description import Camera, Geometry, Light, Material, Object, Scene, Settings, Shape
+from ..scene.description import Camera, Light, Material, Object, Scene, Settings, Shape
 from ..scene.errors import SceneError
+from ..scene.geometry import Geometry
 from ..scene.mesh import box, cylinder, sphere
 from ..scene.transforms import scale, translate
 

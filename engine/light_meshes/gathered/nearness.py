@@ -1,4 +1,4 @@
-"""How near records are to edges that rise above their surface: what a record's own rays may miss, as it is small.
+"""How near records are to edges that rise above their surface, which a record's own rays may miss if they are small.
 
 For each size of cells, a table has a box around the edges in each cell where there are some.
 """

@@ -18,7 +18,7 @@ from .frosted import BENDS, frosted
 from .patched import patched
 from .prepared import Prepared
 from .reflections import background, going, reflected, softened
-from .wave import Rays, brightest, joined
+from .wave import Rays, beside_each_other, brightest, joined
 
 # Surfaces that a ray meets at most, also those that have no effect. Where two faces of a body meet, a ray along one of
 # them could else, by rounding, meet both again and again.
@@ -107,6 +107,9 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
     if plan.patches and rays.blur is not None and kind == "reflection":
         rays, hits = patched(ready, rays, hits, origin[hit], tile, check)
+    if not first and ready.lighting.together:
+        order = beside_each_other(hits.P, ready.surfaces.centre, ready.surfaces.scale)
+        rays, hits = rays.at(order), hits.at(order)
     if plan.shares and first:
         hits = hits._replace(sample=_samples(ready, rays.pixel, first))
         if plan.blocks:

@@ -24,6 +24,7 @@ from .plan import Plan
 from .world import World
 
 SHADED = 1 << 23  # the largest number of receivers × lights that are held at once
+FAN = 8.0  # about so many of the rays that a rough surface sends out count as much as the one of a mirror
 
 
 class Sums(NamedTuple):
@@ -53,6 +54,11 @@ class Lighting:
         self._clusters = self._clusters_of(method)
         self._shadow_lights = {name: np.flatnonzero((groups == shadow_number(name)) | (name == "Shadow"))
                                for name in passes if name.startswith("Shadow")}
+
+    @property
+    def together(self) -> bool:
+        """Return whether lamps count together from far away: faster for receivers that are close to each other."""
+        return self._clusters is not None
 
     def _clusters_of(self, method: Method) -> clusters.Clusters | None:
         """Return lamps that count together from far away; None: each counts by itself, for the whole scene."""
@@ -219,13 +225,13 @@ class Lighting:
             with self._stats.stage("shading"):
                 lift = self.terminator.lift(some)
                 facing = some if lift is None else some._replace(Ng=lift.side)
-                asked = None if together is None else together(lit, facing.Ng, method.threshold)
+                asked = None if together is None else together(lit, facing.Ng, method.threshold * _larger(some))
                 if asked is None:
                     shading.reaching(lit._replace(hits=facing), unlit, active)
                 else:
                     lit, active = lit._replace(groups=asked.groups), asked.active
                     if visibility is None:
-                        grouped.tell(self._stats, asked.bound, asked.total)
+                        grouped.tell(self._stats, asked.bound, asked.total, some.weight)
                 for own in (layer.at(part) for layer in layers):
                     more, at = np.empty((len(own.rows), active.shape[1]), np.uint64), own.hits
                     at = at if lift is None else at._replace(Ng=lift.side[own.rows])
@@ -281,3 +287,12 @@ class Lighting:
         shading.reaching(lit, False, active)
         light = shading.each(lit, active).sum(1, dtype=np.float64)
         self.usual = float(np.median(light[light > 0])) if light.any() else 0.0
+
+
+def _larger(hits: Hits) -> NDArray[np.float64]:
+    """Return how many times the light threshold may be as large at hits (n,), because what rays find there counts so
+    little: what a faint reflection shows of a pixel may be as wrong as a larger share of its own light.
+    """
+    if hits.weight is None:
+        return np.ones(len(hits.P))
+    return np.clip(1 / np.maximum(FAN * hits.weight, 1e-300), 1, FAN)

@@ -1,5 +1,5 @@
-"""What the rays of rough surfaces see of matt surfaces: the light of patches that is known already, from gathering
-light.
+"""How the rays of rough surfaces see matt surfaces: by the light of patches, which is known already because light is
+gathered.
 
 A rough surface shows its surroundings by many rays a pixel, each of which stands for a part of the lobe of its
 microfacets. Lighting each hit like a hit of the camera's rays would take most of the time of a picture, and the lobe

@@ -12,11 +12,11 @@ from ..rays.geometry import Hits
 from ..support.rows import taken, where
 from ..surface import curvature, shading
 from ..surface.blurred import spread
+from .lighting import FAN
 from .prepared import Prepared
 from .wave import Rays, brightest
 
 LEANS = 0.8  # how far the mean of what is gathered leans to where a mirror looks, as a share of the normal
-TOGETHER = 8.0  # about so many of the rays that a rough surface sends out count as much as the one of a mirror
 LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
 
 
@@ -55,7 +55,7 @@ def least(ready: Prepared, rays: Rays) -> NDArray[np.float64] | float:
     A ray of a rough surface is one of many, which together count as much as a mirror's one.
     """
     cutoff = ready.scene.settings.cutoff
-    return cutoff if rays.fan is None else np.where(rays.fan < 0, cutoff, cutoff / TOGETHER)
+    return cutoff if rays.fan is None else np.where(rays.fan < 0, cutoff, cutoff / FAN)
 
 
 def upwards(ready: Prepared) -> NDArray[np.float64]:
@@ -75,7 +75,7 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     hits = hits._replace(Ns=shading.mirroring(hits, rays.direction))
     assert rays.fan is not None and rays.blur is not None
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
-                   settings.cutoff, settings.cutoff / TOGETHER)
+                   settings.cutoff, settings.cutoff / FAN)
     rest = np.flatnonzero(found.left.any(1))
     if len(rest):
         light = found.left[rest] * _around(ready, hits.at(rest), rays.direction[rest])

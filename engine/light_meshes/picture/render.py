@@ -16,7 +16,6 @@ from ..film.images import Framebuffer, crop_of
 from ..gathered.patches import SharedRecordsError
 from ..scene.description import Camera, Scene
 from ..shadows import blocks
-from ..shadows.grouped import PARTS
 from ..shadows.meshes.node_store import SharedNodesError
 from ..support import processors
 from ..support.rows import even
@@ -258,7 +257,7 @@ def _report(ready: Prepared, frame: Framebuffer, tiles: list, threads: int, seco
     if counts["lamp_pairs"]:  # of a receiver and a lamp with a size
         report |= {name: counts[name] for name in ("lamp_pairs", "mixed_pairs", "ray_pairs")}
     if counts["grouped_receivers"]:
-        report["light_bound"] = counts["grouped_light"] / PARTS / counts["grouped_receivers"]
+        report["light_bound"] = counts["grouped_light"] / counts["grouped_receivers"]
     if ready.plan.gathers:
         for name in ("records", "gathered_rays", "gathered_short_rays"):
             report[name] = counts[name]

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from ..support.rows import taken, where
 
+CELLS = 1 << 12  # along an edge of the cube in which points are put in order
+
 
 class Rays(NamedTuple):
     """Rays as arrays with one row for each ray. An array that the scene does not need is None, in all waves of a tile.
@@ -73,3 +75,15 @@ def brightest(weight: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest of the three channels of weights (n,3)."""
     red, green, blue = weight.T
     return np.maximum(np.maximum(red, green), blue)
+
+
+def beside_each_other(P: NDArray[np.float64], centre: NDArray[np.float64], scale: float) -> NDArray[np.int64]:
+    """Return an order of points (n,3) in which most neighbours are close to each other: that of Morton's curve through
+    cells of the cube of half the edge `scale` around `centre` (3,). Points of one cell stay in their order, so the
+    order of some points does not depend on what other points there are.
+    """
+    cell = np.clip((P - centre) * (0.5 * CELLS / scale) + 0.5 * CELLS, 0, CELLS - 1).astype(np.uint64)
+    for shift, mask in ((32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
+                        (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249)):
+        cell = (cell | cell << np.uint64(shift)) & np.uint64(mask)
+    return np.argsort(cell @ np.array([1, 2, 4], np.uint64), kind="stable")

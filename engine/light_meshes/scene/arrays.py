@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from ..support.text import quoted
-from .description import Geometry
 from .errors import SceneError
+from .geometry import Geometry
 
 # Geometry field → (dtype, trailing shape); None: any number
 ARRAYS: dict[str, tuple[str, tuple[int | None, ...]]] = {

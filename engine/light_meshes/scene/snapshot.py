@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -22,100 +21,14 @@ import numpy as np
 from ..support.text import quoted
 from . import programs
 from .arrays import ARRAYS, check_geometry, read_geometry
-from .description import (
-    CAUSTICS,
-    COLORSPACES,
-    FALLOFFS,
-    GLASS,
-    HIGHLIGHTS,
-    IDENTITY,
-    IMAGE_ALPHAS,
-    LIGHT_TYPES,
-    MODES,
-    REFRACTIONS,
-    SHADOWS,
-    SOFTNESS,
-    STORED_ALPHAS,
-    WEIGHTS,
-    WORLD_LIGHTS,
-    Camera,
-    Image,
-    Light,
-    Material,
-    Object,
-    Scene,
-    Settings,
-    names_of,
-)
+from .bounds import CHOICES, LARGEST, RANGES, SAMPLES
+from .description import COLORSPACES, IDENTITY, Camera, Image, Light, Material, Object, Scene, Settings, names_of
 from .errors import SceneError
 from .profile import Profile, profile
-from .programs import PARAMETERS
 from .values import bounded, typed
 
 FORMAT = "light-meshes snapshot"
 VERSION = 1
-
-_CHOICES = {
-    (Settings, "mode"): MODES,
-    (Settings, "shadows"): SHADOWS,
-    (Settings, "refraction"): REFRACTIONS,
-    (Settings, "world_light"): WORLD_LIGHTS,
-    (Settings, "glass"): GLASS,
-    (Settings, "caustics"): CAUSTICS,
-    (Settings, "weights"): WEIGHTS,
-    (Settings, "mist_falloff"): FALLOFFS,
-    (Light, "type"): LIGHT_TYPES,
-    (Light, "softness"): SOFTNESS,
-    (Material, "highlight"): HIGHLIGHTS,
-    (Image, "alpha"): IMAGE_ALPHAS,
-    (Image, "stored"): STORED_ALPHAS,
-    (Image, "interpolation"): ("LINEAR", "CLOSEST", "CUBIC"),
-    (Image, "extension"): ("REPEAT", "EXTEND", "CLIP", "MIRROR"),
-}
-_LARGEST = 1e30  # the largest number that single precision can handle with a safe margin
-# The smallest and the largest sensible value; a value outside is an error.
-_RANGES = {
-    (Settings, "h"): (1e-30, 1e30),
-    (Settings, "kI"): (0.5, 8.0),
-    (Settings, "measured_h"): (0.0, 1e30),
-    (Settings, "samples"): (1, 4096),
-    (Settings, "max_depth"): (0, 64),
-    (Settings, "bounces"): (0, 16),
-    (Settings, "cutoff"): (0.0, 1.0),
-    (Settings, "ambient"): (0.0, 1e6),
-    (Settings, "filter_size"): (0.0, 10.0),
-    (Settings, "shadow_rate"): (1, 16),
-    (Settings, "light_threshold"): (0.0, 1.0),
-    (Settings, "light_samples"): (1, 65536),
-    (Settings, "seed"): (0, 2**31 - 1),
-    (Settings, "mist_start"): (0.0, 1e30),
-    (Settings, "mist_depth"): (0.0, 1e30),
-    (Settings, "clamp_indirect"): (0.0, 1e30),
-    (Camera, "width"): (1, 65536), (Camera, "height"): (1, 65536),
-    (Camera, "clip_start"): (-math.inf, math.inf),
-    (Camera, "clip_end"): (-math.inf, math.inf),
-    (Camera, "lens_radius"): (0.0, 1e30),
-    (Camera, "focus_distance"): (1e-30, 1e30),
-    (Camera, "lens_blades"): (0, 1000),
-    (Camera, "lens_ratio"): (1e-3, 1e3),
-    (Light, "radius"): (0.0, 1e30),
-    (Light, "soft_radius"): (0.0, 1e30),
-    (Light, "reference_distance"): (0.0, 1e30),
-    (Light, "shadow_pass"): (-1, 2**32 - 1),
-    (Object, "shadow_terminator_geometry_offset"): (0.0, 1e30),
-    (Object, "shadow_terminator_normal_offset"): (0.0, 1e30),
-    (Object, "shadow_terminator_shading_offset"): (0.0, 1e30),
-    (Material, "cryptomatte"): (0, 2**32 - 1),
-    (Object, "cryptomatte"): (0, 2**32 - 1),
-    (Object, "cryptomatte_asset"): (0, 2**32 - 1),
-    (Material, "nShiny"): (0.0, 1e9),
-    (Material, "ior"): (0.01, 100.0),
-    (Material, "alpha"): (0.0, 1.0),
-}
-_RANGES |= {(Material, name): PARAMETERS[name][1:] for name in (
-    "diffuse_roughness", "frosted", "translucent", "roughness", "metal", "F0", "F90", "F82", "dielectric",
-    "dielectric_ior", "dielectric_tint", "layered", "compensation", "coat", "coat_roughness", "coat_ior", "coat_tint",
-    "sheen", "sheen_roughness", "sheen_tint", "share")}
 
 
 def write(scene: Scene, folder: Path) -> None:
@@ -275,9 +188,9 @@ def _plain_fields(cls: type) -> dict[str, Callable[[Any], bool]]:
     lamps.
     """
     def kind(name: str, sample: Any) -> Callable[[Any], bool] | None:
-        low, high = _RANGES.get((cls, name), (-_LARGEST, _LARGEST))
+        low, high = RANGES.get((cls, name), (-LARGEST, LARGEST))
         low, high = max(low, -sys.float_info.max), min(high, sys.float_info.max)
-        choices = _CHOICES.get((cls, name), ())
+        choices = CHOICES.get((cls, name), ())
         if isinstance(sample, bool):
             return lambda value: value is True or value is False
         if isinstance(sample, float):
@@ -290,7 +203,7 @@ def _plain_fields(cls: type) -> dict[str, Callable[[Any], bool]]:
         return None if not floats else lambda value: type(value) is list and len(value) == len(sample) and all(
             type(v) is float and low <= v <= high for v in value)
 
-    samples = {name: _SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
+    samples = {name: SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
                for name, default in names_of(cls).items()}
     return {name: found for name, sample in samples.items() if (found := kind(name, sample))}
 
@@ -313,18 +226,6 @@ def with_setting(settings: Settings, key: str, text: str) -> Settings:
     return dataclasses.replace(settings, **changed)
 
 
-_SAMPLES: dict[tuple[type, str], Any] = {  # an example value for fields without a default, or with default None
-    (Camera, "matrix"): None,
-    (Camera, "window"): (0.0,) * 4,
-    (Camera, "width"): 1,
-    (Camera, "height"): 1,
-    (Camera, "crop"): (0, 0, 0, 0),
-    (Light, "intensity"): (0.0,) * 3,
-    (Light, "axes"): ((0.0,) * 3,) * 3,
-    (Light, "matrix"): ((0.0,) * 4,) * 3,
-}
-
-
 def checked_value(cls: type, name: str, default: Any, value: Any, where: str) -> Any:
     """Return `value` in the type of the field `name` of `cls`, whose default is `default`. Raises SceneError. Lists
     become tuples. `where` begins the error's sentence.
@@ -334,8 +235,8 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
             matrix = np.array(value, np.float64)
         except (ValueError, TypeError):
             matrix = np.empty(0)
-        if matrix.shape != (4, 4) or not (np.abs(matrix) <= _LARGEST).all():
-            raise SceneError(f"{where}: matrix must be 4 rows of 4 finite numbers, none beyond {_LARGEST:g}")
+        if matrix.shape != (4, 4) or not (np.abs(matrix) <= LARGEST).all():
+            raise SceneError(f"{where}: matrix must be 4 rows of 4 finite numbers, none beyond {LARGEST:g}")
         if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
             raise SceneError(f"{where}: its matrix is flat: a scale of 0 leaves nothing to see")
         return matrix
@@ -353,9 +254,9 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
         if not isinstance(value, list | tuple) or not all(type(i) is int for i in value):
             raise SceneError(f"{where}: {name} must be null or a list of objects' numbers")
         return tuple(value)
-    sample = _SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
-    low, high = _RANGES.get((cls, name), (-_LARGEST, _LARGEST))
-    return bounded(where, name, typed(where, name, sample, value), _CHOICES.get((cls, name), ()), low, high)
+    sample = SAMPLES.get((cls, name), "" if default is dataclasses.MISSING else default)
+    low, high = RANGES.get((cls, name), (-LARGEST, LARGEST))
+    return bounded(where, name, typed(where, name, sample, value), CHOICES.get((cls, name), ()), low, high)
 
 
 def _layers(items: Any, where: str) -> tuple[Material, ...]:

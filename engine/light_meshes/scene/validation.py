@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from .arrays import ARRAYS, fits, shape_of
-from .description import IDENTITY, Camera, Geometry, Image, Light, Material, Object, Scene, Settings
+from .description import IDENTITY, Camera, Image, Light, Material, Object, Scene, Settings
 from .errors import SceneError
+from .geometry import Geometry
 from .profile import Profile
 from .programs import Program, plain, program
 from .snapshot import built, camera, check, checked_value, profiles

@@ -1,12 +1,12 @@
 """Blocks of the picture, whose receivers find out together which of many lamps they see in part.
 
-A ray of each receiver, or of some of them, goes to a point of the lamp; the points of all of a block's receivers
-spread over the lamp. If all of the rays arrive, or none, then all of the block sees the lamp, or nothing of it. Else
-the lamp is asked about again in a block of half the size, and at last only those receivers have all their rays whose
-smallest block does not agree.
+Each receiver of a block, or some of them, sends one ray to a point of the lamp; the points of all these rays are spread
+over the lamp. If all rays arrive, the whole block is taken to see the whole lamp; if none arrives, it is taken to see
+nothing of it. Otherwise the same question is asked again in blocks of half the size. In the end only the receivers
+whose smallest block does not agree send all their rays.
 
-A block is as large as the receivers in it need to be many, and it stands at the same place of the picture whatever is
-cropped or drawn at once: tiles are rounded up to whole blocks.
+A block is just large enough to hold as many receivers as are needed. It stands at the same place of the picture,
+whatever part of the picture is cropped or drawn at once: tiles are rounded up to whole blocks.
 """
 
 from __future__ import annotations

@@ -1,14 +1,15 @@
 """Light Threshold: with hundreds of lamps, one stands for the shadows of a group of them that gives little light.
 
-The lamps are the leaves of a tree, halved by their places. At each receiver the groups are its largest nodes whose
-lamps together give at most the share `threshold` of the light that it would return without shadows. One lamp of a
-group, chosen by the place, a brighter one more often, is asked for its shadow; S of the others is taken to be
-the same. Their Ω stays their own, so light without shadows does not change at all.
+The lamps are the leaves of a binary tree, which halves them by their places. At each receiver, a group is a node of the
+tree whose lamps together give at most the share `threshold` of the light that the receiver would return without
+shadows; the largest such nodes are taken. One lamp of a group is asked for its shadow. The receiver's place decides
+which one, and brighter lamps are chosen more often. The S of this lamp is used for all of the group. Their Ω stays
+their own, so light without shadows does not change at all.
 
-The bound: a lamp's S is between 0 and 1, and so U = Σ S_i·Ω_i is wrong at most by Σ Ω_i of the lamps for which others
-stand, in each channel, and so by less than `threshold` times the light without shadows for each group. Which share of
-that light the sum is, over all receivers, is in the statistics. The error is far smaller as a rule: those of groups go
-both ways.
+The bound: S of a lamp is between 0 and 1. So U = Σ S_i·Ω_i is wrong, in each channel, by at most Σ Ω_i of the lamps for
+which another one stands, that is by less than `threshold` times the light without shadows for each group. The
+statistics hold this sum over all receivers, as a share of the light without shadows. As a rule the error is far
+smaller, because the errors of groups have either sign.
 """
 
 from __future__ import annotations
@@ -59,10 +60,17 @@ class Grouped(Method):
         return S
 
 
-def tell(stats: Statistics, bound: NDArray[np.float64], light: NDArray[np.float64]) -> None:
-    """Count which share of the light of receivers (n,) may be wrong by bound (n,)."""
+def tell(stats: Statistics, bound: NDArray[np.float64], light: NDArray[np.float64],
+         weight: NDArray[np.float64] | None = None) -> None:
+    """Count which share of the light of receivers (n,) may be wrong by bound (n,).
+
+    weight (n,): how much each receiver counts; None: all alike.
+    """
     share = bound / np.maximum(light, 1e-300)
-    stats.add(grouped_receivers=len(light), grouped_light=int((share * PARTS).sum()))
+    counts = np.ones(len(light)) if weight is None else np.minimum(weight, 1.0)
+    # as whole numbers, whose sum does not depend on tiles
+    stats.add(grouped_receivers=int((counts * PARTS).astype(np.int64).sum()),
+              grouped_light=int((share * counts * PARTS).astype(np.int64).sum()))
 
 
 def tree(setup: Setup) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:

@@ -1,9 +1,9 @@
-"""Highlights of lamps that are seen in part: which share of a highlight is left is not that of the matt light.
+"""The highlight of a lamp of which a receiver sees only a part: it is not dimmed by the same share as the matt light.
 
-A smooth floor beside a wall mirrors one part of a window, and not all of it alike. So for a lamp with a size that a
-receiver sees in part, directions are taken from the lobe of its facets (GGX), and rays go to the points of the lamp
-that they meet. Where few of them meet it, the lamp is small beside the lobe: then its highlight is dimmed as its other
-light.
+The reason: a smooth floor beside a wall mirrors one part of a window only, and that part may be hidden or not. So the
+engine takes directions from the lobe of the receiver's facets (GGX), and sends shadow rays to the points of the lamp
+that these directions meet. If only few of them meet the lamp, it is small compared with the lobe: then its highlight is
+dimmed by the same share as its other light.
 """
 
 from __future__ import annotations

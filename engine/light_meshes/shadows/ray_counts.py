@@ -1,13 +1,13 @@
-"""How many rays go from a receiver to each lamp with a size, where no nodes answer.
+"""How many shadow rays go from a receiver to each lamp with a size, if nodes do not tell how much of it is seen.
 
-If there are few lamps, many rays go to each, and more where these disagree. If there are many lamps, each is a small
-part of the light, and so is its error: rays are shared out so that the error of the sum is smallest. The error of a
-lamp of which a receiver returns e is about e·n^-3/4 with n stratified rays; of all ways to share out a number of rays,
-n ∝ e^0.8 makes the sum of the squares least. A lamp that gives as much as the mean lamp, weighed by what lamps give,
-has `mean` rays.
+With few lamps, many rays go to each, and more if these disagree. With many lamps, each is a small part of the light,
+and so is its error: the rays are shared out so that the error of the sum is smallest. If a receiver returns the light e
+of a lamp, the error with n stratified rays is about e·n^-3/4. For a given number of rays in all, the sum of the squared
+errors is smallest if n is proportional to e^0.8. A lamp that gives as much as the mean lamp (the mean is weighted by
+what lamps give) gets `mean` rays.
 
-Some receivers are met by rays of a rough surface, which may stand for a whole lobe. They count in the picture by the
-share of light that such a ray brings, so they get rays by what they add to the light of a usual pixel.
+Rays of a rough surface hit some receivers, and one such ray may stand for a whole lobe. These receivers count in the
+picture only by the share of light that the ray brings, so they get rays by what they add to the light of a usual pixel.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The share of light from everywhere around that surfaces return, by all that they have."""
+"""The share of light that surfaces return if the same light comes from everywhere: by their matt part, microfacets,
+coat and sheen together.
+"""
 
 from __future__ import annotations
 

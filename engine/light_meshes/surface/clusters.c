@@ -245,11 +245,11 @@ static void load(Work *w, i64 first, const Materials *m, const Materials *shown,
    total (n,): all light; wrong (n,): by how much that may be wrong. Returns the number of groups: more than there is room, if they do not fit. −1: no memory. */
 KERNEL(clusters_asked,
        LIGHTS MATERIALS HITS "faces f64[n,3]  shown f64[M,32]?  order i32[l]  together bool[m]  state u8[m]  middle f64[m,3]  "
-       "reach f64[m]  size f64[m]  amount f64[m,3]  moment f64[m,3]  second f64[m,3]  threshold f64  part f64  start i64[k]!  lamp i32[g]!  "
+       "reach f64[m]  size f64[m]  amount f64[m,3]  moment f64[m,3]  second f64[m,3]  threshold f64[n]  part f64  start i64[k]!  lamp i32[g]!  "
        "light f32[g,6]!  asked u64[n,W]!  several u64[n,W]!  weight f32[n,L]!  bound f64[n]!  total f64[n]!  wrong f64[n]!")
 i64 clusters_asked(i64 L, i64 M, i64 T, i64 n, i64 l, i64 m, i64 k, i64 g, i64 W, TAKEN, const f64 *faces, const f64 *shown,
                    const i32 *order, const u8 *together, const u8 *state, const f64 *middle, const f64 *reach, const f64 *size,
-                   const f64 *amount, const f64 *moment, const f64 *second, f64 threshold, f64 part, i64 *start, i32 *lamp,
+                   const f64 *amount, const f64 *moment, const f64 *second, const f64 *threshold, f64 part, i64 *start, i32 *lamp,
                    f32 *light, u64 *asked, u64 *several, f32 *weight, f64 *bound, f64 *total, f64 *wrong) {
     GATHERED;
     Materials others = {kd, ks, Os, nShiny, shown ? shown : ggx, tables};
@@ -269,13 +269,13 @@ i64 clusters_asked(i64 L, i64 M, i64 T, i64 n, i64 l, i64 m, i64 k, i64 g, i64 W
         f64 side[3][SIDE], smoothed[3][SIDE], allowed[SIDE] = {0};
         load(&w, from, &materials, shown ? &others : &materials, &hits, faces, &facing, &turned, side, smoothed);
         fine = descend(&w, &facing, turned, allowed, 1, stack, masks);
-        for (int i = 0; fine && i < SIDE; i++) allowed[i] = w.found ? threshold * part * w.pieces[0].all[i] : 0.0;
+        for (int i = 0; fine && i < w.count; i++) allowed[i] = w.found ? threshold[from + i] * part * w.pieces[0].all[i] : 0.0;
         fine = fine && descend(&w, &facing, turned, allowed, 0, stack, masks);
         for (int i = 0; fine && i < w.count; i++) {
             i64 p = from + i;
             start[p] = groups.found, total[p] = w.found ? w.pieces[0].all[i] : 0.0;
             wrong[p] = w.found ? w.pieces[0].wrong[i] : 0.0;
-            bound[p] = group(&w, i, threshold * total[p], stack, stack + depth, &groups, asked + p * W, several + p * W, weight + p * L);
+            bound[p] = group(&w, i, threshold[p] * total[p], stack, stack + depth, &groups, asked + p * W, several + p * W, weight + p * L);
         }
     }
     if (k == n + 1) start[n] = groups.found;

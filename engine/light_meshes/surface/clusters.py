@@ -61,8 +61,10 @@ class Clusters:
         """order, together: see `shadows.grouped.tree`."""
         self._tree = order, together, *_nodes(lights, order)
 
-    def __call__(self, lit: shading.Lit, faces: NDArray[np.float64], threshold: float) -> Asked:
-        """The groups of these receivers. faces (n,3): normals that say which lamps are above the surface."""
+    def __call__(self, lit: shading.Lit, faces: NDArray[np.float64], threshold: NDArray[np.float64]) -> Asked:
+        """The groups of these receivers, each with a threshold (n,) of its own. faces (n,3): normals that say which
+        lamps are above the surface.
+        """
         n, count = len(lit.hits.P), len(lit.lights.type)
         rough = None if lit.shown is None else shading.rough_only(lit.materials, lit.hits.row)
         shown = None if rough is None else rough.facets()[0]

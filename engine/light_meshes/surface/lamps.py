@@ -1,8 +1,8 @@
 """Programs of lamps: by how much their nodes change the light of each lamp at each receiver.
 
-They run for batches of pairs, a receiver and a lamp that lights it. Programs with the same operations that differ in
-numbers, images and profiles only, as those of a stage's spots, run as one over the pairs of all of them. Where no lamp
-has a program nothing is computed.
+They run for batches of pairs of a receiver and a lamp that lights it. Some programs have the same operations, and only
+their numbers, images and profiles differ, for example those of the spots of a stage. They run as one program over the
+pairs of all of them. If no lamp has a program, nothing is computed.
 """
 
 from __future__ import annotations

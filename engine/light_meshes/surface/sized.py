@@ -1,9 +1,10 @@
-"""Lamps that light with their whole size (softness SIZE): what the kernels in `shading.c` take of them.
+"""Lamps that light with their whole size (softness SIZE): the arrays that the kernels in `shading.c` need for them.
 
-Ω of such a lamp is that of a point, as a mean over the lamp: the radiance I/A times an integral over directions in
-which a receiver sees it. Matt surfaces: closed forms for spheres, discs, ellipses, rectangles and the sun, above the
-receiver's horizon; one further integral by Gauss's rule where a spot's cone or a spread gives less to some directions.
-Glossy ones: one integral by Gauss's rule. From far away all are the point's formulas. No noise, no random numbers.
+Ω of such a lamp is the mean of the point lamp's Ω over the lamp: the radiance I/A times an integral over the directions
+in which a receiver sees the lamp. For matt surfaces there are closed forms for spheres, discs, ellipses, rectangles and
+the sun, above the receiver's horizon; where a spot's cone or a spread gives less to some directions, one further
+integral is computed by Gauss's rule. For glossy surfaces one integral is computed by Gauss's rule. From far away all of
+these become the point's formulas. There is no noise, and there are no random numbers.
 """
 
 from __future__ import annotations
