@@ -23,7 +23,8 @@ _LINEAR = {
 def space(settings) -> dict:
     """Return what the engine's Image stores about a colour space, for an image's `colorspace_settings`."""
     name = settings.name
-    if settings.is_data or name in {"scene_linear", working_space()}:
+    # A file that Blender itself cannot read has no name there, and Cycles takes it as it is.
+    if settings.is_data or name in {"", "scene_linear", working_space()}:
         return {"colorspace": 'LINEAR'}
     own = not os.environ.get("OCIO")  # in another configuration the same names may mean other spaces
     if own and name == 'sRGB':

@@ -153,8 +153,7 @@ def _tangents(mesh: Any, name: str, arrays: dict[str, np.ndarray], corners: np.n
     layers = mesh.uv_layers
     layer = layers.get(name) if name else next((a for a in layers if a.active_render), None)
     out = np.zeros((len(corners), 3, 4), np.float32)
-    out[:, :, 3] = 1
-    if layer is None:
+    if layer is None:  # a sign of 0 says so
         return out
     uv = np.empty((len(mesh.loops), 2), np.float32)
     layer.uv.foreach_get("vector", uv.ravel())

@@ -62,17 +62,25 @@ _LEFT_OUT['ShaderNodeBsdfAnisotropic'] = _LEFT_OUT['ShaderNodeBsdfGlossy']
 
 def inputs(nodes: Nodes, node) -> None:
     """Warn about the inputs of a translated shader that are in use but not read."""
-    known = _LEFT_OUT.get(node.bl_idname, {})
-    passed = _READ.get(node.bl_idname, set()).union(*(left.details for left in known.values()))
-    for socket in node.inputs:
-        if socket.type == 'SHADER' or socket.name in passed or not socket.enabled or socket.is_unavailable:
+    known, sockets = _LEFT_OUT.get(node.bl_idname, {}), node.inputs
+    asked = _asked.get((node.bl_idname, len(sockets)))
+    if asked is None:  # those of nodes of one type have the same names
+        passed = _READ.get(node.bl_idname, set()).union(*(left.details for left in known.values()))
+        asked = _asked[node.bl_idname, len(sockets)] = [
+            i for i, s in enumerate(sockets) if s.type != 'SHADER' and s.name not in passed]
+    for socket in (sockets[i] for i in asked):
+        if not socket.enabled or socket.is_unavailable:
             continue
-        left = known.get(socket.name, LeftOut(instead="it is rendered without it"))
+        name = socket.name
+        left = known.get(name, LeftOut(instead="it is rendered without it"))
         value = getattr(socket, "default_value", left.off)
         linked = nodes.link(node, socket)
         if linked or (not socket.hide_value and _differs(value, left.off)):
-            nodes.warn(f"'{socket.name}' of node '{nodes.plain_name(node)}' is not translated; {left.instead}",
+            nodes.warn(f"'{name}' of node '{nodes.plain_name(node)}' is not translated; {left.instead}",
                        "" if linked else f"instead of {shown(value)}")
+
+
+_asked: dict[tuple[str, int], list[int]] = {}  # places of the inputs that may have to be named, by type of node
 
 
 def _differs(value, off: float) -> bool:

@@ -186,19 +186,21 @@ def _layers(surface: Surface, chosen: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _parameters(surface: Surface, chosen: dict[str, Any]) -> dict[str, Any]:
     """Return the parameters of the engine's Material for a surface, with those that the artist has chosen instead."""
-    found = surface.whitted() | chosen
+    highlight = None if chosen.keys() & _PHONG else surface.facets.parameters()
+    found = surface.whitted(phong=not highlight) | chosen
     if not values.is_constant(surface.frosted) or surface.frosted > 1e-3:
         found["frosted"] = values.clamp(surface.frosted)
     if not values.is_constant(surface.diffuse_roughness) or surface.diffuse_roughness > 0:
         found["diffuse_roughness"] = values.clamp(surface.diffuse_roughness)
     if not values.is_constant(*surface.translucent) or any(surface.translucent):
         found["translucent"] = list(surface.translucent)
-    if not chosen.keys() & _PHONG and (highlight := surface.facets.parameters()):
+    if highlight:
         # Phong's stand for these where one number must do, as in the engine's plan.
         found |= highlight | {name: typical(name, found[name]) for name in _PHONG}
         if "mirror" not in chosen and not surface.fresnel:
-            # Reflected rays follow the same lobes, and find the world's light, too.
-            found |= {"blurred": True, "mirror": typical("mirror", found["mirror"])}
+            # Reflected rays follow the same lobes, and find the world's light, too. What mirrors sharply is lit in full
+            # where other rough surfaces show it: a program says it point by point.
+            found["blurred"] = True
             if "ka" not in chosen:
                 found["ka"] = found["kd"]
     return found

@@ -58,7 +58,8 @@ def normal_map(nodes, node, socket) -> Triple:
         n: Triple = v.outputs("corner_normal", 3)  # type: ignore[assignment]
         b = v.cross(n, t)
         found = to_world_normal(tuple(x * t[i] + y * sign * b[i] + z * n[i] for i in range(3)))  # type: ignore[arg-type]
-        return tuple(c * back for c in found)  # type: ignore[return-value]
+        has = sign * sign  # 0 where the mesh has no such UV map
+        return tuple(v.where(has, c * back, own) for c, own in zip(found, normal(), strict=True))  # type: ignore[return-value]
     if node.space.startswith('BLENDER'):
         y, z = y * -1.0, z * -1.0
     found = to_world_normal((x, y, z)) if node.space.endswith('OBJECT') else v.normalized((x, y, z))

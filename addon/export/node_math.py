@@ -20,10 +20,6 @@ def floor(x: Value) -> Value:
     return v.unary("floor", math.floor, x)
 
 
-def _truncated(x: Value) -> Value:
-    return v.unary("truncate", math.trunc, x)
-
-
 def fraction(x: Value) -> Value:
     """Return x minus the next whole number below."""
     return x - floor(x)
@@ -94,7 +90,7 @@ MATH: dict[str, tuple[int, Callable[..., Value]]] = {
     'ROUND': (1, lambda a: floor(a + 0.5)),
     'FLOOR': (1, floor),
     'CEIL': (1, lambda a: -floor(-a)),
-    'TRUNC': (1, _truncated),
+    'TRUNC': (1, v.truncated),
     'FRACT': (1, fraction),
     'MODULO': (2, modulo),
     'FLOORED_MODULO': (2, _floored_modulo),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -25,17 +26,19 @@ def image(nodes, node, socket) -> Triple | Value | None:
     if node.image is None:
         return (0.0, 0.0, 0.0) if socket.name == "Color" else 0.0  # as Cycles, where none is chosen
     place = _place(nodes, node, lambda: uv(nodes, ""))
-    if node.image.source == 'TILED' and node.projection != 'BOX':
-        found = _tiled(nodes, node, *_projected(node.projection, place)[:2])
-        return found[:3] if socket.name == "Color" else found[3]  # type: ignore[return-value]
-    number = nodes.image(node)
-    if number < 0:
-        return UNREAD
-    if node.projection == 'BOX':
-        found = _boxed(float(number), place, node.projection_blend)
+    boxed = node.projection == 'BOX'
+    if node.image.source == 'TILED' and not (boxed and bpy.app.version < (5, 2)):  # before, the first one counts there
+        def texels(x: Value, y: Value) -> tuple[Value, ...]:
+            return _tiled(nodes, node, x, y)
     else:
-        x, y, _ = _projected(node.projection, place)
-        found = v.outputs("image", 4, float(number), x, y)
+        number = nodes.image(node)
+        if number < 0:
+            return UNREAD
+
+        def texels(x: Value, y: Value) -> tuple[Value, ...]:
+            return v.outputs("image", 4, float(number), x, y)
+    found = (_boxed(texels, place, node.projection_blend) if boxed else
+             texels(*_projected(node.projection, place)[:2]))
     return found[:3] if socket.name == "Color" else found[3]  # type: ignore[return-value]
 
 
@@ -62,7 +65,7 @@ def environment(nodes, node, socket) -> Any:
 def _tiled(nodes, node, x: Value, y: Value) -> tuple[Value, ...]:
     """Return an image of UDIM tiles, each a unit square of its own; magenta where there is none, as Blender shows it.
     """
-    column, row = floor(x), floor(y)
+    column, row = v.truncated(x), v.truncated(y)  # as Cycles has it, just below 0 the first one still counts
     found: tuple[Value, ...] = (1.0, 0.0, 1.0, 1.0)
     for tile in node.image.tiles:
         number = nodes.image(node, tile.number)
@@ -75,14 +78,15 @@ def _tiled(nodes, node, x: Value, y: Value) -> tuple[Value, ...]:
     return found
 
 
-def _boxed(number: float, place: Triple, blend: float) -> tuple[Value, ...]:
-    """Return an image that is projected onto the sides of a box, none of them mirrored."""
+def _boxed(texels: Callable[[Value, Value], tuple[Value, ...]], place: Triple, blend: float) -> tuple[Value, ...]:
+    """Return an image that is projected onto the sides of a box, none of them mirrored. texels: place → its channels.
+    """
     x, y, z = place
     normal = v.outputs("object_normal", 3)
     sides = [(v.where(v.less(normal[0], 0.0), 1.0 - y, y), z), (v.where(v.greater(normal[1], 0.0), 1.0 - x, x), z),
              (v.where(v.greater(normal[2], 0.0), 1.0 - y, y), x)]
     weights = v.outputs("box", 3, blend)
-    images = [v.outputs("image", 4, number, *side) for side in sides]
+    images = [texels(*side) for side in sides]
     return tuple(v.dot(weights, channel) for channel in zip(*images, strict=True))
 
 

@@ -11,7 +11,7 @@ import bpy
 from .channels import Asked
 from .color import luminance_weights
 from .report import Report, shown
-from .values import Triple, Value, dot, is_constant
+from .values import Triple, Value, dot, is_constant, truncated
 
 
 def uses_nodes(owner) -> bool:
@@ -92,6 +92,7 @@ class Nodes:
         socket, outer = self.input(node, socket), node.outer
         becomes: list[str] = []
         asking = socket  # the one whose own value counts, also where a muted node is passed whose input has no link
+        before: list[str] = []  # what its value becomes
         while socket is not None and socket.is_linked:
             link = socket.links[0]
             if link.is_muted:
@@ -103,7 +104,7 @@ class Nodes:
             elif inner.mute:
                 following = next((i.from_socket for i in inner.internal_links if i.to_socket == link.from_socket), None)
                 if following is None:
-                    return None, asking, becomes
+                    return None, asking, before
                 if bpy.app.version < (5, 0):  # then Cycles makes what it hands on the output's type
                     becomes.append(link.from_socket.type)
             elif inner.bl_idname == 'NodeGroupInput':
@@ -111,20 +112,22 @@ class Nodes:
                     return None, link.from_socket, becomes
                 following = _identified(outer.inputs, link.from_socket)
                 outer = outer.outer
+                becomes += _made_of(following)
             elif inner.bl_idname == 'ShaderNodeGroup':
                 end = _group_output(inner.node_tree)
                 following = _identified(end.inputs, link.from_socket) if end else None
                 if following is None:
                     return None, link.from_socket, becomes
                 outer = Placed(inner, outer)
+                becomes += _made_of(following)
             else:
                 return Link(Placed(inner, outer), link.from_socket), socket, becomes
             if following is None:
                 return None, socket, becomes
             socket = following
             if not inner.mute:
-                asking = socket
-        return None, asking, becomes
+                asking, before = socket, [*becomes]
+        return None, asking, before
 
     def image(self, node: Placed, tile: int = 0) -> int:
         """Return the number of an image texture node's image, or of its UDIM tile; negative where it cannot be had."""
@@ -187,15 +190,18 @@ class Nodes:
         if socket is None:
             return 0.0, 'VALUE'  # an input that other choices of the node have
         link, last, becomes = self._resolved(node, socket)
-        if link is None:
-            return plain(last), last.type
-        if becomes:
-            value, kind = self._linked(link, node, socket)
-            for become in reversed(becomes):
-                value = (self._as_triple if become in ('RGBA', 'VECTOR') else self._as_number)(value, kind)
-                kind = become
-            return value, kind
-        return self._linked(link, node, socket)
+        value, kind = (plain(last), last.type) if link is None else self._linked(link, node, socket)
+        if link and bpy.app.version >= (5, 0):
+            return value, kind  # then groups change sockets' own values only
+        for become in reversed(becomes):
+            if become in ('RGBA', 'VECTOR'):
+                value = self._as_triple(value, kind)
+            else:
+                value = self._as_number(value, kind)
+                if become in ('INT', 'BOOLEAN'):
+                    value = truncated(value)
+            kind = become
+        return value, kind
 
     def _linked(self, link: Link, node, socket) -> tuple[Any, str]:
         """Return the value of the output of a link that feeds `socket` of `node`, and its type."""
@@ -230,6 +236,14 @@ class Nodes:
             finally:
                 self._open.discard(key)
         return self._values[key]
+
+
+def _made_of(socket: Any) -> list[str]:
+    """Return what a value becomes that goes through an input or output of a group: of its type."""
+    return [socket.type] if socket is not None and socket.type in _TYPES else []
+
+
+_TYPES = {'VALUE', 'INT', 'BOOLEAN', 'RGBA', 'VECTOR'}
 
 
 def plain(socket) -> Any:

@@ -209,8 +209,9 @@ class Surface:
             found = found.joined(layer)
         return replace(found, alpha=self.alpha)
 
-    def whitted(self) -> dict[str, Any]:
-        """Whitted's parameters of the engine's Material, each a value or, of colours, a list of three.
+    def whitted(self, phong: bool = True) -> dict[str, Any]:
+        """Whitted's parameters of the engine's Material, each a value or, of colours, a list of three. phong: whether
+        those of Phong's highlights are needed where they are no numbers; else any expressions stand for them.
 
         Highlights: GGX of width α = roughness² has the Blinn exponent 2/α² − 2, and a Phong exponent is a quarter
         of Blinn's, as R turns twice as fast as the half vector. The lobe (R·V)ⁿ·(n+2)/2π reflects all light at
@@ -218,22 +219,28 @@ class Surface:
         means in them.
         """
         if self.layers:
-            return self.merged().whitted()
-        rough = v.maximum(self.roughness, 1e-3)
-        fourth = rough ** 4 if v.is_constant(rough) else (rough * rough) * (rough * rough)
-        n = v.minimum(v.maximum((2 / fourth - 2) / 4, 1.0), LARGEST_EXPONENT)
+            return self.merged().whitted(phong)
         coat = self.facets.coat_reflectance() * mirrored(self.facets.coat_roughness)
-        shine = v.largest(self.specular)
-        shines = v.greater(shine, 0.0)
+        ks, Os, n = self._phong(phong)
         return {
-            "ka": self.ka, "kd": self.kd, "Od": list(self.color),
-            "ks": shine * (n + 2) / 2,
-            "Os": [v.where(shines, c * v.divide(1.0, shine), 1.0) for c in self.specular],
-            "nShiny": n,
+            "ka": self.ka, "kd": self.kd, "Od": list(self.color), "ks": ks, "Os": Os, "nShiny": n,
             "mirror": list(_triple(c * mirrored(self.roughness) + coat for c in self.specular)),
             "emission": list(self.emission),
             "kt": list(self.kt), "ior": self.ior, "fresnel": self.fresnel, "alpha": self.alpha,
         } | ({"normal": list(self.normal)} if self.normal else {})
+
+    def _phong(self, needed: bool) -> tuple[Value, list[Value], Value]:
+        """Return ks, Os and nShiny; for those that are no numbers, if they are not needed, what they depend on."""
+        n, Os, shine = self.roughness, list(self.specular), v.largest(self.specular)
+        if needed or v.is_constant(n):
+            rough = v.maximum(n, 1e-3)
+            fourth = rough ** 4 if v.is_constant(rough) else (rough * rough) * (rough * rough)
+            n = v.minimum(v.maximum((2 / fourth - 2) / 4, 1.0), LARGEST_EXPONENT)
+        if needed or v.is_constant(*Os):
+            shines = v.greater(shine, 0.0)
+            Os = [v.where(shines, c * v.divide(1.0, shine), 1.0) for c in self.specular]
+        varies = next((x for x in (n, shine) if not v.is_constant(x)), None)
+        return shine * (n + 2) / 2 if needed or varies is None else varies, Os, n
 
 
 NOTHING = Surface(color=BLACK, kd=0.0, ka=0.0)

@@ -25,37 +25,31 @@ class Expression:
         self.name, self.arguments, self.output = name, arguments, output
 
     def __add__(self, other: Value) -> Value:
-        return self if other == 0 else _binary("add", self, other)
+        return self if other == 0 else operation("add", self, other)
 
     def __radd__(self, other: Value) -> Value:
         return self + other
 
     def __sub__(self, other: Value) -> Value:
-        return self if other == 0 else 0.0 if other is self else _binary("subtract", self, other)
+        return self if other == 0 else 0.0 if other is self else operation("subtract", self, other)
 
     def __rsub__(self, other: Value) -> Value:
-        return _binary("subtract", other, self)
+        return operation("subtract", other, self)
 
     def __mul__(self, other: Value) -> Value:
-        return 0.0 if other == 0 else self if other == 1 else _binary("multiply", self, other)
+        return 0.0 if other == 0 else self if other == 1 else operation("multiply", self, other)
 
     def __rmul__(self, other: Value) -> Value:
         return self * other
 
     def __truediv__(self, other: Value) -> Value:
-        return self if other == 1 else _binary("divide", self, other)
+        return self if other == 1 else operation("divide", self, other)
 
     def __rtruediv__(self, other: Value) -> Value:
-        return _binary("divide", other, self)
+        return operation("divide", other, self)
 
     def __neg__(self) -> Value:
         return self * -1.0
-
-    def __eq__(self, other: object) -> bool:
-        return self is other
-
-    def __hash__(self) -> int:
-        return id(self)
 
     def __bool__(self) -> bool:
         raise TypeError("an expression has no truth value: use `where`")
@@ -68,8 +62,12 @@ class Expression:
 
 def operation(name: str, *arguments: Any, output: int = 0) -> Expression:
     """Return output `output` of the engine's operation `name`, on values and, if it takes them, texts and lists."""
-    key = (name, tuple(tuple(a) if isinstance(a, list) else a for a in arguments), output)
-    found = Expression._known.get(key)
+    key = (name, arguments, output)
+    try:
+        found = Expression._known.get(key)
+    except TypeError:  # a list
+        key = (name, tuple(tuple(a) if isinstance(a, list) else a for a in arguments), output)
+        found = Expression._known.get(key)
     if found is None:
         found = Expression._known[key] = Expression(name, arguments, output)
     return found
@@ -91,10 +89,6 @@ def is_constant(*values: Value) -> bool:
         if isinstance(value, Expression):
             return False
     return True
-
-
-def _binary(name: str, a: Value, b: Value) -> Value:
-    return operation(name, a, b)
 
 
 def divide(a: Value, b: Value) -> Value:
@@ -122,12 +116,16 @@ def square_root(a: Value) -> Value:
 
 def minimum(a: Value, b: Value) -> Value:
     """Return the smaller of two values."""
-    return min(a, b) if is_constant(a, b) else a if a is b else operation("minimum", a, b)
+    if isinstance(a, Expression) or isinstance(b, Expression):  # not `is_constant`: this is asked very often
+        return a if a is b else operation("minimum", a, b)
+    return min(a, b)
 
 
 def maximum(a: Value, b: Value) -> Value:
     """Return the larger of two values."""
-    return max(a, b) if is_constant(a, b) else a if a is b else operation("maximum", a, b)
+    if isinstance(a, Expression) or isinstance(b, Expression):
+        return a if a is b else operation("maximum", a, b)
+    return max(a, b)
 
 
 def largest(values: Iterable[Value]) -> Value:
@@ -170,6 +168,11 @@ def unary(name: str, fold: Callable[[float], float], a: Value) -> Value:
         return float(fold(a))
     except (ValueError, OverflowError, ZeroDivisionError):
         return 0.0
+
+
+def truncated(a: Value) -> Value:
+    """Return the value without what follows the decimal point."""
+    return unary("truncate", math.trunc, a)
 
 
 def mixed(a: Value, b: Value, factor: Value) -> Value:
@@ -310,16 +313,16 @@ def _ordered(results: Iterable[Any]) -> Iterable[Expression]:
     """Yield all expressions that the results need, each after those that it needs itself. There is no recursion,
     because trees may be deep.
     """
-    done: set[int] = set()
+    done: set[Expression] = set()
     for result in results:
-        stack = [(result, False)]
+        stack = [result] if isinstance(result, Expression) else []
         while stack:
-            value, ready = stack.pop()
-            if not isinstance(value, Expression) or id(value) in done:
-                continue
-            if ready:
-                done.add(id(value))
+            value = stack[-1]
+            if value not in done:
+                waits = [a for a in value.arguments if isinstance(a, Expression) and a not in done]
+                if waits:
+                    stack.extend(waits)
+                    continue
+                done.add(value)
                 yield value
-            else:
-                stack.append((value, True))
-                stack.extend((a, False) for a in value.arguments)
+            stack.pop()

@@ -1,5 +1,7 @@
 """Values of sockets: constants are folded, expressions become the program that the engine knows."""
 
+from dataclasses import replace
+
 import pytest
 from light_meshes.scene import programs
 from light_meshes_addon.export import node_values, values
@@ -79,3 +81,31 @@ def test_every_translated_node_is_shown_beside_cycles():
     values = set(node_values.NODES) - catalogue
     assert values == {'ShaderNodeBump', 'ShaderNodeDisplacement', 'ShaderNodeVectorDisplacement', 'ShaderNodeTexImage',
                       'ShaderNodeTexEnvironment', 'ShaderNodeTexSky'}  # which have tests of their own
+
+
+def test_constants_through_nodes_cost_nothing(translated, node_material):
+    """Their material is the same in every number as that without these nodes, and has no program."""
+    inputs = {"Base_Color": (0.25, 0.5, 0.125, 1), "Roughness": 0.5, "Metallic": 0.25, "Coat_Weight": 0.5}
+    plain, _ = translated(node_material("Plain", 'ShaderNodeBsdfPrincipled', **inputs))
+    material = node_material("Plain", 'ShaderNodeBsdfPrincipled', **inputs)
+    tree, principled = material.node_tree, material.node_tree.nodes["Principled BSDF"]
+    combine, value, math = (tree.nodes.new(f"ShaderNode{name}") for name in ("CombineXYZ", "Value", "Math"))
+    for socket, number in zip(combine.inputs, inputs["Base_Color"], strict=False):
+        socket.default_value = number
+    value.outputs[0].default_value, math.operation, math.inputs[1].default_value = 0.25, 'ADD', 0.25
+    tree.links.new(value.outputs[0], math.inputs[0])
+    for output, name in ((combine.outputs[0], "Base Color"), (math.outputs[0], "Roughness"),
+                         (value.outputs[0], "Metallic"), (math.outputs[0], "Coat Weight")):
+        principled.inputs[name].default_value = (1, 1, 1, 1) if "Color" in name else 0.9
+        tree.links.new(output, principled.inputs[name])
+    found, scene = translated(material)
+    assert replace(found, name=plain.name) == plain and not found.program and not scene.warnings
+
+
+def test_varying_roughness_is_no_mirror_where_it_is_rough(translated, node_material):
+    """What mirrors is said point by point, so that other surfaces' reflections need not light each point in full."""
+    material = node_material("Rough", 'ShaderNodeBsdfPrincipled')
+    tree = material.node_tree
+    tree.links.new(tree.nodes.new('ShaderNodeTexNoise').outputs[0], tree.nodes["Principled BSDF"].inputs["Roughness"])
+    found, _ = translated(material)
+    assert found.blurred and {"roughness", "mirror"} <= set(found.program.values)

@@ -8,7 +8,8 @@ import OpenImageIO as oiio
 import pytest
 from light_meshes import Scene, Shape, rectangle
 from light_meshes.picture.render import prepare, render_image
-from light_meshes.scene.description import Image, Material
+from light_meshes.scene.description import IDENTITY, Image, Material
+from light_meshes.surface.textures import Texture
 from scenes import look_down, settings
 
 # Rows from the top, as a file has them: 3 × 2 texels of distinct colours.
@@ -52,15 +53,32 @@ def test_texels_lie_where_uv_says_in_the_files_colours(tmp_path, dtype, colorspa
     np.testing.assert_allclose(picture[..., :3], expected, atol=1e-5)
 
 
-def test_between_texels_the_linear_colours_are_blended(tmp_path):
-    picture = shown(saved(tmp_path), 60, uv=((1 / 6, 0.25), (5 / 6, 0.75))).passes["Combined"][..., :3]
+@pytest.mark.parametrize("matrix", [IDENTITY, ((0.5, 0.5, 0), (0, 1, 0), (0, 0, 1))])
+def test_between_texels_the_numbers_of_srgb_are_blended(tmp_path, matrix):
+    """As in Cycles: linear light is blended only where another conversion follows."""
+    picture = shown(saved(tmp_path), 60, uv=((1 / 6, 0.25), (5 / 6, 0.75)), matrix=matrix).passes["Combined"][..., :3]
     x = (np.arange(60) + 0.5) / 60 * 2  # in texels from the middle of the first
     y = (np.arange(60) + 0.5) / 60
     left = np.minimum(x.astype(int), 1)
-    rows = linear(TEXELS)[::-1]
+    rows = (TEXELS if matrix == IDENTITY else linear(TEXELS))[::-1]
     along = rows[:, left] * (1 - (x - left))[:, None] + rows[:, left + 1] * (x - left)[:, None]
     expected = along[0] * (1 - y)[:, None, None] + along[1] * y[:, None, None]
+    expected = linear(expected) if matrix == IDENTITY else expected @ np.array(matrix).T
     np.testing.assert_allclose(picture, expected, atol=1e-4)
+
+
+def test_values_below_0_stay(tmp_path):
+    """Of data that are no colours, as a vector's; what is no number is 0."""
+    texels = np.array([[(-0.5, 0.25, -2), (np.nan, 1, 1), (-1, np.inf, 3)]], np.float32)
+    path = tmp_path / "signed.exr"
+    out = oiio.ImageOutput.create(str(path))
+    out.open(str(path), oiio.ImageSpec(3, 1, 3, "float"))
+    out.write_image(texels)
+    out.close()
+    texture = Texture(Image("signed", str(path), colorspace="LINEAR", interpolation="CLOSEST"))
+    found = np.empty((3, 3))
+    texture.lookup(np.array([(0.2, 0.5), (0.5, 0.5), (0.8, 0.5)], np.float32), np.arange(3), found)
+    np.testing.assert_array_equal(found, [(-0.5, 0.25, -2), (0, 0, 0), (0, 0, 0)])
 
 
 @pytest.mark.parametrize(("extension", "columns"), [("REPEAT", [0, 1, 2, 0, 1, 2, 0, 1, 2]),
@@ -105,9 +123,9 @@ def test_a_clear_texel_does_not_bleed_into_its_neighbour(tmp_path):
     uv = ((1 / 3, 0), (1 / 3, 1))  # between the red texel, which is there, and the green one, which is not
     path = saved(tmp_path, texels=LEAF)
     straight, kept = (shown(path, 1, uv=uv, alpha=alpha).passes["Combined"][0, 0, :3] for alpha in ("STRAIGHT", "KEEP"))
-    red, green = linear(LEAF[0, :2, :3])
+    red = linear(LEAF[0, 0, :3])
     np.testing.assert_allclose(straight, red, atol=1e-5)
-    np.testing.assert_allclose(kept, (red + green) / 2, atol=1e-5)
+    np.testing.assert_allclose(kept, linear((LEAF[0, 0, :3].astype(float) + LEAF[0, 1, :3]) / 2), atol=1e-5)
 
 
 @pytest.mark.parametrize(("colorspace", "meaning"), [("sRGB", linear), ("LINEAR", lambda t: t / 255)])

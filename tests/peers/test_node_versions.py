@@ -15,7 +15,7 @@ SUPPORT = Path(__file__).parents[1] / "support"
 PYTHONS = [sys.executable, *(p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p)]
 pytestmark = pytest.mark.slow
 TREES = ["bumps", "others", "lamps", "suns", "area lamps", "worlds"]
-CATALOGUE = ["values", "images", "inputs", "muted", "structures"]
+CATALOGUE = ["values", "images", "inputs", "muted", "structures", "sources"]
 
 
 def picture(path):

@@ -203,9 +203,10 @@ def painted(name, width, height, as_floats, alpha_mode, space):
     for y in range(height):
         for x in range(width):
             pixels += [chosen.uniform(0.1, 0.9) for _ in range(3)] + [0.2 + 0.8 * (x + y) / (width + height - 2)]
+    image.colorspace_settings.name, image.alpha_mode = space, alpha_mode  # which empties a painted image
     image.pixels.foreach_set(pixels)
-    image.colorspace_settings.name, image.alpha_mode = space, alpha_mode
     image.pack()
+    assert len(set(image.pixels[:])) > width, "it is empty"
     return image
 
 

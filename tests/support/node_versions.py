@@ -1,6 +1,6 @@
 """Sheets of node trees by this bpy's Cycles and by Light Meshes: for a Python with another bpy, see
 test_node_versions.py. Arguments: a folder, and which sheets. Of each it writes NAME.ours.exr and NAME.theirs.exr, and
-for a sheet of `node_catalogue` NAME.json, with the names of its cells.
+for a sheet of the catalogue NAME.json, with the names of its cells.
 """
 
 import json
@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 import light_meshes_addon
 import node_catalogue
+import node_sources
 from node_trees import Tree, World, exact, lamp_sheet, outputs_of_lamps, sheet
 
 CELL = 20  # pixels of a case of the catalogue
@@ -78,6 +79,7 @@ def worlds(scene):
 
 
 SHEETS = {"bumps": bumps, "others": others}
+CATALOGUE = node_catalogue.SHEETS | node_sources.SHEETS
 
 
 def draw(folder, name):
@@ -97,8 +99,8 @@ def draw(folder, name):
     elif name == "area lamps":
         lamp_sheet(scene, outputs_of_lamps(['AREA']))
         scene.cycles.samples = 64
-    elif name in node_catalogue.SHEETS:
-        cases = node_catalogue.SHEETS[name]()
+    elif name in CATALOGUE:
+        cases = CATALOGUE[name]()
         columns = node_catalogue.sheet(scene, cases, CELL)
         (folder / f"{name}.json").write_text(json.dumps([CELL, columns, [label for label, _ in cases]]))
     else:

@@ -6,10 +6,11 @@ static Place4 place_at(const f64 *place, i64 k) {
     return (Place4){{(f32)place[4 * k], (f32)place[4 * k + 1], (f32)place[4 * k + 2], (f32)place[4 * k + 3]}};
 }
 
-/* out: the value, and a colour. how: (n,6) detail, roughness, lacunarity, offset, gain, distortion. */
-KERNEL(procedural_noise, "place f64[n,4]  how f64[n,6]  dimensions i64  kind i64  normalize i64  out f64[n,4]!"
+/* out: the value, and a colour, or 0 where no colour is asked for. how: (n,6) detail, roughness, lacunarity, offset, gain, distortion. */
+KERNEL(procedural_noise, "place f64[n,4]  how f64[n,6]  dimensions i64  kind i64  normalize i64  colour i64  out f64[n,4]!"
        ";  1<=dimensions<=4")
-i64 procedural_noise(i64 n, const f64 *place, const f64 *how, i64 dimensions, i64 kind, i64 normalize, f64 *out) {
+i64 procedural_noise(i64 n, const f64 *place, const f64 *how, i64 dimensions, i64 kind, i64 normalize, i64 colour,
+                     f64 *out) {
     int d = (int)dimensions;
     for (i64 k = 0; k < n; k++) {
         const f64 *h = how + 6 * k;
@@ -22,9 +23,11 @@ i64 procedural_noise(i64 n, const f64 *place, const f64 *how, i64 dimensions, i6
                 Place4 q = elsewhere(&p, d, j);
                 moved.v[j] += noise_signed(&q, d) * (f32)h[5];
             }
-        Place4 green = elsewhere(&moved, d, d), blue = elsewhere(&moved, d, d + 1);
         f64 value = fractal(&moved, d, &f);
         out[4 * k] = out[4 * k + 1] = value;
+        out[4 * k + 2] = out[4 * k + 3] = 0.0;
+        if (!colour) continue;
+        Place4 green = elsewhere(&moved, d, d), blue = elsewhere(&moved, d, d + 1);
         out[4 * k + 2] = fractal(&green, d, &f);
         out[4 * k + 3] = fractal(&blue, d, &f);
     }

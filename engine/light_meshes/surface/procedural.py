@@ -28,12 +28,13 @@ def _columns(a: NDArray) -> Sequence[Register]:
     return tuple(np.ascontiguousarray(a[:, k]) for k in range(a.shape[1]))
 
 
-def noise(n: int, dimensions: float, kind: float, normalize: float, *rest: Register) -> Sequence[Register]:
-    """Return the Noise texture: a value and a colour. rest: x, y, z, w, detail, roughness, lacunarity, offset, gain and
-    distortion. kind: see the enum in noise.h.
+def noise(n: int, dimensions: float, kind: float, normalize: float, *rest: Register,
+          colour: bool = True) -> Sequence[Register]:
+    """Return the Noise texture: a value and a colour, which is three times the work and 0 where it is not asked for.
+    rest: x, y, z, w, detail, roughness, lacunarity, offset, gain and distortion. kind: see the enum in noise.h.
     """
     out = np.empty((n, 4))
-    _noise(_block(n, *rest[:4]), _block(n, *rest[4:]), int(dimensions), int(kind), int(normalize), out)
+    _noise(_block(n, *rest[:4]), _block(n, *rest[4:]), int(dimensions), int(kind), int(normalize), colour, out)
     return _columns(out)
 
 

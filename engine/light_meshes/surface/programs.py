@@ -63,7 +63,8 @@ def run(program: Program, points: Points, textures: Sequence[Texture | None],
             elif name == "sky":
                 registers.extend(sky(len(points.P), *map(value, arguments)))
             elif name in TEXTURES:
-                registers.extend(TEXTURES[name](len(points.P), *map(value, arguments)))
+                how = {"colour": bool({len(registers) + i for i in (2, 3)} & asked)} if name == "noise" else {}
+                registers.extend(TEXTURES[name](len(points.P), *map(value, arguments), **how))
             elif name == "table":
                 registers.append(_table(value(arguments[0]), np.array(arguments[1]), *map(bool, arguments[2:])))
             else:

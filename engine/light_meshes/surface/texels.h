@@ -19,14 +19,17 @@ static inline i64 wrap(i64 x, i64 size, i64 extension) {
     return x < 0 ? 0 : x < size ? x : size - 1;
 }
 
-/* How texels become colours. Texels are indices into `linear`, or, if that is empty, linear values themselves.
+/* How texels become colours. Texels are indices into `colours`, or, if that is empty, values themselves.
    first, step: the channels of the colours; a grey image uses one channel for all. weighing: the channel that
-   weights texels when they are blended, converted by `straight`, −1 if none; divides: whether to divide by the sum
-   of the weights. interpolation: LINEAR, CLOSEST, CUBIC. matrix: NULL if none. */
+   weights texels when they are blended, converted by `straight`, −1 if none; weighted: whether they are multiplied by it
+   already; divides: whether to divide by the sum of the weights. interpolation: LINEAR, CLOSEST, CUBIC. matrix: NULL if none. decoded: the linear light of values
+   0 to 1 of sRGB, `steps` + 1 of them, which blended colours are; NULL if they are linear light. */
 typedef struct {
-    i64 height, width, channels, first, step, weighing, divides, interpolation, extension;
-    const f32 *linear, *straight;
+    i64 height, width, channels, first, step, weighing, weighted, divides, interpolation, extension;
+    const f32 *colours, *straight;
     const f64 *matrix;
+    const f32 *decoded;
+    i64 steps;
 } Look;
 
 /* Where a texture is looked up: the index of the first texel that counts, how many count in each direction, and the shares
@@ -60,14 +63,27 @@ static inline Place place_of(const Look *look, const f32 *uv) {
     return p;
 }
 
-/* Applies the matrix, if there is one, and replaces values below 0 (outside of the scene's gamut) and NaNs by 0. */
+/* The linear light of a value of sRGB: between two numbers of the table, an error below 1e-8; by its formula above 1. */
+static inline f64 decoded_of(const Look *look, f64 value) {
+    if (!(value > 0.0)) return 0.0;
+    if (value >= 1.0) return value == 1.0 ? 1.0 : pow((value + 0.055) / 1.055, 2.4);
+    f64 place = value * (f64)look->steps;
+    i64 i = (i64)place;
+    f64 low = look->decoded[i];
+    return low + (place - (f64)i) * ((f64)look->decoded[i + 1] - low);
+}
+
+/* Makes blended values linear light, or applies the matrix, if there is one, and replaces values below 0 (outside of the
+   scene's gamut) then by 0. Values that need neither may be below 0, as those of displacement. */
 static inline void finish(const Look *look, i64 count, f64 *colour) {
+    if (look->decoded)
+        for (i64 c = 0; c < count; c++) colour[c] = decoded_of(look, colour[c]);
     if (look->matrix) {
         f64 r = colour[0], g = colour[1], b = colour[2];
         for (int c = 0; c < 3; c++) colour[c] = look->matrix[3 * c] * r + look->matrix[3 * c + 1] * g + look->matrix[3 * c + 2] * b;
     }
     for (i64 c = 0; c < count; c++)
-        if (!(colour[c] > 0.0)) colour[c] = 0.0;
+        if (look->matrix ? !(colour[c] > 0.0) : colour[c] != colour[c]) colour[c] = 0.0;
 }
 
 /* The share of a clipped image's texels at uv that are inside. */
@@ -109,11 +125,12 @@ static inline void blended(const Look *look, int kind, const void *texels, i64 l
         if (i < 0 || j < 0) continue;
         i64 texel = (gathered ? at : j * look->width + i) * look->channels;
         if (look->weighing >= 0) {
-            weight *= value_of(texels, kind, texel + look->weighing, look->straight, length);
-            total += weight;
+            f64 alpha = value_of(texels, kind, texel + look->weighing, look->straight, length);
+            total += weight * alpha;
+            if (!look->weighted) weight *= alpha;
         }
         for (i64 k = 0; k < C; k++)
-            out[k] += weight * value_of(texels, kind, texel + look->first + look->step * k, look->linear, length);
+            out[k] += weight * value_of(texels, kind, texel + look->first + look->step * k, look->colours, length);
     }
     if (look->divides && total > 0.0)
         for (i64 j = 0; j < C; j++) out[j] /= total;
@@ -128,8 +145,8 @@ enum { IMAGE_KIND, IMAGE_TEXELS, IMAGE_HEIGHT, IMAGE_WIDTH, IMAGE_CHANNELS, IMAG
 static inline f64 alpha_at(const i64 *image, const f32 *uv) {
     const f32 *table = (const f32 *)(uintptr_t)image[IMAGE_TABLE];
     const void *texels = (const void *)(uintptr_t)image[IMAGE_TEXELS];
-    Look look = {image[IMAGE_HEIGHT], image[IMAGE_WIDTH], image[IMAGE_CHANNELS], image[IMAGE_ALPHA], 0, -1, 0,
-                 image[IMAGE_INTERPOLATION], image[IMAGE_EXTENSION], table, table, 0};
+    Look look = {image[IMAGE_HEIGHT], image[IMAGE_WIDTH], image[IMAGE_CHANNELS], image[IMAGE_ALPHA], 0, -1, 0, 0,
+                 image[IMAGE_INTERPOLATION], image[IMAGE_EXTENSION], table, table, 0, 0, 0};
     f64 alpha = 1.0;
     if (image[IMAGE_KIND] == CLIPPED) alpha = coverage_at(&look, uv);
     else if (image[IMAGE_KIND] != OPAQUE_IMAGE)

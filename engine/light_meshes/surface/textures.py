@@ -65,7 +65,7 @@ class Texture:
         """
         self.key = _key(image, alpha)
         with _opened(image) as source:
-            layout = _layout(image, source.spec(), alpha)
+            layout = _layout(image, source, alpha)
             texels = None if cache else _read(source, layout)
         self.width, self._height, self._kind = layout.width, layout.height, np.dtype(layout.kind)
         self._alpha = layout.alpha if alpha and image.alpha != "IGNORED" else -1
@@ -74,7 +74,7 @@ class Texture:
         self._extension = _EXTENSIONS.index(image.extension)
         self._matrix = np.array(image.matrix, np.float64).reshape(3, 3) if image.matrix != IDENTITY else None
         most = 0 if layout.kind == np.float32 else np.iinfo(layout.kind).max
-        self._straight = self._linear = np.linspace(0, 1, most + 1, dtype=np.float32)[:most and most + 1]
+        self._straight = self._colours = np.linspace(0, 1, most + 1, dtype=np.float32)[:most and most + 1]
         self.warning = ""
         convert = None
         if image.colorspace not in COLORSPACES:
@@ -85,12 +85,17 @@ class Texture:
                                 f"{image.working_space} by {image.ocio}: {e}; read as sRGB")
         seen = layout.alpha >= 0 and (texels is None or bool((texels[:, :, layout.alpha] != (most or 1)).any()))
         changes = self._associate(image, layout, most or 1, seen, convert)
-        if image.colorspace != "LINEAR" and convert is None:
-            self._linear = _srgb_to_linear(self._linear)
+        # As in Cycles sRGB is blended by its own numbers, where no other conversion must follow.
+        encoded = image.colorspace != "LINEAR" and convert is None
+        self._decoded = _DECODED if encoded and self._matrix is None else None
+        if encoded and self._decoded is None:
+            self._colours = _srgb_to_linear(self._colours)
             if not most:
                 changes.append((lambda colour, alpha: _srgb_to_linear(colour), _STRIP))
 
         def changed(texels: NDArray) -> NDArray:
+            if not most:
+                texels[~np.isfinite(texels).all(2)] = 0.0  # as Cycles
             for change, strip in changes:
                 _each(texels, layout, change, strip)
             return texels
@@ -107,10 +112,12 @@ class Texture:
         value of alpha that means 1; seen: whether there may be others. Returns what is to be done to the texels, see
         `_each`, each with how many texels at once.
 
-        As in Cycles, colours are converted without alpha; only sRGB is multiplied by alpha before it is made linear.
+        As in Cycles, colours are converted without alpha; only what needs no conversion, or sRGB's own, is multiplied
+        by alpha as it is in the file.
         """
-        self._weight, self._divides = -1, False  # the channel that weights texels when they are blended
+        self._weight, self._weighted, self._divides = -1, False, False  # see texels.h
         has, changes = image.alpha in ("STRAIGHT", "MULTIPLIED") and seen, list[tuple[_Change, int]]()
+        kept = convert is None and image.matrix == IDENTITY
         straight = layout.straight or not has
         if not straight and layout.divided:
             changes.append((lambda colour, alpha: np.divide(colour, alpha, out=colour.copy(), where=alpha != 0),
@@ -118,15 +125,14 @@ class Texture:
             straight = True
         if convert:
             changes.append((lambda colour, alpha: convert(colour), _CONVERTED))
-        if not has or not straight:
+        if not has:
             return changes
-        if image.alpha == "STRAIGHT" or image.colorspace != "sRGB" or image.matrix != IDENTITY:
-            self._weight, self._divides = layout.alpha, image.alpha == "STRAIGHT"
-        elif white == 1:
-            changes.append((lambda colour, alpha: colour * alpha, _STRIP))
-        else:  # with the numbers of the file
-            changes.append((lambda colour, alpha: (
-                (colour.astype(np.uint32) * alpha + white // 2) // white).astype(colour.dtype), _STRIP))
+        self._divides = image.alpha == "STRAIGHT"
+        if kept and straight:
+            changes.append(((lambda colour, alpha: colour * alpha) if white == 1 else (
+                lambda colour, alpha: (colour.astype(np.uint32) * alpha // white).astype(colour.dtype)), _STRIP))
+        if self._divides or (straight and not kept):
+            self._weight, self._weighted = layout.alpha, kept or not straight
         return changes
 
     @property
@@ -134,9 +140,9 @@ class Texture:
         """Return the cache from which its texels come, if that is so."""
         return self._tiles.cache if self._tiles else None
 
-    def _look(self, first: int, step: int, linear: NDArray[np.float32], weight: int, divides: bool,
-              matrix: NDArray[np.float64] | None, uv: NDArray[np.float32], rows: NDArray[np.int64],
-              out: NDArray[np.float64]) -> None:
+    def _look(self, first: int, step: int, colours: NDArray[np.float32], weight: int, divides: bool,
+              matrix: NDArray[np.float64] | None, decoded: NDArray[np.float32] | None, uv: NDArray[np.float32],
+              rows: NDArray[np.int64], out: NDArray[np.float64]) -> None:
         """Set out[rows] to channels at uv[rows]: `first` and the next ones if step is 1."""
         uv, texels = np.ascontiguousarray(uv), self._texels
         if self._tiles is not None:
@@ -144,12 +150,13 @@ class Texture:
             _needed(self._height, self.width, self._interpolation, self._extension, uv, rows, index)
             texels = self._tiles.texels(index.ravel())
         _LOOK[self._kind](
-            texels, self._height, self.width, self._tiles is not None, first, step, linear, weight, divides,
-            self._straight, matrix, self._interpolation, self._extension, uv, rows, out)
+            texels, self._height, self.width, self._tiles is not None, first, step, colours, weight, self._weighted,
+            divides, self._straight, matrix, decoded, self._interpolation, self._extension, uv, rows, out)
 
     def lookup(self, uv: NDArray[np.float32], rows: NDArray[np.int64], colour: NDArray[np.float64]) -> None:
         """Set colour[rows] to the texture at uv[rows]; v points up."""
-        self._look(self._first, self._step, self._linear, self._weight, self._divides, self._matrix, uv, rows, colour)
+        self._look(self._first, self._step, self._colours, self._weight, self._divides, self._matrix, self._decoded, uv,
+                   rows, colour)
 
     def alpha(self, uv: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return its alpha (n,) at uv (n,2). One that has none is opaque, and as Cycles has it, a coloured one that is
@@ -159,7 +166,7 @@ class Texture:
         if self._alpha < 0 and self._step and self._extension == _EXTENSIONS.index("CLIP"):
             _coverage(self._height, self.width, self._interpolation, np.ascontiguousarray(uv), alpha)
         elif self._alpha >= 0:
-            self._look(self._alpha, 0, self._straight, -1, False, None, uv, np.arange(len(uv)), alpha)
+            self._look(self._alpha, 0, self._straight, -1, False, None, None, uv, np.arange(len(uv)), alpha)
         return alpha[:, 0]
 
 
@@ -255,7 +262,7 @@ def layouts(images: Sequence[Image], asked: Collection[int]) -> list[tuple[Image
     for i, image in enumerate(images):
         try:
             with _opened(image) as source:
-                found.append((image, _layout(image, source.spec(), i in asked)))
+                found.append((image, _layout(image, source, i in asked)))
         except OSError:  # reading the file will report it
             continue
     return found
@@ -290,19 +297,30 @@ def _check_file(path: Path) -> None:
         raise OSError("it is a folder" if stat.S_ISDIR(mode) else "it is no file on a disk")
 
 
-def _layout(image: Image, spec: Any, alpha: bool) -> Layout:
+def _straight(source: Any) -> bool:
+    """Return whether the colours of an open file are not multiplied by alpha. As Cycles has it, what kinds of files say
+    is not always so.
+    """
+    spec = source.spec()
+    if source.format_name() == "targa":
+        return spec.get_int_attribute("targa:alpha_type", -1) != 4
+    return source.format_name() in ("dds", "psd") or bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
+
+
+def _layout(image: Image, source: Any, alpha: bool) -> Layout:
+    spec = source.spec()
     names = list(spec.channelnames)
     red = names.index("R") if "R" in names else 0
     first = red if names[red:red + 3] == ["R", "G", "B"] else 0
     colours = 3 if spec.nchannels >= 3 else 1
     of_alpha = spec.nchannels - 1 if spec.nchannels in (2, 4) else spec.alpha_channel
-    straight = {"STRAIGHT": True, "MULTIPLIED": False}.get(
-        image.stored, bool(spec.get_int_attribute("oiio:UnassociatedAlpha")))
+    if spec.nchannels > 4 and of_alpha < 0 and first == 0:
+        of_alpha = 3  # as in Cycles, whatever it is
+    straight = {"STRAIGHT": True, "MULTIPLIED": False}[image.stored] if image.stored != "FILE" else _straight(source)
     wanted = (alpha and image.alpha != "IGNORED") or image.alpha in ("MULTIPLIED", "STRAIGHT")
     converts = image.colorspace not in COLORSPACES
-    divided = not straight and of_alpha >= 0 and (
-        image.alpha == "STRAIGHT" or (image.alpha == "MULTIPLIED" and (
-            converts or (image.colorspace == "sRGB" and image.matrix != IDENTITY))))
+    changed = converts or (image.colorspace == "sRGB" and image.matrix != IDENTITY)
+    divided = not straight and of_alpha >= 0 and changed and image.alpha in ("STRAIGHT", "MULTIPLIED")
     kind = np.float32 if converts or divided else {  # these are kept as they are
         oiio.UINT8: np.uint8, oiio.UINT16: np.uint16}.get(spec.format.basetype, np.float32)
     return Layout(spec.width, spec.height, kind, first, colours, of_alpha if wanted else -1, straight, divided)
@@ -344,3 +362,6 @@ def _key(image: Image, alpha: bool) -> tuple:
 
 def _srgb_to_linear(x: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0) + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+_DECODED = _srgb_to_linear(np.linspace(0, 1, 4097)).astype(np.float32)  # see texels.h
