@@ -160,7 +160,7 @@ class LightMeshes(Method):
         on = at.facet or (None if at.triangle is None else Facet(at.P, at.normals(), at.triangle))
         if self._holds is not None and on is not None:
             holds = np.empty(len(at.P), np.bool_)
-            calls.append((self._holds, *on, holds))
+            calls.append((self._holds, at.P, on.N, on.triangle, holds))
             if at.facet is not None:
                 calls.append((averaging.free_start, at.P, at.normals(), on.P, on.N, self._margin, holds))
         calls.append((averaging.spare, near.start, near.candidate, self._agreeing(at, near), at.active,
