@@ -262,6 +262,7 @@ def test_a_tiny_contest_end_to_end(tmp_path):
     assert {p for p in tmp_path.rglob(cells.RESULT) if done[p] != p.stat().st_mtime_ns} == {lost}
     assert again["rows"]["draft"] == found["rows"]["draft"]
     assert json.loads((tmp_path / "contest.json").read_text())["format"] == contest.FORMAT
+    assert (tmp_path / "contest_64x36.png").read_bytes()[:4] == b"\x89PNG"
 
 
 COUNT = """

@@ -3,7 +3,8 @@
 Scenes of `blend_scenes/contest` are rendered by this engine at Draft, Balanced and Fine, and by Cycles with several
 numbers of samples, with and without its denoiser, with the same bounces. All are judged against Cycles with many
 samples (`judge`). OUT keeps every picture, so that a run that was interrupted, or asks for more, goes on where it
-was. After each cell OUT/contest.json and OUT/contest.md are written again.
+was. After each cell OUT/contest.json and OUT/contest.md are written again, and in the end the figure of error against
+time, if matplotlib is there.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..support import console
-from . import cells, contest_tables, crops, judge
+from . import cells, contest_tables, crops, judge, plots
 from .cells import Cell, Way
 from .runs import machine
 
@@ -72,6 +73,8 @@ def run(task: Task, out: Path) -> dict[str, Any]:
             match.flight()
         match.show()
     console.say(write(results, out))
+    if plots.available():
+        plots.contest(results, out / f"contest_{task.size[0]}x{task.size[1]}")
     return results
 
 

@@ -1,4 +1,7 @@
-"""Draw the figures: error against time, time against lights, and growth. This needs matplotlib (the extra `bench`)."""
+"""Draw the figures: error against time, also of the contest, time against lights, and growth.
+
+This needs matplotlib (the extra `bench`).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
+from .contest_tables import measure_of
 from .targets import cycles_line
 
 MISSING = "no figures: they need matplotlib, which the extra 'bench' of this project installs"
@@ -31,6 +35,39 @@ def draw(results: dict[str, Any], folder: Path) -> list[Path]:
         written += _save(_errors(results, name), folder / f"error-{name.lower().replace('_', '-')}")
     written += _save(_lights(results), folder / "lights")
     return written + _save(_growth(results), folder / "growth")
+
+
+def contest(results: dict[str, Any], path: Path) -> Path | None:
+    """Write the contest's figure: HDR-FLIP away from edges against seconds, a panel for each scene. Return its path, or
+    None if nothing was measured.
+
+    results: what `contest.run` returns.
+    """
+    import matplotlib
+    matplotlib.use("Agg")
+
+    scenes = {name: scene["rows"] for name, scene in results["scenes"].items() if scene["rows"]}
+    if not scenes:
+        return None
+    figure, axes = _figure(len(scenes))
+    for ax, (name, rows) in zip(axes, scenes.items(), strict=True):
+        for kind, label in (("lamp shape", "Light Meshes: Draft, Balanced, Fine"), ("Cycles, denoised", None),
+                            ("Cycles", None)):
+            points = sorted((row["seconds"], measure_of(row)) for row in rows.values() if _kind(row) == kind)
+            if points:
+                ax.plot(*zip(*points, strict=True), marker=MARKS[kind], color=COLOURS[kind], label=label or kind)
+        ax.set_title(name.replace("_", " "))
+        ax.set_xlabel("seconds")
+    axes[0].set_ylabel("HDR-FLIP away from edges")
+    axes[0].legend(fontsize=8)
+    _save(figure, path)
+    return path.with_suffix(".png")
+
+
+def _kind(row: dict[str, Any]) -> str:
+    if row["engine"] == "LIGHT_MESHES":
+        return "lamp shape"
+    return "Cycles, denoised" if row["denoise"] else "Cycles"
 
 
 def _save(figure: Any, path: Path) -> list[Path]:
