@@ -36,7 +36,8 @@ static void shading_normal(const f64 *matrix, const f64 *local, const f64 *own, 
 KERNEL(grids_corners,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  flipped bool[T]  longest f32[T]  instance i32[T]  "
        "matrix f64[I,3,3]  local f64[n,3,3]  small i32[n]  steps f64  inset f64  slots i32[m]!  vertex i32[k]!  turn i32[k]!  "
-       "sum f64[k,4]!  level bool[k]!  number i32[n,3]!  P f64[k,3]!  N f64[k,3]!  spacing f64[k]!  own i32[k]!")
+       "sum f64[k,4]!  level bool[k]!  number i32[n,3]!  P f64[k,3]!  N f64[k,3]!  spacing f64[k]!  own i32[k]!"
+       ";  power(m)  3*n<m  3*n<=k  0<=small<T;  0<=triangles<V  0<=instance<I")
 i64 grids_corners(i64 V, i64 T, i64 I, i64 n, i64 m, i64 k, const f64 *centre, f64 scale, const f32 *vertices,
                   const i32 *triangles, const u8 *flipped, const f32 *longest, const i32 *instance, const f64 *matrix,
                   const f64 *local, const i32 *small, f64 steps, f64 inset, i32 *slots, i32 *vertex, i32 *turn, f64 *sum,

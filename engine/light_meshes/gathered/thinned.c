@@ -12,7 +12,7 @@ static inline u64 packed(const i64 *c) {
 }
 
 /* Fills the keys of the cells with this edge in which places P are. */
-KERNEL(thinned_cells, "edge f64  P f64[n,3]  keys u64[n]!")
+KERNEL(thinned_cells, "edge f64  P f64[n,3]  keys u64[n]!;  0<edge<inf")
 i64 thinned_cells(i64 n, f64 edge, const f64 *P, u64 *keys) {
     for (i64 k = 0; k < n; k++) {
         i64 c[3];
@@ -35,7 +35,8 @@ static inline f64 counts(const f64 *P, const f64 *N, const f64 *Q, const f64 *M,
    Sources are those of cells, begin[c] to begin[c + 1], whose keys are in a table. */
 KERNEL(thinned_around,
        "slots i32[e]  entered u64[q]  begin i32[c]  edge f64  reach f64  Q f64[m,3]  M f64[m,3]  own i32[m]  P f64[n,3]  "
-       "N f64[n,3]  of i32[n]  source i32[n,s]!  weight f64[n,s]!")
+       "N f64[n,3]  of i32[n]  source i32[n,s]!  weight f64[n,s]!"
+       ";  power(e)  0<edge<inf  0<=reach<inf  0<=begin<=m")
 i64 thinned_around(i64 e, i64 q, i64 c, i64 m, i64 n, i64 s, const i32 *slots, const u64 *entered, const i32 *begin,
                    f64 edge, f64 reach, const f64 *Q, const f64 *M, const i32 *own, const f64 *P, const f64 *N,
                    const i32 *of, i32 *source, f64 *weight) {
@@ -64,7 +65,8 @@ i64 thinned_around(i64 e, i64 q, i64 c, i64 m, i64 n, i64 s, const i32 *slots, c
    inverse and open, the least of nearest. number: of the records of each corner, with their weights. */
 KERNEL(thinned_mean,
        "number i32[n,s]  weight f64[n,s]  N f64[n,3]  M f64[r,3]  means f32[r,5,3]  inverses f32[r]  nears f32[r]  "
-       "opens f32[r]  mean f32[n,5,3]!  inverse f32[n]!  nearest f32[n]!  open f32[n]!")
+       "opens f32[r]  mean f32[n,5,3]!  inverse f32[n]!  nearest f32[n]!  open f32[n]!"
+       ";  -1<=number<r")
 i64 thinned_mean(i64 n, i64 s, i64 r, const i32 *number, const f64 *weight, const f64 *N, const f64 *M, const f32 *means,
                  const f32 *inverses, const f32 *nears, const f32 *opens, f32 *mean, f32 *inverse, f32 *nearest,
                  f32 *open) {
@@ -81,7 +83,8 @@ i64 thinned_mean(i64 n, i64 s, i64 r, const i32 *number, const f64 *weight, cons
         for (i64 i = 0; i < s; i++) {
             f64 w = weight[s * k + i];
             i64 of = number[s * k + i];
-            if (w <= 0.0) continue;
+            if (!(w > 0.0)) continue;
+            if (of < 0) return OUTSIDE;
             for (int c = 0; c < 5; c++) {
                 f64 one[3];
                 leaning(means + 15 * of, M + 3 * of, normal[c], one);

@@ -25,7 +25,8 @@ static int turn(f64 *d, const f64 *N, f64 eta) {
    by_fresnel: of materials. A body that the ray only leaves, because it began there, turns nothing. */
 KERNEL(aside_cross,
        "of i32[T]  inside_out bool[b]  ior f64[b]  index f64[M]  by_fresnel bool[M]  triangle i32[n]  "
-       "material i32[n]  front bool[n]  Ns f64[n,3]  way f64[n,3]  left f64[n]  row i64[n]  state f64[m,12]!")
+       "material i32[n]  front bool[n]  Ns f64[n,3]  way f64[n,3]  left f64[n]  row i64[n]  state f64[m,12]!"
+       ";  0<=triangle<T  0<=material<M  0<=row<m;  -1<=of<b")
 i64 aside_cross(i64 T, i64 b, i64 M, i64 n, i64 m, const i32 *of, const u8 *inside_out, const f64 *ior, const f64 *index,
                 const u8 *by_fresnel, const i32 *triangle, const i32 *material, const u8 *front, const f64 *Ns,
                 const f64 *way, const f64 *left, const i64 *row, f64 *state) {

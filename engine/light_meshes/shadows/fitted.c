@@ -164,7 +164,8 @@ static f64 decided(const Plane *of, i64 x, i64 y, i64 side, f64 each, f64 surpri
    Where S has several channels, all are left. */
 KERNEL(blocks_fitted,
        "edge i64  each f64  surprise f64  windows f64[w,3]  place i64[n]  plane u8[n]  row i32[k]  light i32[k]  have u8[k]  "
-       "clear f64[k,C]  whole f64[k]  left i32[m]!  S f32[n,L,C]!  partly u64[n,W]!")
+       "clear f64[k,C]  whole f64[k]  left i32[m]!  S f32[n,L,C]!  partly u64[n,W]!"
+       ";  W=words(L)  0<edge<=8  0<=place  0<=row<n  0<=light<L  0<=left<k")
 i64 blocks_fitted(i64 w, i64 n, i64 k, i64 C, i64 m, i64 L, i64 W, i64 edge, f64 each, f64 surprise, const f64 *windows,
                   const i64 *place, const u8 *plane, const i32 *row, const i32 *light, const u8 *have, const f64 *clear,
                   const f64 *whole, i32 *left, f32 *S, u64 *partly) {

@@ -17,7 +17,8 @@ KERNEL(lamp_rays,
        "function u64  wide i64  scene u64  centre f64[3]  scale f64  reach f64  first i64  count i64  P f64[m,3]  N f64[m,3]  up f64[m,3]  "
        "turn f64[m,2]  share i64[m]?  sharers i64  common i64  row i32[k]  light i32[k]  part i32[p]  position f64[L,3]  "
        "directional bool[L]  shape u8[L]  size f64[L]  u f64[L,3]  v f64[L,3]  own u64[L]  facing f64[L,3]  clear f64[k,C]!  "
-       "whole f64[k]!")
+       "whole f64[k]!"
+       ";  0<=first  0<sharers  0<=row<m  0<=light<L  0<=part<k")
 i64 lamp_rays(i64 m, i64 k, i64 p, i64 L, i64 C, u64 function, i64 wide, u64 scene, const f64 *centre, f64 scale, f64 reach, i64 first,
               i64 count, const f64 *P, const f64 *N, const f64 *up, const f64 *turn, const i64 *share, i64 sharers, i64 common,
               const i32 *row, const i32 *light, const i32 *some, const f64 *position, const u8 *directional,
