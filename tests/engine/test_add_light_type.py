@@ -13,7 +13,7 @@ from light_meshes.lights import registry
 from light_meshes.picture.render import render_image
 from light_meshes.scene import snapshot
 from light_meshes.scene.description import LIGHT_TYPES
-from light_meshes.support import sources
+from light_meshes.support import declarations, sources
 from recipes import PACKAGE, changes, copied, run, shown
 from scenes import WHITE, look_down, settings, sun
 
@@ -38,7 +38,7 @@ def extended(tmp_path_factory):
     expanded = subprocess.run([*compiler, "-w", "-E", "-x", "c", "-"], input=sources.included(package).encode(),
                               capture_output=True, check=True).stdout
     slots = package.parent / "slots.c"
-    slots.write_text(sources.calls(expanded.decode()))
+    slots.write_text(declarations.calls(expanded.decode()))
     subprocess.run([*compiler, "-shared", "-fPIC", "-O1", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off",
                     f'-DSOURCES="{sources.digest(package)}"', "-o", package / sources.library(sys.platform), slots,
                     *sources.sources(package), *(["-lm"] if sys.platform != "win32" else [])], check=True)

@@ -116,9 +116,6 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
         p.decide("shadow passes", "lit sides", "nothing casts a shadow")
     if any(name in passes for name in DEBUG) and not p.kind.counts:
         p.decide("debug passes", "empty", "without light meshes nothing is counted")
-    further = (p.reflections, p.transparent, p.blurred, p.frosted, p.catchers, p.gathers, p.layers)
-    if p.blocks and not any(further):
-        p.certifies_lamps = False  # all receivers are in blocks, and no nodes are asked
     return replace(p, **(_forced.get() or {}))
 
 

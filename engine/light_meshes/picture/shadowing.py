@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -31,8 +32,9 @@ class Certify:
 
     def __init__(self, world: World, stats: Statistics, old: Certify | None) -> None:
         """old: those of the picture before; its certificates are used again if surfaces and casters are the same."""
-        self._world, self._stats, self._old = world, stats, old
+        self._world, self._stats, self._before = world, stats, old._made if old else {}
         self._made: dict[float, Certificate | None] = {}
+        self._making = threading.Lock()
 
     @cached_property
     def casts(self) -> NDArray[np.bool_]:
@@ -41,20 +43,17 @@ class Certify:
         return casts[self._world.owner(np.arange(len(self._world.surfaces.triangles), dtype=np.int32))]
 
     def __call__(self, r: float) -> Certificate | None:
-        """Return the certificate for this radius; None: there are no bodies."""
-        if r not in self._made:
-            with self._stats.stage("certificate"):
-                self._made[r] = self._taken(r) or certificate(self._world.surfaces, self.casts, r)
-        return self._made[r]
+        """Return the certificate for this radius; None: there are no bodies. Several threads may ask."""
+        with self._making:
+            if r not in self._made:
+                with self._stats.stage("certificate"):
+                    self._made[r] = self._taken(r) or certificate(self._world.surfaces, self.casts, r)
+            return self._made[r]
 
     def _taken(self, r: float) -> Certificate | None:
-        before = self._old._made.get(r) if self._old else None
+        before = self._before.get(r)
         same = before and before.surfaces is self._world.surfaces and np.array_equal(before.casts, self.casts)
         return before if same else None
-
-    def close(self) -> None:
-        """Forget the picture before, after everything was made that this picture needs of it."""
-        self._old = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +112,6 @@ def shadowing(world: World, settings: Settings, casters: Casters, plan: Plan, me
     method = plan.kind.make(setup)
     if plan.threshold:
         method = Grouped(setup, method)
-    certify.close()
     proof = of_lattice.certificate if of_lattice else None
     return Shadowing(world, settings, casters, targets, method, plan.channels, plan.paths, refraction,
                      aside is not None, proof, certify, radii, warnings)
@@ -130,8 +128,9 @@ def _lattice(world: World, s: Settings, casters: Casters, plan: Plan, measured: 
     # there are none if the plan was forced
     reach = np.unique([step for i, step in enumerate(steps) if has(soft, i)] or [s.kI])
     nodes = lattice(s.h, reach, s.lattice_rotation, s.lattice_origin)
-    proof = certify(s.h * float(reach[-1])) if plan.certificate else None
-    if plan.certificate and proof is None:
+    one_width = any(has(soft, i) and light.softness != "SIZE" for i, light in enumerate(lights))
+    proof = certify(s.h * float(reach[-1])) if plan.certificate and one_width else None
+    if plan.certificate and one_width and proof is None:
         plan.reasons["certificate"] = "off: no object is convex, no surface plane"
     ring = np.searchsorted(reach, np.minimum(steps, reach[-1]))
     found = LatticeSetup(nodes, classes(ring, s.h * reach, soft), proof, plan.uniform_skip, world.surfaces,

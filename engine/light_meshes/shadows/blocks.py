@@ -26,7 +26,6 @@ from ..support.native import kernel, needs_memory
 from . import pairs
 
 RECEIVERS = 64  # about as many are in a small block; a large one is twice as wide
-FEWEST = 32  # receivers that can agree
 COMMON = 4  # so many samples of a pixel share points on lamps with those of its neighbours
 SIDES = 6  # to which surfaces may look
 PLACES_ACROSS = 8  # pixels of a small block, at most; the same in blocks.c
@@ -111,12 +110,14 @@ class Rules(NamedTuple):
 
     stages: tuple[Stage, ...]
     windows: tuple[tuple[int, int, float], ...]  # look and reach in pixels, and the least share of the variance
+    fewest: int = 32  # receivers that can agree
 
 
 # As near as 4 and as 16 rays to each lamp
 BALANCED = Rules((Stage(True, QUARTER, 1), Stage(False, ALL, 1)),
                  ((4, 2, 1.15), (3, 1, 0.95)))
 BEST = Rules((Stage(True, ALL, 1), Stage(False, ALL, 1)), ())
+SINGLE = Rules((Stage(True, HALF, 1), Stage(False, ALL, 1)), (), 8)  # BALANCED where a pixel has few samples
 SURPRISE = 1.2  # fewer pixels must not be farther from more of them than by so many times n^-3/4 of n rays
 
 
@@ -186,7 +187,7 @@ def ask(asked: NDArray[np.uint64], at: Where, lifted: NDArray[np.uint64], rules:
             pair.trace(left, stage.rays, add, *((stage.part, chosen) if stage.part != ALL else ()))
             mine, votes = of[stage.large], np.zeros((int(of[stage.large][-1]) + SIDES, lights), np.uint16)
             _voted(mine, row, light, left, pair.have, pair.clear, pair.whole, votes)
-            left = left[:_agreed(FEWEST, mine, row, light, votes, left, S)].copy()
+            left = left[:_agreed(rules.fewest, mine, row, light, votes, left, S)].copy()
         if fits:
             count = _fitted(edge, float(rules.stages[-1].rays), SURPRISE, windows, block, plane, row, light, pair.have,
                             pair.clear, pair.whole, left, S, partly)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..support.native import kernel
 from .blocks import BALANCED as QUICK
 from .blocks import BEST as CAREFUL
+from .blocks import SINGLE
 
 _counts = kernel("lamp_ray_counts")
 # Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
@@ -46,8 +47,10 @@ class Shared(NamedTuple):
 
 # As near as 4 and as 16 rays to each lamp
 BALANCED, BEST = Shared(7.5, (2.0, 4.0, 8.0), 16), Shared(43.0, (4.0, 8.0, 16.0), 16)
-# The same where blocks of the picture find out which pairs are worth more than a ray
-BALANCED_BLOCKS, BEST_BLOCKS = Shared(5.5, (2.0, 4.0, 8.0), 8), Shared(36.0, (4.0, 8.0, 16.0, 32.0), 32)
+# The same where blocks of the picture find out which pairs are worth more than a ray; and where a plane through those
+# of the pixels around can stand for more of them (`fitted.c`)
+BALANCED_BLOCKS, BEST_BLOCKS = Shared(7.5, (2.0, 4.0, 8.0), 8), Shared(36.0, (4.0, 8.0, 16.0, 32.0), 32)
+BALANCED_FITTED = BALANCED_BLOCKS._replace(mean=5.5)
 SEVERAL, FEWER = 4, 0.8  # so many samples of a pixel share a pattern: so many times the rays of each are as near
 
 
@@ -61,9 +64,11 @@ def shared(kI: float) -> Shared:
     return BEST if kI >= FINE else BALANCED
 
 
-def in_blocks(kI: float) -> Shared:
-    """How they are shared out where blocks of the picture do not agree."""
-    return BEST_BLOCKS if kI >= FINE else BALANCED_BLOCKS
+def in_blocks(kI: float, samples: int = 1) -> Shared:
+    """How they are shared out where blocks of the picture do not agree. samples: of a pixel."""
+    if kI >= FINE:
+        return BEST_BLOCKS
+    return BALANCED_FITTED if samples >= SEVERAL else BALANCED_BLOCKS
 
 
 def most(kI: float, lamps: int) -> Rays:
@@ -80,7 +85,8 @@ class RayCounts:
         self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
         self._fewer = FEWER if samples >= SEVERAL else 1.0
         self._mean = self._of.mean * self._fewer
-        self._in_blocks, self.rules = in_blocks(kI), QUICK if kI < FINE else CAREFUL
+        self._in_blocks = in_blocks(kI, samples)
+        self.rules = CAREFUL if kI >= FINE else QUICK if samples >= SEVERAL else SINGLE
         self.steps = tuple(int(n) for n in self._in_blocks.counts)
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,

@@ -93,7 +93,7 @@ class Shares:
         self.h, self.r, self._enough = h, h * settings.kI, enough
         self.lattice = lattice(h, np.array([settings.kI + ACROSS]), settings.lattice_rotation, settings.lattice_origin)
         self._lamps, self._tracer, self._stats = lamps, setup.tracer, setup.stats
-        self._surfaces = setup.lattice.surfaces
+        self._surfaces, self._certify = setup.lattice.surfaces, setup.lattice.certify
         self._casters = setup.casters.soft
         # What bends light stops it here: refracted paths bring it (`through`).
         self._stops, self._sheets = ("opaque", "glass") if setup.through.refraction is None else ("stops", "sheets")
@@ -103,7 +103,11 @@ class Shares:
                                   for kind in ((FIRST, 1), (enough, 2)))
         self.nodes = (self._first, self._all)
         self._every = np.stack([mask_of(range(self.count), self.count)])
-        self.certificate: Certificate | None = None
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """Return the certificate within `reach`, which is made when it is first asked for; None if there is none."""
+        return None if self._certify is None else self._certify(self.reach)
 
     @property
     def reach(self) -> float:

@@ -92,11 +92,7 @@ class SizedLamps(Method):
         self.nodes = (*others.nodes, *(nodes for level in self.levels for nodes in level.nodes))
 
     def _level(self, setup: Setup, coarser: float) -> Shares:
-        assert setup.lattice is not None
-        level = Shares(self._lamps, setup, setup.settings.h * coarser, self._enough)
-        if setup.lattice.certify is not None:
-            level.certificate = setup.lattice.certify(level.reach)
-        return level
+        return Shares(self._lamps, setup, setup.settings.h * coarser, self._enough)
 
     def __call__(self, at: Receivers, check: Check, probe: NDArray | None = None) -> NDArray[np.float32]:
         """S, see `Method`."""
@@ -314,10 +310,11 @@ class SizedLamps(Method):
 
     def _certified(self, level: Shares, at: Receivers, g: Groups) -> NDArray[np.bool_]:
         """Groups (g,) near which nothing but their own plane or convex body is."""
-        if level.certificate is None or at.triangle is None:
+        certificate = None if at.triangle is None else level.certificate
+        if certificate is None or at.triangle is None:
             return np.zeros(len(g.first), np.bool_)
         with self._stats.stage("certificate"):
-            return level.certificate.holds(g.place, at.normals()[g.first], at.triangle[g.first])
+            return certificate.holds(g.place, at.normals()[g.first], at.triangle[g.first])
 
     def _by_rays(self, aim: Aim, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32], rays: Rays,
                  alone: NDArray[np.bool_], check: Check) -> NDArray[np.float32]:
