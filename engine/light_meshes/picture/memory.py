@@ -37,9 +37,7 @@ MESH = 60  # for a triangle in the snapshot, once for all its instances; data th
 TRIANGLE, VERTEX = 60, 12  # for an instance
 ACCELERATED, ACCELERATED_VERTEX = 84, 16  # the same again for each accelerator
 BATCH = 1 << 17  # camera rays of a tile, about: each thread has one under way
-# How many times as many there are if tiles compute the points at their edges twice (`sparse`), or if there are so few
-# lights that a ray takes little memory: larger tiles spend less of their time in Python.
-LARGER, FEW = 2, 16
+LARGER = 2  # how many times as many there are if tiles compute the points at their edges twice (`sparse`)
 SPREAD = 8  # how many times fewer there are if surfaces spread them out
 RAY, LIT, CANDIDATE = 400, 5, 6  # for a ray; for a receiver and a light; for a receiver and a node
 NODE = 16  # for a node, in addition to its values
@@ -58,7 +56,7 @@ class Part(NamedTuple):
 
 def rays_of_tile(scene: Scene) -> int:
     """Return how many camera rays a tile has at most, about, if surfaces do not spread them out."""
-    return BATCH * (LARGER if scene.settings.shadow_rate > 1 or len(scene.lights) <= FEW else 1)
+    return BATCH * (LARGER if scene.settings.shadow_rate > 1 else 1)
 
 
 def before(scene: Scene, passes: Sequence[str], copies: int = 1) -> list[Part]:
