@@ -360,8 +360,8 @@ def _key(image: Image, alpha: bool) -> tuple:
     return replace(image, name=""), alpha, file.st_mtime_ns, file.st_size
 
 
-def _srgb_to_linear(x: NDArray[np.float32]) -> NDArray[np.float32]:
+def _srgb_to_linear(x: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float32]:
     return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0) + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-_DECODED = _srgb_to_linear(np.linspace(0, 1, 4097)).astype(np.float32)  # see texels.h
+_DECODED = _srgb_to_linear(np.linspace(0, 1, 4097))  # see texels.h
