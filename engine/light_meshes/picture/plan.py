@@ -241,9 +241,10 @@ def _lamps_with_a_size(p: Plan, scene: Scene, casters: Casters, pinpoints: Mappi
         if p.blocks:
             few, last = (int(ray_counts.in_blocks(kI).counts[k]) for k in (0, -1))
             wide = 2 * edge(scene.settings.samples)
+            fits = ray_counts.rules(kI, scene.settings.samples).windows
             how, why = "blocks of the picture, and rays", (
                 f"{wide}² pixels find out together what they see of each lamp; where they do not agree, "
-                + ("means of a ray a sample where its penumbra is wide, else " if kI < ray_counts.FINE else "")
+                + ("means of a ray a sample where its penumbra is wide, else " if fits else "")
                 + f"{few} to {last} rays, by what the lamp gives; in mirrors and behind glass {how}")
         if p.paths:
             why += "; light that glass bends comes from the lamp's centre"

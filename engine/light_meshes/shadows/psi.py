@@ -205,8 +205,7 @@ class LightMeshes(Method):
         """Repeat `_near` until there is no receiver left."""
         while state[0] < len(end):
             check()
-            function, *arguments = self._near(at, near, end, state)
-            function(*arguments)
+            together(self._near(at, near, end, state))
 
     def _weights(self, seen: NDArray[np.bool_]) -> NDArray:
         """Return v(x_l,P) of candidates (c,) as far as it is known, for those that are certainly seen."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..support.native import kernel
 from .blocks import BALANCED as QUICK
 from .blocks import BEST as CAREFUL
-from .blocks import SINGLE
+from .blocks import SINGLE, Rules
 
 _counts = kernel("lamp_ray_counts")
 # Rays come in sets of 16, whose points spread evenly; parts of such a set are far worse for edges along the lamp's.
@@ -71,6 +71,13 @@ def in_blocks(kI: float, samples: int = 1) -> Shared:
     return BALANCED_FITTED if samples >= SEVERAL else BALANCED_BLOCKS
 
 
+def rules(kI: float, samples: int) -> Rules:
+    """Return how blocks are asked, in pictures of so many samples a pixel."""
+    if kI >= FINE:
+        return CAREFUL
+    return QUICK if samples >= SEVERAL else SINGLE
+
+
 def most(kI: float, lamps: int) -> Rays:
     """Return the largest number of rays that a lamp may get."""
     of = shared(kI)
@@ -85,8 +92,7 @@ class RayCounts:
         self.shared, self._most, self._of = many(lamps), most(kI, lamps), shared(kI)
         self._fewer = FEWER if samples >= SEVERAL else 1.0
         self._mean = self._of.mean * self._fewer
-        self._in_blocks = in_blocks(kI, samples)
-        self.rules = CAREFUL if kI >= FINE else QUICK if samples >= SEVERAL else SINGLE
+        self._in_blocks, self.rules = in_blocks(kI, samples), rules(kI, samples)
         self.steps = tuple(int(n) for n in self._in_blocks.counts)
 
     def __call__(self, active: NDArray[np.uint64], e: NDArray[np.float32] | None,

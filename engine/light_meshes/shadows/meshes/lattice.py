@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...support.native import Call, kernel, needs_memory
+from ...support.native import Call, kernel, needs_memory, together
 
 # A node nearer than TAU·h to the receiver's plane is dropped: it is on the surface, and a node that touches a surface
 # counts as blocked.
@@ -42,8 +42,7 @@ class Lattice(NamedTuple):
     def position(self, nodes: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return the world positions (n,3) of nodes (n,3)."""
         out = np.empty((len(nodes), 3))
-        function, *arguments = self.place(nodes, out)
-        function(*arguments)
+        together(self.place(nodes, out))
         return out
 
     def place(self, nodes: NDArray[np.int32], out: NDArray[np.float64]) -> Call:
