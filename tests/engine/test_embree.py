@@ -78,6 +78,43 @@ def test_rays_made_on_the_way_meet_the_same(both, normals):
         assert 0.1 < one.mean() < 0.9 and (one == other).all()
 
 
+def edges(vertices, faces, n, seed=4):
+    """Parallel rays, as of an orthographic camera, that meet edges and vertices of triangles as exactly as can be."""
+    random = np.random.default_rng(seed)
+    corners = vertices[faces[random.integers(len(faces), size=n)]].astype(np.float64)
+    share = random.random((n, 1)) * (random.random((n, 1)) < 0.7)
+    at = corners[:, 0] * share + corners[:, 1] * (1 - share)
+    at = at[np.lexsort(at.T)]
+    return at + np.array([0, 0, 4]), np.broadcast_to([0.0, 0.0, -1.0], (n, 3)).copy()
+
+
+@pytest.mark.parametrize("samples, left", [(1, 0), (3, 5), (4, 1), (8, 0), (25, 3)])
+def test_camera_rays_meet_the_same_in_packets(both, samples, left):
+    """Also at edges, where two triangles are equally far; and whatever part of the rows is asked, in which order."""
+    direct, by_run, shape = both
+    wide, frame = 40, (np.zeros(3), 1.0, 4.0)
+    n = wide * samples * 25
+    o, d, t = (a.astype(np.float64) for a in rays(*shape, n))
+    sheet = shape[1][100:]  # edges that are shared
+    fan = np.array([0.3, 0.2, 2.0])
+    above, down = edges(shape[0], sheet, n)
+    for origin, way in ((above, down), (o, d), (np.tile(fan, (n, 1)), above - np.array([0, 0, 4]) - fan)):
+        unit = way / np.linalg.norm(way, axis=1, keepdims=True)
+        for length in (None, 3 * t):
+            expected = by_run.closest_of(*frame, origin, unit, None, length)
+            hit = expected.triangle >= 0
+            assert hit.mean() > 0.1
+            blocks = np.arange(n).reshape(25, wide // 8, 8 * samples).swapaxes(0, 1).ravel()
+            for some in (np.arange(n), np.arange(0, n, 3), blocks, np.flatnonzero(t > 0.8)):
+                pixels = tracer.Pixels(some, left, wide, samples)
+                end = None if length is None else length[some]
+                for one in (direct, by_run):
+                    met = one.closest_of_pixels(*pixels, *frame, origin[some], unit[some], end)
+                    assert (met.triangle == expected.triangle[some]).all()
+                    assert (met.u[hit[some]] == expected.u[some][hit[some]]).all()
+                    assert (met.v[hit[some]] == expected.v[some][hit[some]]).all()
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_rays_around_points_meet_the_same(both, turned):
     """As rays that are made one by one: their directions are `local` in a frame square to the normal."""

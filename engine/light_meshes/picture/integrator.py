@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..film.passes import TRANSMITTED, Tile
 from ..rays.camera import camera_rays, depth
 from ..rays.geometry import Hits
+from ..rays.tracer import Pixels
 from ..shadows import blocks
 from ..support.rows import taken, where
 from ..surface import points, shading
@@ -95,7 +96,9 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
     plan = ready.plan
     with ready.stats.stage("camera rays" if kind == "camera" else "secondary rays"):
         passed = None if rays.start is None or rays.last is None else (rays.start, rays.last)
-        hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed)
+        pixels = Pixels(rays.pixel, first[0], first[2] - first[0], len(ready.offsets)) if first else None
+        hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed,
+                                        pixels=pixels)
     _add_lamps(ready, kind, rays, hit, hits, tile)
     origin = rays.origin
     if len(hits.P) < len(hit):

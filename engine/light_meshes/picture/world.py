@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..glass.interfaces import Interfaces
 from ..rays.camera import camera_rays
 from ..rays.geometry import Hits, Surfaces, flatten, same_frame, surfacing
-from ..rays.tracer import Tracer
+from ..rays.tracer import Pixels, Tracer
 from ..scene.description import Camera, Light, Scene, same
 from ..shadows.casters import Casters, casters
 from ..shadows.registry import KINDS
@@ -69,11 +69,12 @@ class World:
 
     def closest(self, kind: str, origin: NDArray, direction: NDArray, normal: NDArray | None = None,
                 reach: NDArray | None = None, casters: int = 0,
-                passed: tuple[NDArray, NDArray] | None = None) -> tuple[NDArray[np.bool_], Hits]:
+                passed: tuple[NDArray, NDArray] | None = None,
+                pixels: Pixels | None = None) -> tuple[NDArray[np.bool_], Hits]:
         """Return which rays hit something (n,), and the surfaces that they hit. The arguments are those of
         `Tracer.closest`.
         """
-        triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters, passed)
+        triangle, u, v = self.tracer.closest(kind, origin, direction, normal, reach, casters, passed, pixels)
         hit = triangle >= 0
         n, rows = int(np.count_nonzero(hit)), None
         material = np.empty(n, np.int32)

@@ -30,6 +30,53 @@ i64 embree_closest(i64 n, u64 function, u64 scene, const f32 *o, const f32 *d, f
     return 0;
 }
 
+enum { TOGETHER = 8 };  /* camera rays that are traced as one packet */
+static const f32 AT_AN_EDGE = 1e-5f;  /* in barycentrics: several times what they are rounded by */
+static const u32 COHERENT = 1u << 16;  /* RTC_RAY_QUERY_FLAG_COHERENT */
+
+/* A packet of rays and what each meets. */
+typedef struct {
+    f32 rays[ROWS * TOGETHER], normal[3 * TOGETHER], u[TOGETHER], v[TOGETHER];
+    u32 triangle[TOGETHER], geometry[TOGETHER], instances[2 * TOGETHER], spare[4 * TOGETHER];
+} __attribute__((aligned(64))) PacketHit;
+
+typedef struct {
+    u32 flags, features;
+    void *context, *filter, *intersect;
+    f32 width;
+} __attribute__((aligned(16))) HowToIntersect;
+
+typedef void (*ClosestOfPacket)(const i32 *valid, void *scene, PacketHit *rays, HowToIntersect *how);
+
+/* Traces up to TOGETHER rays as one packet. At an edge two triangles can be equally far, and which of them counts would be up
+   to the other rays; so a ray that meets an edge is traced alone. */
+static void closest_together(i64 count, u64 function, u64 packets, u64 scene, const f32 *o, const f32 *d, f32 *t,
+                             i32 *triangle, f32 *u, f32 *v) {
+    PacketHit p;
+    HowToIntersect how = {.flags = COHERENT, .features = ~(u32)0};
+    ALIGNED i32 valid[TOGETHER];
+    memset(&p, 0, sizeof p);
+    memset(p.rays + MASK * TOGETHER, 255, TOGETHER * sizeof *p.rays);
+    memset(p.triangle, 255, sizeof p.triangle), memset(p.geometry, 255, sizeof p.geometry);
+    memset(p.instances, 255, sizeof p.instances);
+    for (i64 k = 0; k < TOGETHER; k++) {
+        i64 from = k < count ? k : 0;
+        valid[k] = k < count ? -1 : 0;
+        for (i64 j = 0; j < 3; j++)
+            p.rays[(X + j) * TOGETHER + k] = o[3 * from + j], p.rays[(DX + j) * TOGETHER + k] = d[3 * from + j];
+        p.rays[END * TOGETHER + k] = t[from];
+    }
+    ((ClosestOfPacket)(uintptr_t)packets)(valid, (void *)(uintptr_t)scene, &p, &how);
+    for (i64 k = 0; k < count; k++) {
+        f32 edge = p.u[k] < p.v[k] ? p.u[k] : p.v[k], other = 1.0f - p.u[k] - p.v[k];
+        if ((i32)p.triangle[k] >= 0 && (edge < other ? edge : other) < AT_AN_EDGE) {
+            embree_closest(1, function, scene, o + 3 * k, d + 3 * k, t + k, triangle + k, u + k, v + k);
+            continue;
+        }
+        triangle[k] = (i32)p.triangle[k], u[k] = p.u[k], v[k] = p.v[k], t[k] = p.rays[END * TOGETHER + k];
+    }
+}
+
 /* Whether anything is on each ray. function: traces packets of `wide` rays, 4, 8 or 16. */
 KERNEL(embree_occluded, "function u64  wide i64  scene u64  o f32[n,3]  d f32[n,3]  t f32[n]  blocked bool[n]!"
        ";  0<wide<=16")
@@ -68,6 +115,39 @@ i64 embree_closest_of(i64 n, u64 function, u64 scene, const f64 *centre, f64 sca
         tracer_rays(count, centre, scale, reach, origin + 3 * k, direction + 3 * k, normal ? normal + 3 * k : 0,
                     length ? length + k : 0, o, d, t);
         embree_closest(count, function, scene, o, d, t, triangle + k, u + k, v + k);
+    }
+    return 0;
+}
+
+/* Returns how many of the rays from k on make a packet: those of a row of pixels that follow each other up to the next
+   multiple of TOGETHER, counted from the picture's left border. So packets do not depend on tiles. */
+static i64 of_packet(i64 k, i64 n, const i64 *pixel, i64 x, i64 wide, i64 samples) {
+    i64 from = pixel[k], rank = (x + from / samples % wide) * samples + from % samples;
+    i64 left = wide * samples - from % (wide * samples), end = k + TOGETHER - rank % TOGETHER, i = k + 1;
+    if (end > n) end = n;
+    if (end > k + left) end = k + left;
+    while (i < end && pixel[i] == from + i - k) i++;
+    return i - k;
+}
+
+/* The same as embree_closest_of for rays from the camera through rows of `wide` pixels with `samples` rays each. pixel: the
+   number of each ray. x: the first pixel of the rows. packets: traces TOGETHER rays. */
+KERNEL(embree_closest_of_pixels,
+       "function u64  packets u64  scene u64  pixel i64[n]  x i64  wide i64  samples i64  centre f64[3]  scale f64  "
+       "reach f64  origin f64[n,3]  direction f64[n,3]  length f64[n]?  triangle i32[n]!  u f32[n]!  v f32[n]!"
+       ";  0<=pixel  0<=x  0<wide  0<samples")
+i64 embree_closest_of_pixels(i64 n, u64 function, u64 packets, u64 scene, const i64 *pixel, i64 x, i64 wide, i64 samples,
+                             const f64 *centre, f64 scale, f64 reach, const f64 *origin, const f64 *direction,
+                             const f64 *length, i32 *triangle, f32 *u, f32 *v) {
+    f32 o[3 * BLOCK], d[3 * BLOCK], t[BLOCK];
+    for (i64 k = 0, end = 0; k < n; k = end) {
+        i64 size[BLOCK], sizes = 0;
+        while (end < n && end - k <= BLOCK - TOGETHER)
+            size[sizes] = of_packet(end, n, pixel, x, wide, samples), end += size[sizes++];
+        tracer_rays(end - k, centre, scale, reach, origin + 3 * k, direction + 3 * k, 0, length ? length + k : 0, o, d, t);
+        for (i64 p = 0, i = 0; p < sizes; i += size[p++])
+            closest_together(size[p], function, packets, scene, o + 3 * i, d + 3 * i, t + i, triangle + k + i, u + k + i,
+                             v + k + i);
     }
     return 0;
 }

@@ -37,6 +37,15 @@ class Targets(NamedTuple):
     directional: NDArray[np.bool_]  # (m,)
 
 
+class Pixels(NamedTuple):
+    """Which samples of which pixels rays from the camera are."""
+
+    sample: NDArray[np.int64]  # (n,) numbers of samples, all of a pixel in sequence, in rows of pixels
+    left: int  # the x of the rows' first pixel
+    wide: int  # pixels of a row
+    samples: int  # of a pixel
+
+
 def points(position: NDArray[np.float64]) -> Targets:
     """Return targets that are all points."""
     return Targets(position, np.zeros(len(position), np.bool_))
@@ -116,18 +125,21 @@ class Tracer:
     def closest(
         self, kind: str, origin: NDArray[np.float64], direction: NDArray[np.float64],
         normal: NDArray[np.float64] | None = None, reach: NDArray[np.float64] | None = None, casters: int = 0,
-        passed: tuple[NDArray[np.float64], NDArray[np.int32]] | None = None,
+        passed: tuple[NDArray[np.float64], NDArray[np.int32]] | None = None, pixels: Pixels | None = None,
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
         """Return the first triangle along each ray (−1: none) and its barycentrics u, v.
 
         `origin`, `direction`: (n,3), unit directions. `normal` (n,3): of the surface that a ray leaves, on the ray's
         side. `reach` (n,): hits beyond this world length are ignored. `passed`: where the rays began (n,3), if they
         have gone straight since then, and the triangle (n,) that each hit or left last, −1 if none. It is needed for
-        triangles that coincide.
+        triangles that coincide. `pixels`: of rays that come from the camera, which are faster with it.
         """
         embree, original = self._embree[kind, casters]
         n = len(origin)
-        triangle, u, v = embree.closest_of(*self._frame, origin, direction, normal, reach)
+        if pixels is None:
+            triangle, u, v = embree.closest_of(*self._frame, origin, direction, normal, reach)
+        else:
+            triangle, u, v = embree.closest_of_pixels(*pixels, *self._frame, origin, direction, reach)
         if original is not None:
             hit = triangle >= 0  # none where everything is hidden
             triangle[hit] = original[triangle[hit]]
