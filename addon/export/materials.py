@@ -9,6 +9,7 @@ import bpy
 from ..cryptomatte import DEFAULT
 from . import values
 from .channels import Asked, Channels, Key
+from .facets import FORMULAS
 from .images import Images
 from .nodes import Nodes, uses_nodes
 from .report import Report
@@ -187,7 +188,7 @@ def _layers(surface: Surface, chosen: dict[str, Any]) -> list[dict[str, Any]]:
 def _parameters(surface: Surface, chosen: dict[str, Any]) -> dict[str, Any]:
     """Return the parameters of the engine's Material for a surface, with those that the artist has chosen instead."""
     highlight = None if chosen.keys() & _PHONG else surface.facets.parameters()
-    found = surface.whitted(phong=not highlight) | chosen
+    found = surface.whitted(phong=not highlight) | FORMULAS | chosen
     if not values.is_constant(surface.frosted) or surface.frosted > 1e-3:
         found["frosted"] = values.clamp(surface.frosted)
     if not values.is_constant(surface.diffuse_roughness) or surface.diffuse_roughness > 0:

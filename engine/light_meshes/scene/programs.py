@@ -29,7 +29,7 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
     "to_world": (4, 3), "to_object": (4, 3), "to_object_normal": (3, 3), "from_camera": (4, 3), "in_camera": (4, 3),
     "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2), "sky": (13, 3),
-    "covered": (14, 3), "bump": (9, 3), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
+    "covered": (15, 3), "bump": (9, 3), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
     **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
