@@ -147,7 +147,8 @@ def mixes():
     found["four"] = lambda tree: mixed(tree, gradual(tree), mixed(tree, 0.5, sharp, soft),
                                        mixed(tree, checks(tree), plastic, coated))
     lamp = {"Base_Color": (0, 0, 0, 1), "Emission_Color": TINT, "Emission_Strength": 1.0, "Specular_IOR_Level": 0.0}
-    for above in ({"Coat_Weight": 1.0, "Coat_Tint": GOLD, "Coat_Roughness": 0.9}, {"Sheen_Weight": 1.0, "Sheen_Roughness": 0.8}):
+    for above in ({"Coat_Weight": 1.0, "Coat_Tint": GOLD, "Coat_Roughness": 0.9},
+                  {"Sheen_Weight": 1.0, "Sheen_Roughness": 0.8}):
         found[f"{min(above)} over a glow"] = lambda tree, inputs=lamp | above: shader(tree, *principled(**inputs))
     found["half there"] = lambda tree: mixed(tree, 0.4, mixed(tree, checks(tree), clear, plastic), rubber)
     return found

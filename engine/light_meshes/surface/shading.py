@@ -357,8 +357,9 @@ def covered(coat: tuple[Any, ...], sheen: tuple[Any, ...], Ns: NDArray[np.float6
             incoming: NDArray[np.float64], coats: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """Return what of light from below gets through a coat and fibres (n,3), to eyes along `incoming` (n,3).
 
-    coat: weight, roughness, ior, the tint's channels, and whether light counts that it reflects several times; sheen: weight, roughness and the tint's channels; each a
-    number or (n,). Ns: the normals, and coats: those of coats, where these are others.
+    coat: weight, roughness, ior, the tint's channels, and whether light counts that it reflects several times; sheen:
+    weight, roughness and the tint's channels; each a number or (n,). Ns: the normals, and coats: those of
+    coats, where these are others.
     """
     n = len(Ns)
     rows, passed = np.zeros((n, 37)), np.ones((n, 3))
