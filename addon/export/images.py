@@ -105,8 +105,8 @@ class Images:
         file = self._written.get(_MISSING)
         if file is None:
             self._folder.mkdir(parents=True, exist_ok=True)
-            write_tiff(self._folder / "missing.tif", np.array([[[255, 0, 255, 255]]], np.uint8))
-            file = self._written[_MISSING] = {"path": "missing.tif"}
+            write_tiff(self._folder / "image-missing.tif", np.array([[[255, 0, 255, 255]]], np.uint8))
+            file = self._written[_MISSING] = {"path": "image-missing.tif"}
         return file
 
     def _unpacked(self, data: bytes, name: str) -> dict | None:

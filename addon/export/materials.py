@@ -10,6 +10,7 @@ from ..cryptomatte import DEFAULT
 from . import values
 from .channels import Asked, Channels, Key
 from .facets import FORMULAS
+from .ies import Profiles
 from .images import Images
 from .nodes import Nodes, uses_nodes
 from .report import Report
@@ -30,6 +31,7 @@ class Materials:
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
         self._channels = Channels()
+        self.profiles = Profiles()  # of IES files, also of lamps and of the world
         self._asked_for: list[Asked] = []  # by each material's program
         self._reports: list[Report] = []  # of each material's translation
         self._translated: set[int] = set()
@@ -109,6 +111,8 @@ class Materials:
     def _translate(self, index: int, material, report: Report) -> None:
         asked = Asked(self._channels)
         nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)
+        if nodes:
+            nodes.profiles = self.profiles
         surface = translated(material, nodes)
         if material and surface.normal and not getattr(  # Cycles may be switched off
                 getattr(material, "cycles", None), "use_bump_map_correction", True):

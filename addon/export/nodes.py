@@ -10,6 +10,7 @@ import bpy
 
 from .channels import Asked
 from .color import luminance_weights
+from .ies import Profiles
 from .report import Report, shown
 from .values import Triple, Value, dot, is_constant, truncated
 
@@ -63,6 +64,7 @@ class Nodes:
         self.uv_map: str | None = None  # that operation "uv" means; "": the mesh's own, None: nothing asks for it
         self.asked = asked or Asked()  # all else that it asks of meshes and instances
         self.pass_index, self.displacement_method = 0, 'BUMP'  # of the material
+        self.profiles = Profiles()  # those of the snapshot are put here, if there is one
         self.own: dict[str, Callable[..., Any]] = {}  # nodes that mean something else here, as in lamps
         self.displaced: Triple | None = None  # its normal by its displacement, which is shown as bumps
         self._values: dict[tuple, Any] = {}  # of outputs that were asked for before
