@@ -43,6 +43,16 @@ class Placed:
         return (self.node.as_pointer(), *(self.outer.key if self.outer else ()))
 
 
+class _Nothing(NamedTuple):
+    """In place of a socket: the value 0."""
+
+    default_value: float = 0.0
+    type: str = 'VALUE'
+
+
+_NOTHING = _Nothing()
+
+
 class Link(NamedTuple):
     """The output that is linked to a socket."""
 
@@ -73,6 +83,8 @@ class Nodes:
     def output(self, idname: str) -> Placed | None:
         """Return the output node that Cycles takes, or None."""
         node = self.tree.get_output_node('CYCLES')
+        if node and node.mute and bpy.app.version < (5, 0):
+            return None  # then Cycles has nothing of it
         return Placed(node, None) if node and node.bl_idname == idname else None
 
     def source(self, node, socket) -> Placed | None:
@@ -129,6 +141,8 @@ class Nodes:
             socket = following
             if not inner.mute:
                 asking, before = socket, [*becomes]
+        if socket is not asking and bpy.app.version < (5, 0):
+            return None, _NOTHING, []  # then what a muted node hands on without a link is 0 in Cycles
         return None, asking, before
 
     def image(self, node: Placed, tile: int = 0) -> int:
