@@ -13,8 +13,7 @@ PAGE = Path(__file__).with_name("materials.md")
 BLOCK = re.compile(r"(<!-- nodes -->\n).*?(\n<!-- end -->)", re.S)
 # What is read elsewhere than in the two tables.
 ELSEWHERE = {'ShaderNodeBackground': "of the world", 'ShaderNodeGroup': "followed, nested groups too",
-             'ShaderNodeOutputMaterial': "", 'ShaderNodeOutputLight': "", 'ShaderNodeOutputWorld': "",
-             'ShaderNodeLightFalloff': "in lamps", 'ShaderNodeTexIES': "in lamps"}
+             'ShaderNodeOutputMaterial': "", 'ShaderNodeOutputLight': "", 'ShaderNodeOutputWorld': ""}
 # What a translated node does otherwise than in Cycles.
 NEARLY = {
     'ShaderNodeDisplacement': "as bumps", 'ShaderNodeVectorDisplacement': "as bumps",
@@ -23,6 +22,7 @@ NEARLY = {
     'ShaderNodeBsdfMetallic': "isotropic",
     'ShaderNodeBsdfGlass': "shadows as of clear glass", 'ShaderNodeBsdfRefraction': "shadows as of clear glass",
     'ShaderNodeTexSky': "Hosek / Wilkie as Preetham",
+    'ShaderNodeLightFalloff': "at surfaces Quadratic without Smooth; in lamps all",
     'ShaderNodeLightPath': "without Ray Length and depths; in lamps with both",
 }
 

@@ -55,6 +55,11 @@ def instance_value(key: Key, instance: Any, ob: Any, source: Any, depsgraph: Any
         return float(ob.pass_index)
     if what == "color":
         return float(ob.color[rest[0]])
+    if what == "instancer":  # the place on what it is an instance of; 0 for what is none
+        name, component = rest
+        if not instance.is_instance:
+            return 0.0
+        return float(instance.uv[component] if name == "uv" else 0.5 * instance.orco[component] - 0.5)
     kind, name, component = rest  # "property"
     if kind == 'VIEW_LAYER':
         owners = [depsgraph.view_layer_eval, depsgraph.scene_eval, depsgraph.scene_eval.world]

@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import bpy
+
 from . import values as v
 from .values import Triple, Value
 
 WHITE: Triple = (1.0, 1.0, 1.0)
+# Formulas by which this Blender's Cycles differs from the newest: parameters of the engine's Material.
+FORMULAS = {name: False for name, since in (("matt_several", (4, 3)), ("coat_several", (4, 5)),
+                                            ("facet_bumps", (4, 5))) if bpy.app.version < since}
 
 
 @dataclass(frozen=True)
@@ -118,12 +123,13 @@ class Facets:
         """Return what of a colour below the coat and the fibres is seen. normals: of these two."""
         if not self.covers:
             return color
-        coat = (self.coat, self.coat_roughness, v.minimum(self.coat_ior, 1000.0), *self.coat_tint)
+        several = float(FORMULAS.get("coat_several", True))
+        coat = (self.coat, self.coat_roughness, v.minimum(self.coat_ior, 1000.0), *self.coat_tint, several)
         sheen = (self.sheen, self.sheen_roughness, *self.sheen_tint)
         if same(*normals):
             over = [(*coat, *sheen, *normals[0])]
         else:  # each by itself, where it is there
-            over = [(*coat, 0.0, 0.0, *WHITE, *normals[0]), (0.0, 0.0, 1.5, *WHITE, *sheen, *normals[1])]
+            over = [(*coat, 0.0, 0.0, *WHITE, *normals[0]), (0.0, 0.0, 1.5, *WHITE, several, *sheen, *normals[1])]
             over = [one for one, weight in zip(over, (self.coat, self.sheen), strict=True)
                     if not (v.is_constant(weight) and weight == 0)]
         for one in over:

@@ -17,6 +17,23 @@ MOST = 1 << 22  # numbers in a file
 NEAR = 1e-4  # degrees: angles that are meant to be the same
 
 
+class Profiles:
+    """The profiles of a snapshot, each once."""
+
+    def __init__(self) -> None:
+        self.descriptions: list[dict] = []
+        self._numbers: dict[str, int] = {}  # of texts; −1: it is none
+
+    def index(self, name: str, text: str) -> int:
+        """Return the number of the profile of an IES file's text; −1 where it is no such text."""
+        if text not in self._numbers:
+            found = parsed(text)
+            self._numbers[text] = len(self.descriptions) if found else -1
+            if found:
+                self.descriptions.append({"name": name} | found)
+        return self._numbers[text]
+
+
 def parsed(text: str) -> dict[str, list[float]] | None:
     """Return the grid of a file's text: angles `horizontal` and `vertical` in radians, and `values`, a row of all
     vertical angles for each horizontal one; None where it is no such file.

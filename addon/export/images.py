@@ -14,6 +14,7 @@ from .report import Report
 
 _SAVES_COPIES = "save_copy" in bpy.types.Image.bl_rna.functions["save"].parameters
 _INTERPOLATION = {'Closest': 'CLOSEST', 'Cubic': 'CUBIC', 'Smart': 'CUBIC'}  # as Cycles on a processor
+_MISSING = 0, 0  # in place of an image's number and tile, of which none is 0
 _PNG_END = b"IEND\xaeB\x60\x82"
 
 
@@ -40,9 +41,11 @@ class Images:
         self._written = {uid: file for uid, file in self._written.items() if file["path"] not in names}
 
     def index(self, node, report: Report, tile: int = 0) -> int:
-        """Return number of the image of an image texture node, as the node shows it; −1 where it cannot be had.
+        """Return number of the image of an image texture node, as the node shows it. One that cannot be had is magenta,
+        as in Cycles.
 
-        tile: the number of a UDIM tile, 0 for the first, or for images without tiles.
+        tile: the number of a UDIM tile, 0 for the first, or for images without tiles; −1 is returned for a tile that
+        cannot be had.
         """
         self._report = report
         image = node.image
@@ -55,7 +58,7 @@ class Images:
         extension = getattr(node, "extension", 'REPEAT')  # an environment has none
         key = (image.original.session_uid, node.interpolation, extension, linked, path, tile)
         if key not in self._indices:
-            file = self._file(image, path, tile)
+            file = self._file(image, path, tile) or (None if tile else self._missing())
             if file is None:
                 self._indices[key] = -1
             else:
@@ -79,7 +82,7 @@ class Images:
             refused = refusal(path)
             # an image that Blender has read already stays available
             if refused and not (image.source == 'FILE' and original.has_data):
-                self._warn(image, f"its file {str(path)!r} {refused}; the surface has a plain colour")
+                self._warn(image, f"its file {str(path)!r} {refused}; it is shown magenta, like in Cycles")
                 return None
             if not refused and image.source != 'MOVIE' and engine_reads(path):
                 return {"path": str(path.resolve())}
@@ -96,6 +99,15 @@ class Images:
             self._files += 1
             self._written[known] = written
         return written
+
+    def _missing(self) -> dict:
+        """Return a file with one magenta texel, which stands for an image that cannot be had."""
+        file = self._written.get(_MISSING)
+        if file is None:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            write_tiff(self._folder / "image-missing.tif", np.array([[[255, 0, 255, 255]]], np.uint8))
+            file = self._written[_MISSING] = {"path": "image-missing.tif"}
+        return file
 
     def _unpacked(self, data: bytes, name: str) -> dict | None:
         """Write a file that was packed into the .blend, unchanged. Returns None if the engine could not read it."""
@@ -134,7 +146,7 @@ class Images:
         had = original.has_data
         size = tuple(original.size)
         if not all(size) or original.channels == 0:
-            self._warn(image, f"its file {image.filepath!r} cannot be read; the surface has a plain colour")
+            self._warn(image, f"its file {image.filepath!r} cannot be read; it is shown magenta, like in Cycles")
             return None
         pixels = np.empty(size[0] * size[1] * original.channels, np.float32)
         original.pixels.foreach_get(pixels)

@@ -5,18 +5,17 @@ A lamp has no surface. This module has what Cycles returns for nodes that ask ab
 
 from __future__ import annotations
 
-import math
-from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
-from . import ies, left_out
+from . import left_out
 from . import values as v
 from .channels import instance_value
-from .image_files import refusal
 from .materials import Materials
+from .node_bumps import normal_map
+from .node_ies import profile
 from .node_inputs import geometry, incoming, normal, object_info, position, texture_coordinates
 from .node_math import scaled
 from .nodes import Nodes
@@ -25,24 +24,8 @@ from .values import Triple, Value
 
 _BLACK = (0.0, 0.0, 0.0)
 _OBJECTS = bpy.app.version >= (4, 4)  # before, Cycles' lamps have no space of their own, and no numbers
-MISSING = 100.0  # what an IES Texture gives in Cycles where it has no file
-
-
-class Profiles:
-    """The profiles of a snapshot, each once."""
-
-    def __init__(self) -> None:
-        self.descriptions: list[dict] = []
-        self._numbers: dict[str, int] = {}  # of texts; −1: it is none
-
-    def index(self, name: str, text: str) -> int:
-        """Return the number of the profile of an IES file's text; −1 where it is no such text."""
-        if text not in self._numbers:
-            found = ies.parsed(text)
-            self._numbers[text] = len(self.descriptions) if found else -1
-            if found:
-                self.descriptions.append({"name": name} | found)
-        return self._numbers[text]
+_FAR_SUNS = bpy.app.version < (4, 4)  # then Light Falloff takes suns for lamps that are very far away
+_FAR = 3.4e38
 
 
 class OfLamp:
@@ -57,7 +40,7 @@ class OfLamp:
 
     def instance(self, *key: Any) -> Value:
         """Return a number of the lamp's object."""
-        if not _OBJECTS and key[0] == "property":
+        if not _OBJECTS and key[0] in ("property", "instancer"):
             return 0.0
         return instance_value(key, self._instance, self._ob, self._ob, self._depsgraph)
 
@@ -65,18 +48,22 @@ class OfLamp:
 class LampNodes(Nodes):
     """The node tree of a lamp."""
 
-    def __init__(self, lamp: Any, asked: Any, report: Report, materials: Materials, profiles: Profiles,
+    def __init__(self, lamp: Any, asked: Any, report: Report, materials: Materials,
                  matrix: np.ndarray) -> None:
         """matrix (4,4): the transformation from the lamp's own space to the world."""
         super().__init__(lamp.node_tree, "Light", lamp.name, report,
                          lambda node, tile: materials.image(node, report, tile), asked)
         self.uv_map = ""  # other maps are not there
-        self.own, self.matrix, self.type, self.profiles = _OWN, matrix, lamp.type, profiles
+        self.own, self.matrix, self.type, self.profiles = _OWN, matrix, lamp.type, materials.profiles
 
 
 def emission(nodes: LampNodes) -> Triple | None:
     """Return the factor of the light; None if there are nodes that the engine does not know."""
-    return _shader(nodes, nodes.output('ShaderNodeOutputLight'), "Surface")
+    found = _shader(nodes, nodes.output('ShaderNodeOutputLight'), "Surface")
+    if found and _FAR_SUNS and nodes.type == 'SUN':  # what single precision cannot hold gives no light
+        held = v.less(v.largest(tuple(v.unary("absolute", abs, c) for c in found)), _FAR / 100.0)
+        found = tuple(v.where(held, c, 0.0) for c in found)  # type: ignore[assignment]
+    return found
 
 
 def _shader(nodes: LampNodes, node: Any, socket: Any) -> Triple | None:
@@ -116,7 +103,7 @@ def _falloff(nodes: LampNodes, node: Any, socket: Any) -> Value:
     """Translate the Light Falloff node."""
     strength = nodes.value(node, "Strength")
     if nodes.type == 'SUN':
-        return strength
+        return strength * _FAR if _FAR_SUNS and socket.name != "Quadratic" else strength
     far = v.operation("ray_length")
     square = far * far
     smooth = nodes.value(node, "Smooth")
@@ -128,35 +115,7 @@ def _falloff(nodes: LampNodes, node: Any, socket: Any) -> Value:
 
 def _ies(nodes: LampNodes, node: Any, socket: Any) -> Value:
     """Translate the IES Texture node."""
-    strength = nodes.value(node, "Strength")
-    name, text = _text(nodes, node)
-    number = nodes.profiles.index(name, text) if text else -1
-    if number < 0:
-        if text:
-            nodes.warn(f"the IES file in node '{nodes.plain_name(node)}' cannot be read", f"{MISSING:g}")
-        return strength * MISSING
-    x, y, z = v.normalized(nodes.vector(node, "Vector") if nodes.link(node, "Vector") else _local_way(nodes))
-    up = v.unary("arccosine", math.acos, v.clamp(z * -1.0, -1.0, 1.0))
-    around = _arctan2(x, y) + math.pi
-    return strength * v.operation("ies", float(number), around, up)
-
-
-def _text(nodes: LampNodes, node: Any) -> tuple[str, str]:
-    """Return the name and the text of an IES file; empty where none is chosen, or where it cannot be read."""
-    if node.mode == 'INTERNAL':
-        return (node.ies.name, node.ies.as_string()) if node.ies else ("", "")
-    if not node.filepath:
-        return "", ""
-    path = Path(bpy.path.abspath(node.filepath, library=nodes.tree.id_data.library))
-    refused = refusal(path)
-    if refused:
-        nodes.warn(f"its IES file {str(path)!r} {refused}", f"{MISSING:g}")
-        return "", ""
-    return path.name, path.read_text(encoding="utf-8", errors="replace")
-
-
-def _arctan2(y: Value, x: Value) -> Value:
-    return math.atan2(y, x) if v.is_constant(y, x) else v.operation("arctan2", y, x)
+    return profile(nodes, node, _local_way(nodes))
 
 
 def _local_way(nodes: LampNodes) -> Triple:
@@ -177,8 +136,13 @@ def _light_path(nodes: LampNodes, node: Any, socket: Any) -> Value:
 
 
 def _bump(nodes: LampNodes, node: Any, socket: Any) -> Triple:
-    """Translate the Bump and Normal Map nodes: there is no surface whose normal they could bend."""
+    """Translate the Bump node: there is no surface whose normal it could bend."""
     return normal()
+
+
+def _normal_map(nodes: LampNodes, node: Any, socket: Any) -> Triple:
+    """Translate the Normal Map node: there are no tangents."""
+    return normal() if node.space == 'TANGENT' else normal_map(nodes, node, socket)
 
 
 def _geometry(nodes: LampNodes, node: Any, socket: Any) -> Triple | Value | None:
@@ -190,7 +154,7 @@ def _geometry(nodes: LampNodes, node: Any, socket: Any) -> Triple | Value | None
 
 def _texture_coordinates(nodes: LampNodes, node: Any, socket: Any) -> Triple | None:
     """Translate the Texture Coordinate node."""
-    if not _OBJECTS and not (socket.name == "Object" and node.object):
+    if not _OBJECTS and not (socket.name == "Object" and node.object) and not node.from_instancer:
         if socket.name in ("Generated", "Object"):
             return position()
         if socket.name == "Reflection":
@@ -215,6 +179,6 @@ _OWN = {
     'ShaderNodeTexIES': _ies,
     'ShaderNodeLightPath': _light_path,
     'ShaderNodeBump': _bump,
-    'ShaderNodeNormalMap': _bump,
+    'ShaderNodeNormalMap': _normal_map,
     'ShaderNodeNewGeometry': _geometry,
 }

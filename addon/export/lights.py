@@ -11,15 +11,15 @@ import numpy as np
 from ..passes import shadow_number
 from ..softness import softness_of
 from . import values
-from .lamp_nodes import LampNodes, OfLamp, Profiles, emission
+from .lamp_nodes import LampNodes, OfLamp, emission
 from .materials import Materials
 from .nodes import uses_nodes
 from .report import Report
 
 
-def light(instance, ob, depsgraph, report: Report, materials: Materials, profiles: Profiles) -> dict:
+def light(instance, ob, depsgraph, report: Report, materials: Materials) -> dict:
     """Return the engine's description of the light object `ob`, one of the depsgraph's instances. Images and IES files
-    that its nodes ask for are added to materials and profiles.
+    that its nodes ask for are added to materials.
     """
     lamp, parent = ob.data, instance.parent
     seen = [ob] if parent is None else [ob, parent]
@@ -52,7 +52,7 @@ def light(instance, ob, depsgraph, report: Report, materials: Materials, profile
         report.warn("Ray Visibility: Transmission is off, but its light passes through glass", "Light", ob.name)
     color = _color(lamp)
     if uses_nodes(lamp):
-        nodes = LampNodes(lamp, OfLamp(instance, ob, depsgraph), report, materials, profiles, matrix)
+        nodes = LampNodes(lamp, OfLamp(instance, ob, depsgraph), report, materials, matrix)
         given = emission(nodes)
         if given is not None and values.is_constant(*given):
             color *= np.array(given)

@@ -9,6 +9,8 @@ import bpy
 from ..cryptomatte import DEFAULT
 from . import values
 from .channels import Asked, Channels, Key
+from .facets import FORMULAS
+from .ies import Profiles
 from .images import Images
 from .nodes import Nodes, uses_nodes
 from .report import Report
@@ -29,6 +31,7 @@ class Materials:
         self._indices: dict[int, int] = {}
         self._uv_maps: list[str | None] = []
         self._channels = Channels()
+        self.profiles = Profiles()  # of IES files, also of lamps and of the world
         self._asked_for: list[Asked] = []  # by each material's program
         self._reports: list[Report] = []  # of each material's translation
         self._translated: set[int] = set()
@@ -108,6 +111,8 @@ class Materials:
     def _translate(self, index: int, material, report: Report) -> None:
         asked = Asked(self._channels)
         nodes = _nodes(material, report, lambda node, tile: self._images.index(node, report, tile), asked)
+        if nodes:
+            nodes.profiles = self.profiles
         surface = translated(material, nodes)
         if material and surface.normal and not getattr(  # Cycles may be switched off
                 getattr(material, "cycles", None), "use_bump_map_correction", True):
@@ -187,7 +192,7 @@ def _layers(surface: Surface, chosen: dict[str, Any]) -> list[dict[str, Any]]:
 def _parameters(surface: Surface, chosen: dict[str, Any]) -> dict[str, Any]:
     """Return the parameters of the engine's Material for a surface, with those that the artist has chosen instead."""
     highlight = None if chosen.keys() & _PHONG else surface.facets.parameters()
-    found = surface.whitted(phong=not highlight) | chosen
+    found = surface.whitted(phong=not highlight) | FORMULAS | chosen
     if not values.is_constant(surface.frosted) or surface.frosted > 1e-3:
         found["frosted"] = values.clamp(surface.frosted)
     if not values.is_constant(surface.diffuse_roughness) or surface.diffuse_roughness > 0:

@@ -37,9 +37,18 @@ def incoming() -> Triple:
     return v.outputs("incoming", 3)  # type: ignore[return-value]
 
 
+def _of_instancer(nodes, name: str) -> Triple:
+    """Return the place on what the object is an instance of: of its UV map, or Generated."""
+    if name == "UV":
+        return nodes.asked.instance("instancer", "uv", 0), nodes.asked.instance("instancer", "uv", 1), 0.0
+    return tuple(nodes.asked.instance("instancer", "generated", i) for i in range(3))  # type: ignore[return-value]
+
+
 def texture_coordinates(nodes, node, socket) -> Triple | None:
     """Translate the Texture Coordinate node."""
     name = socket.name
+    if node.from_instancer and name in ("UV", "Generated"):
+        return _of_instancer(nodes, name)
     if name == "UV":
         return uv(nodes, "")
     if name == "Generated":
@@ -66,6 +75,8 @@ def texture_coordinates(nodes, node, socket) -> Triple | None:
 
 def uv_map(nodes, node, socket) -> Triple:
     """Translate the UV Map node."""
+    if node.from_instancer:
+        return _of_instancer(nodes, "UV")
     return uv(nodes, node.uv_map)
 
 
@@ -86,7 +97,7 @@ def geometry(nodes, node, socket) -> Triple | Value | None:
         first, second = v.outputs("parametric", 2)
         return first, second, 0.0
     if name == "Tangent":
-        return radial_tangent('Z')
+        return radial_tangent(nodes, 'Z')
     if name in ("Pointiness", "Random Per Island"):
         return nodes.asked.corner(name, "", 4)
     return None
@@ -136,9 +147,14 @@ def _in_camera() -> Triple:
     return v.outputs("to_camera", 3, *position())  # type: ignore[return-value]
 
 
+def _still(nodes, value: Value) -> Value:
+    """Return a value that bumps do not move; only materials have some."""
+    return v.unshifted(value) if nodes.kind == "Material" else value
+
+
 def camera_data(nodes, node, socket) -> Triple | Value:
     """Translate the Camera Data node, which bumps do not move."""
-    place: Triple = v.outputs("to_camera", 3, *map(v.unshifted, position()))  # type: ignore[assignment]
+    place: Triple = v.outputs("to_camera", 3, *(_still(nodes, p) for p in position()))  # type: ignore[assignment]
     if socket.name == "View Vector":
         return v.normalized(place)
     return place[2] if socket.name == "View Z Depth" else v.length(place)
@@ -148,7 +164,7 @@ def uv_tangent(nodes, name: str) -> tuple[Triple, Value]:
     """Return the tangent of a UV map, in the object's space and as triangles interpolate it, and its sign; bumps do not
     move it.
     """
-    x, y, z, sign = (v.unshifted(nodes.asked.corner("tangent", name, i)) for i in range(4))
+    x, y, z, sign = (_still(nodes, nodes.asked.corner("tangent", name, i)) for i in range(4))
     return (x, y, z), sign
 
 
@@ -160,13 +176,13 @@ def to_world_normal(vector: Triple) -> Triple:
 def tangent(nodes, node, socket) -> Triple:
     """Translate the Tangent node."""
     if node.direction_type != 'UV_MAP':
-        return radial_tangent(node.axis)
+        return radial_tangent(nodes, node.axis)
     return _along_surface(uv_tangent(nodes, node.uv_map)[0])
 
 
-def radial_tangent(axis: str) -> Triple:
-    """Return the direction around an axis through the middle of the mesh's texture space."""
-    x, y, z = (v.unshifted(p) - 0.5 for p in generated())
+def radial_tangent(nodes, axis: str) -> Triple:
+    """Return the direction around an axis through the middle of the mesh's texture space; a lamp has none."""
+    x, y, z = (_still(nodes, p) - 0.5 for p in (position() if nodes.kind == "Light" else generated()))
     return _along_surface({'X': (0.0, -z, y), 'Y': (-z, 0.0, x), 'Z': (-y, x, 0.0)}[axis])
 
 

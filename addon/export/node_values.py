@@ -1,9 +1,9 @@
 """What an output of a node gives, for all nodes that are no shaders: one table."""
 
-from . import node_bumps, node_colors, node_inputs, node_math, node_sky, node_spectra, node_textures
+from . import node_bumps, node_colors, node_ies, node_inputs, node_math, node_sky, node_spectra, node_textures
 
 NODES = node_math.NODES | node_colors.NODES | node_inputs.NODES | node_bumps.NODES | (
-    node_spectra.NODES | node_textures.NODES | node_sky.NODES)
+    node_spectra.NODES | node_textures.NODES | node_sky.NODES | node_ies.NODES)
 
 
 def evaluate(nodes, node, socket):

@@ -10,6 +10,7 @@ import bpy
 
 from .channels import Asked
 from .color import luminance_weights
+from .ies import Profiles
 from .report import Report, shown
 from .values import Triple, Value, dot, is_constant, truncated
 
@@ -42,6 +43,16 @@ class Placed:
         return (self.node.as_pointer(), *(self.outer.key if self.outer else ()))
 
 
+class _Nothing(NamedTuple):
+    """In place of a socket: the value 0."""
+
+    default_value: float = 0.0
+    type: str = 'VALUE'
+
+
+_NOTHING = _Nothing()
+
+
 class Link(NamedTuple):
     """The output that is linked to a socket."""
 
@@ -63,6 +74,7 @@ class Nodes:
         self.uv_map: str | None = None  # that operation "uv" means; "": the mesh's own, None: nothing asks for it
         self.asked = asked or Asked()  # all else that it asks of meshes and instances
         self.pass_index, self.displacement_method = 0, 'BUMP'  # of the material
+        self.profiles = Profiles()  # those of the snapshot are put here, if there is one
         self.own: dict[str, Callable[..., Any]] = {}  # nodes that mean something else here, as in lamps
         self.displaced: Triple | None = None  # its normal by its displacement, which is shown as bumps
         self._values: dict[tuple, Any] = {}  # of outputs that were asked for before
@@ -71,6 +83,8 @@ class Nodes:
     def output(self, idname: str) -> Placed | None:
         """Return the output node that Cycles takes, or None."""
         node = self.tree.get_output_node('CYCLES')
+        if node and node.mute and bpy.app.version < (5, 0):
+            return None  # then Cycles has nothing of it
         return Placed(node, None) if node and node.bl_idname == idname else None
 
     def source(self, node, socket) -> Placed | None:
@@ -127,6 +141,8 @@ class Nodes:
             socket = following
             if not inner.mute:
                 asking, before = socket, [*becomes]
+        if socket is not asking and bpy.app.version < (5, 0):
+            return None, _NOTHING, []  # then what a muted node hands on without a link is 0 in Cycles
         return None, asking, before
 
     def image(self, node: Placed, tile: int = 0) -> int:

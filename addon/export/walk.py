@@ -7,7 +7,6 @@ from .. import everywhere
 from ..properties import caustics_of
 from . import color, lights, linking, world
 from .geometry import Geometry
-from .lamp_nodes import Profiles
 from .materials import Materials
 from .report import Report
 
@@ -26,7 +25,6 @@ class Walk:
         self._lamps: list[dict] = []
         self.lamps: list[tuple] = []  # the key of each light, from `_identity`
         self._links = linking.Links()
-        self._profiles = Profiles()
         self._materials, self._geometry, self._report, self._check = materials, geometry, report, check
         self._done = 0
 
@@ -40,7 +38,7 @@ class Walk:
 
     def _take(self, instance, ob, depsgraph) -> None:
         if ob.type == 'LIGHT':
-            self._lamps.append(lights.light(instance, ob, depsgraph, self._report, self._materials, self._profiles))
+            self._lamps.append(lights.light(instance, ob, depsgraph, self._report, self._materials))
             self.lamps.append(_identity(instance, ob))
             self._links.add(ob)
         else:
@@ -56,13 +54,14 @@ class Walk:
                               f"so many sharp copies; with {FEW_SAMPLES} or more they are blurred")
         self._links.link(self._lamps, self._geometry.owners)
         background = world.described(
-            shown_world, self._report, lambda node, tile: self._materials.image(node, self._report, tile))
+            shown_world, self._report, lambda node, tile: self._materials.image(node, self._report, tile),
+            self._materials.profiles)
         return {
             "camera": camera,
             "lights": self._lamps,
             "materials": list(self._materials.descriptions),
             "images": list(self._materials.images),
-            "profiles": self._profiles.descriptions,
+            "profiles": list(self._materials.profiles.descriptions),
             "objects": self._geometry.objects,
             **background,
             "settings": values,

@@ -7,6 +7,7 @@ from typing import Any
 
 from . import left_out, values
 from . import values as v
+from .ies import Profiles
 from .nodes import Nodes, uses_nodes
 from .report import Report
 from .values import Triple, Value
@@ -16,13 +17,14 @@ BLACK: Triple = (0.0, 0.0, 0.0)
 _VISIBILITY = {"camera": 0.0, "glossy": 2.0, "transmission": 3.0, "diffuse": 4.0}
 
 
-def described(world: Any, report: Report, image: Callable[[Any, int], int]) -> dict[str, Any]:
+def described(world: Any, report: Report, image: Callable[[Any, int], int],
+              profiles: Profiles) -> dict[str, Any]:
     """Return the entries of the snapshot for the world: `world_color`, and `world` if it is not the same in all
-    directions. image: as `Nodes` takes it. Without a world it is black.
+    directions. image: as `Nodes` takes it. profiles: of IES files. Without a world it is black.
     """
     if world is None:
         return {"world_color": list(BLACK)}
-    radiance = _radiance(world, report, image)
+    radiance = _radiance(world, report, image, profiles)
     for name, kind in _VISIBILITY.items():
         if not getattr(getattr(world, "cycles_visibility", None), name, True):
             hidden = v.operation("ray", kind)
@@ -36,10 +38,11 @@ def described(world: Any, report: Report, image: Callable[[Any, int], int]) -> d
     return {"world_color": list(BLACK), "world": {"operations": operations, "values": results}}
 
 
-def _radiance(world: Any, report: Report, image: Callable[[Any, int], int]) -> Triple:
+def _radiance(world: Any, report: Report, image: Callable[[Any, int], int], profiles: Profiles) -> Triple:
     if not uses_nodes(world):
         return tuple(world.color)  # type: ignore[return-value]
     nodes = Nodes(world.node_tree, "World", world.name, report, image)
+    nodes.profiles = profiles
     output = nodes.output('ShaderNodeOutputWorld')
     volume = nodes.source(output, "Volume")
     if volume is not None:

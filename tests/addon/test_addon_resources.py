@@ -60,7 +60,7 @@ def test_too_little_memory(tmp_path):
 
 
 def test_textures_that_cannot_be_read(tmp_path):
-    """Each is named in a warning, its surface keeps a plain colour, and the picture is made."""
+    """Each is named in a warning, it is magenta, and the picture is made."""
     (tmp_path / "textures").mkdir()
     png = tmp_path / "textures" / "made.png"
     lines, _ = go(tmp_path, f"""

@@ -23,6 +23,9 @@ KINDS = (
     Material("coat", Od=(0.6, 0.1, 0.1), highlight="GGX", roughness=0.8, dielectric=1.0, coat=1.0, coat_roughness=0.2),
     Material("cloth", Od=(0.4, 0.4, 0.4), highlight="GGX", sheen=0.8, diffuse_roughness=0.6),
     Material("phong", ks=0.5, nShiny=30.0),
+    Material("matt, older bumps", Od=(0.5, 0.3, 0.7), facet_bumps=False),
+    Material("coat, older formulas", Od=(0.6, 0.1, 0.1), highlight="GGX", roughness=0.8, dielectric=1.0, coat=1.0,
+             coat_roughness=0.6, coat_several=False, facet_bumps=False),
 )
 
 

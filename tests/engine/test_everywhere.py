@@ -296,7 +296,7 @@ def test_cloth_sends_light_on_as_a_matt_surface_of_its_albedo():
     sine2 = (np.arange(2000) + 0.5) / 2000
     up = np.tile((0.0, 0.0, 1.0), (2000, 1))
     eyes = np.stack([np.sqrt(sine2), np.zeros(2000), np.sqrt(1 - sine2)], axis=1)
-    past = shading.covered((0.0, 0.0, 1.5, 1.0, 1.0, 1.0), (1.0, 0.6, 1.0, 0.5, 0.2), up, eyes)
+    past = shading.covered((0.0, 0.0, 1.5, 1.0, 1.0, 1.0, 1.0), (1.0, 0.6, 1.0, 0.5, 0.2), up, eyes)
     matt = Material("matt", Od=tuple((1 - past).mean() * np.array([1.0, 0.5, 0.2])))
     lamp = Light("lamp", "POINT", (20.0, 20.0, 20.0), (0.0, -1.0, 1.0))
     wall = Shape(rectangle((-1, -1), (1, 1), 0), WHITE, "wall", matrices=[np.array(

@@ -148,18 +148,20 @@ def test_what_no_lamp_has(operations, says):
 
 
 def test_what_no_surface_has():
-    for operation in (["ray_length"], ["ies", 0, 1, 1]):
-        with pytest.raises(SceneError, match="means nothing"):
-            programs.program({"operations": [operation], "values": {"ka": 1.0}}, "material")
+    with pytest.raises(SceneError, match="means nothing"):
+        programs.program({"operations": [["ray_length"]], "values": {"ka": 1.0}}, "material")
     with pytest.raises(SceneError, match="no parameter"):
         programs.of_lamp({"operations": [], "values": {"ka": 1.0}}, "light")
 
 
 @pytest.mark.parametrize("what", ["image", "ies"])
 def test_what_is_not_there(what):
-    lamp = point((0.0, 0.0, 1.0), program=lamp_program([[what, 0, 0.5, 0.5]], [0], [0], [0]))
-    with pytest.raises(SceneError, match="does not exist"):
-        checked(floor(lamp))
+    looks = [what, 0, 0.5, 0.5]
+    lamp = point((0.0, 0.0, 1.0), program=lamp_program([looks], [0], [0], [0]))
+    matt = Material("matt", program=programs.program({"operations": [looks], "values": {"ka": [0]}}, "matt"))
+    for scene in (floor(lamp), replace(floor(point((0.0, 0.0, 1.0))), materials=(matt,))):
+        with pytest.raises(SceneError, match="does not exist"):
+            checked(scene)
 
 
 @pytest.mark.parametrize(("change", "says"), [

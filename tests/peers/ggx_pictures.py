@@ -58,8 +58,7 @@ def cases():
                 "fresnel_type": 'PHYSICAL_CONDUCTOR'}
     coat = {"Base_Color": (0.6, 0.1, 0.1, 1), "Roughness": 0.5, "Coat_Weight": 1.0}
     found["coat"] = principled(Coat_Roughness=0.2, **coat)
-    if bpy.app.version >= (4, 5):  # Cycles 4.2 dims what is below a rough coat as if it were smooth
-        found["rough coat"] = principled(Coat_Roughness=0.7, Coat_IOR=2.0, **coat)
+    found["rough coat"] = principled(Coat_Roughness=0.7, Coat_IOR=2.0, **coat)
     coat |= {"Coat_Weight": 0.6, "Coat_Tint": TINT}
     found["tinted coat"] = principled(Coat_Roughness=0.15, Metallic=0.5, **coat)
     cloth = {"Base_Color": (0.1, 0.3, 0.2, 1), "Roughness": 0.6, "Sheen_Weight": 1.0}
@@ -70,9 +69,8 @@ def cases():
     for roughness in (0.3, 0.7):
         found[f"fibres {roughness}"] = 'ShaderNodeBsdfSheen', {"Color": TINT, "Roughness": roughness}, {}
     found["diffuse"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD}, {}
-    if bpy.app.version >= (4, 3):  # before, Cycles loses the light that is scattered several times
-        for roughness in (0.3, 1.0):
-            found[f"rough diffuse {roughness}"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD, "Roughness": roughness}, {}
+    for roughness in (0.3, 1.0):
+        found[f"rough diffuse {roughness}"] = 'ShaderNodeBsdfDiffuse', {"Color": GOLD, "Roughness": roughness}, {}
     return found
 
 
@@ -139,8 +137,6 @@ def mixes():
              "coat, plastic": (coated, plastic), "cloth, glossy": (cloth, sharp),
              "glass, glossy": (frosted, soft), "glass, plastic": (frosted, plastic),
              "sheen, diffuse": (('ShaderNodeBsdfSheen', {"Roughness": 0.6, "Color": TINT}), matt)}
-    if bpy.app.version < (4, 3):  # then Cycles loses light that rough surfaces scatter several times
-        del pairs["two diffuse"]
     found = {}
     for name, (first, second) in pairs.items():
         found[f"{name}: .35"] = lambda tree, a=first, b=second: mixed(tree, 0.35, a, b)
@@ -151,7 +147,8 @@ def mixes():
     found["four"] = lambda tree: mixed(tree, gradual(tree), mixed(tree, 0.5, sharp, soft),
                                        mixed(tree, checks(tree), plastic, coated))
     lamp = {"Base_Color": (0, 0, 0, 1), "Emission_Color": TINT, "Emission_Strength": 1.0, "Specular_IOR_Level": 0.0}
-    for above in ({"Coat_Weight": 1.0, "Coat_Tint": GOLD}, {"Sheen_Weight": 1.0, "Sheen_Roughness": 0.8}):
+    for above in ({"Coat_Weight": 1.0, "Coat_Tint": GOLD, "Coat_Roughness": 0.9},
+                  {"Sheen_Weight": 1.0, "Sheen_Roughness": 0.8}):
         found[f"{min(above)} over a glow"] = lambda tree, inputs=lamp | above: shader(tree, *principled(**inputs))
     found["half there"] = lambda tree: mixed(tree, 0.4, mixed(tree, checks(tree), clear, plastic), rubber)
     return found

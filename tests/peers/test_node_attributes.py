@@ -74,6 +74,20 @@ def test_color_attributes(panels, scene, render, name):
     compare(panels, scene, render, tree, tree.node('ShaderNodeVertexColor', layer_name=name).outputs["Color"])
 
 
+@pytest.mark.parametrize("output", ["Generated", "UV", "UV Map"])
+def test_places_on_what_an_instance_stands_on(panels, scene, render, output):
+    """From Instancer: 0 for what is no instance."""
+    tree = Tree()
+    if output == "UV Map":
+        place = tree.node('ShaderNodeUVMap', from_instancer=True).outputs[0]
+    else:
+        place = tree.node('ShaderNodeTexCoord', from_instancer=True).outputs[output]
+    moved = tree.node('ShaderNodeVectorMath', {0: place, 1: tree.node('ShaderNodeTexCoord').outputs["Object"]})
+    panels[1].instance_type, panels[1].use_instance_faces_scale, panels[1].instance_faces_scale = 'FACES', True, 0.8
+    panels[0].parent = panels[1]
+    compare(panels, scene, render, tree, moved.outputs[0])
+
+
 def test_an_attribute_that_no_mesh_has(panels, scene, render):
     tree = Tree()
     node = tree.node('ShaderNodeAttribute', attribute_name="Nothing").outputs

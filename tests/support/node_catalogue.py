@@ -397,6 +397,14 @@ def structures():
         node = tree.node(idname, {"Color" if idname == 'ShaderNodeGamma' else 0: vector})
         return tree.node(then, {0: node.outputs[output]}).outputs[0]
 
+    def muted_alone(tree, idname, asks, own):
+        """What a muted node hands on that nothing feeds."""
+        node = tree.node(f"ShaderNode{idname}")
+        node.mute = True
+        asking = tree.node(f"ShaderNode{asks}", {0: own})
+        tree.tree.links.new(node.outputs[0], asking.inputs[0])
+        return asking.outputs[0]
+
     def muted_link(tree):
         node = tree.node('ShaderNodeMath', {0: slopes(tree), 1: 0.3})
         node.inputs[0].links[0].is_muted = True
@@ -414,7 +422,10 @@ def structures():
             ("colour to number", lambda tree: converted(tree, 'ShaderNodeGamma')),
             ("colour to vector", lambda tree: converted(tree, 'ShaderNodeGamma', then='ShaderNodeVectorMath')),
             ("number to vector", lambda tree: converted(tree, 'ShaderNodeMath', then='ShaderNodeVectorMath')),
-            ("Mix of vectors", out_of_range)]
+            ("Mix of vectors", out_of_range),
+            ("muted colour alone", lambda tree: muted_alone(tree, "Gamma", "Gamma", (0.4, 0.5, 0.6, 1.0))),
+            ("muted number alone", lambda tree: muted_alone(tree, "Math", "Math", 0.4)),
+            ("muted number as a vector", lambda tree: muted_alone(tree, "Math", "VectorMath", (0.3, 0.4, 0.5)))]
 
 
 def assets():

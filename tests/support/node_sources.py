@@ -1,5 +1,5 @@
-"""Cells of a sheet as those of node_catalogue.py: images of several files, sequences, signed data, bumps of bumps, and
-values that become another type on their way through groups; any bpy runs this.
+"""Cells of a sheet as those of node_catalogue.py: images of several files, sequences, signed data, bumps of bumps,
+profiles, and values that become another type on their way through groups; any bpy runs this.
 """
 
 import itertools
@@ -159,4 +159,34 @@ def bent():
             ("map by a UV map that no mesh has", lambda tree: mapped(tree, 'TANGENT', "none"))]
 
 
-SHEETS = {"sources": lambda: sources() + conversions() + bent()}
+PROFILE = """IESNA:LM-63-1995
+TILT=NONE
+1 -1 1 5 3 1 2 0 0 0
+1 1 100
+0 45 90 135 180
+0 90 180
+400 350 200 90 10
+300 500 100 50 20
+250 150 80 20 0
+"""
+
+
+def profiles():
+    """Cases of what else is made for lamps: a luminaire's light by direction, and falloff that no distance changes."""
+    def light(place=None, text=PROFILE):
+        def made(tree):
+            node = tree.node('ShaderNodeTexIES', {"Strength": 0.05 if text else 0.01} | (
+                {"Vector": place(tree)} if place else {}))
+            if text:
+                node.ies = bpy.data.texts.new("lamp.ies")
+                node.ies.write(text)
+            return node.outputs[0]
+        return made
+
+    def around(tree):
+        return tree.node('ShaderNodeVectorMath', {0: tree.uv(), 1: (0.5, 0.5, 0.3)}, operation='SUBTRACT').outputs[0]
+    return [("IES", light()), ("IES by a direction", light(around)), ("IES without a file", light(text="")),
+            ("quadratic falloff", lambda tree: tree.node('ShaderNodeLightFalloff', {"Strength": 1.5}).outputs[0])]
+
+
+SHEETS = {"sources": lambda: sources() + conversions() + bent() + profiles()}

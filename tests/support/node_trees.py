@@ -160,11 +160,15 @@ def outputs_of_lamps(kinds):
              'ShaderNodeTexCoord': ("Generated", "Normal", "UV", "Object", "Camera", "Window", "Reflection"),
              'ShaderNodeLightPath': ("Is Camera Ray", "Is Shadow Ray", "Is Diffuse Ray", "Ray Depth"),
              'ShaderNodeObjectInfo': ("Location", "Color", "Alpha", "Object Index", "Random"),
-             'ShaderNodeLightFalloff': ("Quadratic", "Linear", "Constant"), 'ShaderNodeAttribute': ("Fac",)}
-    given = {'ShaderNodeAttribute': {"attribute_type": 'OBJECT', "attribute_name": "energy"}}
+             'ShaderNodeLightFalloff': ("Quadratic", "Linear", "Constant"), 'ShaderNodeAttribute': ("Fac",),
+             'ShaderNodeCameraData': ("View Vector", "View Z Depth", "View Distance"), 'ShaderNodeTangent': (0,),
+             'ShaderNodeNormalMap': (0,)}
+    given = {'ShaderNodeAttribute': {"attribute_type": 'OBJECT', "attribute_name": "energy"},
+             'ShaderNodeNormalMap': {"space": 'OBJECT'}}
+    inputs = {"Linear": {"Strength": 3.0, "Smooth": 0.2}, 0: {"Color": (0.9, 0.3, 0.6, 1.0)}}
 
     def output(idname, name):
-        return lambda tree: tree.node(idname, {"Strength": 3.0, "Smooth": 0.2} if name == "Linear" else {},
+        return lambda tree: tree.node(idname, inputs.get(name, {}) if idname != 'ShaderNodeTangent' else {},
                                       **given.get(idname, {})).outputs[name]
     return [(kind, output(idname, name), (0.2, 0.1, 0.4)) for kind in kinds for idname, names in asked.items()
             for name in names]

@@ -63,6 +63,10 @@ class Material:
     sheen: float = 0.0  # weight of a layer of fibres over all that, also the coat, which dims what is below
     sheen_roughness: float = 0.3
     sheen_tint: RGB = (1.0, 1.0, 1.0)
+    # Formulas of which releases of Cycles have different ones: with False, those of before 4.3, 4.5 and 4.5.
+    matt_several: bool = True  # light counts that a rough diffuse part scatters several times
+    coat_several: bool = True  # light counts that a coat's microfacets reflect several times, and it dims more
+    facet_bumps: bool = True  # scattered light is softened over bumps as facets would; else by its angle alone
     layers: tuple[Material, ...] = ()  # what else reflects light there; of these only that counts, and no program
     # Of the light of coat and sheen themselves, and of what is mirrored by Fresnel's equations, which counts; the other
     # weights have it in them.

@@ -29,7 +29,7 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     "voronoi": (15, 8), "attribute": (1, 1), "instance": (1, 1), "ray": (1, 1), "to_world_normal": (3, 3),
     "to_world": (4, 3), "to_object": (4, 3), "to_object_normal": (3, 3), "from_camera": (4, 3), "in_camera": (4, 3),
     "corner_normal": (0, 3), "to_camera": (3, 3), "window": (0, 2), "sky": (13, 3),
-    "covered": (14, 3), "bump": (9, 3), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
+    "covered": (15, 3), "bump": (9, 3), "box": (1, 3), "parametric": (0, 2), "ray_length": (0, 1), "ies": (3, 1),
     **dict.fromkeys(("position", "normal", "true_normal", "incoming", "object", "object_normal", "generated",
                      "object_location"), (0, 3)),
     **dict.fromkeys(("log", "exponent", "sqrt", "absolute", "floor", "truncate", "sine", "cosine", "tangent",
@@ -37,7 +37,7 @@ OPERATIONS: dict[str, tuple[int, int]] = {
     **dict.fromkeys(("add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "greater", "less",
                      "modulo", "arctan2"), (2, 1)),
 }
-OF_LAMPS = {"ray_length", "ies"}  # only a lamp's program may have these
+OF_LAMPS = {"ray_length"}  # only a lamp's program may have these
 NOT_OF_LAMPS = {"attribute", "instance", "corner_normal", "bump", "covered"}  # a lamp's may not have these
 # These may have two more arguments, for bumps: they are taken one step beside the point, along the first (1) or the
 # second (2) direction on the surface, or (0) at it; and how many pixels' widths a step is.
@@ -45,7 +45,7 @@ SHIFTED = {"uv", "position", "object", "generated", "attribute", "window", "para
 # What only a point of a surface has: a world's program must not ask for it.
 NOT_OF_WORLDS = {"uv", "attribute", "instance", "object", "object_normal", "generated", "object_location", "bump",
                  "box", "to_world_normal", "to_world", "to_object", "to_object_normal", "corner_normal", "parametric",
-                 "ray_length", "ies", "covered"}
+                 "ray_length", "covered"}
 # Parameters of a Material that a program may set: (channels, smallest, largest value).
 PARAMETERS: dict[str, tuple[int, float, float]] = {
     "Od": (3, 0.0, 1e30), "ka": (1, 0.0, 1e30), "kd": (1, 0.0, 1e30), "ks": (1, 0.0, 1e30), "Os": (3, 0.0, 1e30),

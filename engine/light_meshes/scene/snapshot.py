@@ -277,6 +277,10 @@ def check(scene: Scene) -> None:
     programs.check_world(scene.world, "world")
     if not all(0 <= image < len(scene.images) for image in scene.world.images()):
         raise SceneError("world: its program looks at an image that does not exist")
+    owned = ((f"material {quoted(m.name)}", m.program) for m in scene.materials)
+    for where, program in (("world", scene.world), *owned):
+        if not all(0 <= profile < len(scene.profiles) for profile in program.profiles()):
+            raise SceneError(f"{where}: its program looks at a profile that does not exist")
     for material in scene.materials:
         if not all(0 <= image < len(scene.images) for image in material.program.images()):
             raise SceneError(f"material {quoted(material.name)}: its program looks at an image that does not exist")

@@ -2,7 +2,10 @@
 
    A. Conty Estevez, P. Lecocq, C. Stein: A microfacet-based shadowing function to solve the bump terminator problem, Ray
    Tracing Gems, 2019. Bumps stand for a rough surface whose facets are as steep as the normal is bent: what these would
-   mask is taken from what is scattered. Nothing is reflected of light from behind the smooth surface. */
+   mask is taken from what is scattered. Nothing is reflected of light from behind the smooth surface.
+
+   M. J.-Y. Chiang, Y. K. Li, B. Burley: Taming the shadow terminator, SIGGRAPH 2019 Talks. Releases of Cycles before 4.5 soften
+   by this older formula, which only knows how much lower light stands over the smooth surface than over the bent one. */
 #pragma once
 #include "highlights.h"
 
@@ -13,12 +16,19 @@ static int from_behind(const f64 *smooth, const f64 *bent, const Way *way) {
     return dot3(smooth, L) * dot3(smooth, bent) * dot3(bent, L) < 0.0;
 }
 
-/* What is left of light from this way, for what is scattered. */
-static f64 left_by_bumps(const f64 *smooth, const f64 *bent, const Way *way) {
+/* What the older formula leaves where light stands this many times as high over the smooth surface as over the bent one. */
+static inline f64 left_by_angle(f64 g) { return g >= 1.0 ? 1.0 : g > 0.0 ? g * (1.0 + g * (1.0 - g)) : 0.0; }
+
+/* What is left of light from this way, for what is scattered; facets: as facets would leave it, else by the older formula. */
+static f64 left_by_bumps(const f64 *smooth, const f64 *bent, const Way *way, int facets) {
     f64 light = (smooth[0] * way->x + smooth[1] * way->y + smooth[2] * way->z) * way->inverse, turned = dot3(smooth, bent);
     f64 cc = light * light, tt = turned * turned;
     if (smooth[0] == bent[0] && smooth[1] == bent[1] && smooth[2] == bent[2]) return 1.0;
     if (from_behind(smooth, bent, way)) return 0.0;
+    if (!facets) {
+        f64 over = (bent[0] * way->x + bent[1] * way->y + bent[2] * way->z) * way->inverse * turned;
+        return over != 0.0 ? left_by_angle(light / over) : 0.0;
+    }
     if (tt >= 1.0 || cc >= 1.0) return 1.0;
     f64 slope = 0.125 * (1.0 / (tt > 1e-12 ? tt : 1e-12) - 1.0), alpha2 = slope < 1.0 ? slope : 1.0;
     return cc < 1e-12 ? 0.0 : 2.0 / (1.0 + sqrt(1.0 + alpha2 * (1.0 / cc - 1.0)));
@@ -36,7 +46,7 @@ static void share_of_bumps(const Source *s, const Block *b, const Block *mirrors
         f64 N[3], M[3];
         taken(b->Ns, k, N), taken(mirrors->Ns, k, M);
         Way way = way_to_light(from.kind, &from, b->P[0][k], b->P[1][k], b->P[2][k]);
-        f64 scattered = left_by_bumps(smooth, N, &way), mirrored = from_behind(smooth, M, &way) ? 0.0 : 1.0;
+        f64 scattered = left_by_bumps(smooth, N, &way, b->facet_bumps[k] != 0.0), mirrored = from_behind(smooth, M, &way) ? 0.0 : 1.0;
         for (i64 j = 0; j < C; j++) soft[j][k] *= scattered, share[j][k] *= mirrored;
     }
 }

@@ -65,7 +65,7 @@ static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
    not followed, as a share of light from everywhere. fan: which rays of a pixel they are, below 0 for those that were
    not spread out yet, which may be. may: whether rays may go on from there. matt: what
    of the light the surface scatters. weight: what of the light counts. */
-KERNEL(blurred_count, "ggx f64[M,34]  tables f64[T]  blurred bool[M]  way f64[n,3]  Ns f64[n,3]  material i32[n]  "
+KERNEL(blurred_count, "ggx f64[M,37]  tables f64[T]  blurred bool[M]  way f64[n,3]  Ns f64[n,3]  material i32[n]  "
        "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  later f64  samples i64  count i32[n,2]!  left f64[n,3]!"
        ";  T=5152  0<=material<M  0<samples")
 i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const u8 *blurred, const f64 *way, const f64 *Ns,
@@ -168,7 +168,7 @@ static f64 facet_reflects(const Gloss *g, int j, f64 c) {
 /* The rays that `blurred_count` counted, in the order of hits, coats first: of which hit, which way, with what weight (0
    where microfacets send it into the surface), their number in `fan`, and how rough the lobe is, 0: not spread out.
    depth: how many lobes rays have met before. */
-KERNEL(blurred_rays, "ggx f64[M,34]  tables f64[T]  way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  material i32[n]  fan i32[n]  "
+KERNEL(blurred_rays, "ggx f64[M,37]  tables f64[T]  way f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  material i32[n]  fan i32[n]  "
        "depth i32[n]  matt f64[n]  weight f64[n,3]  up f64[3]  samples i64  count i32[n,2]  hit i64[m]!  out f64[m,3]!  "
        "share f64[m,3]!  number i32[m]!  blur f64[m]!"
        ";  T=5152  0<=material<M  0<=depth  0<samples")

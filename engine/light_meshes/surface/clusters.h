@@ -58,8 +58,8 @@ static void matt_errors(const Clusters *t, i64 node, const Block *b, const Sight
     }
 }
 
-/* What bumps leave of a node's light grows with the cosine to the smooth normal (bent.h: left_by_bumps): adds by how much
-   that differs within it to wrong. */
+/* What bumps leave of a node's light grows with the cosine to the smooth normal, by the older formula with its ratio to that
+   to the bent one (bent.h: left_by_bumps): adds by how much that differs within it to wrong. */
 static void bump_errors(const Clusters *t, i64 node, const Block *b, const Sight *s, const f64 (*smooth)[SIDE], const f64 *most,
                         f64 *wrong) {
     f64 reach = t->reach[node];
@@ -76,6 +76,12 @@ static void bump_errors(const Clusters *t, i64 node, const Block *b, const Sight
         slope = slope < 1.0 ? slope : 1.0, slope = slope > 0.0 ? slope : 0.0;
         f64 least = 2.0 / (1.0 + sqrt(1.0 + slope * (1.0 / (low * low) - 1.0)));
         f64 largest = 2.0 / (1.0 + sqrt(1.0 + slope * (1.0 / (high * high) - 1.0)));
+        if (b->facet_bumps[k] == 0.0) {
+            f64 lowest = (s->up[k] - reach) / (s->far[k] + reach), highest = (s->up[k] + reach) / s->near[k];
+            clear &= lowest > 1e-9, lowest = clear ? lowest : 1.0, highest = clear && highest < 1.0 ? highest : 1.0;
+            turned = clear ? turned : 1.0;
+            least = left_by_angle(low / (highest * turned)), largest = left_by_angle(high / (lowest * turned));
+        }
         f64 more = wrong[k] + most[k] * (largest - least);
         more = (more < most[k]) & clear ? more : most[k];
         wrong[k] = apart > 0.0 ? more : wrong[k];

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.geometry import Hits
-from .textures import Texture
+from .textures import MISSING, Texture
 
 
 def matt(hits: Hits, textures: Sequence[Texture | None]) -> NDArray[np.float64]:
@@ -19,4 +19,6 @@ def matt(hits: Hits, textures: Sequence[Texture | None]) -> NDArray[np.float64]:
         for i, texture in enumerate(textures):
             if texture is not None:
                 texture.lookup(hits.uv, np.flatnonzero(image == i), Od)
+            else:
+                Od[image == i] = MISSING
     return Od

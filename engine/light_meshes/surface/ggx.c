@@ -62,7 +62,7 @@ i64 ggx_tables(i64 T, f64 *tables) {
 
 /* Multiplies the colours Od of what lies below a dielectric by what gets past it, seen along `way`. above: the normals of
    coats, where these are others than Ns. */
-KERNEL(ggx_dim, "ggx f64[M,34]  tables f64[T]  way f64[n,3]  Ns f64[n,3]  above f64[n,3]?  material i32[n]  Od f64[n,3]!"
+KERNEL(ggx_dim, "ggx f64[M,37]  tables f64[T]  way f64[n,3]  Ns f64[n,3]  above f64[n,3]?  material i32[n]  Od f64[n,3]!"
        ";  T=5152  0<=material<M")
 i64 ggx_dim(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const f64 *way, const f64 *Ns, const f64 *above,
             const i32 *material, f64 *Od) {

@@ -18,7 +18,7 @@
 enum { G_ON, G_ROUGHNESS, G_METAL, G_F0, G_F90 = G_F0 + 3, G_F82 = G_F90 + 3, G_DIELECTRIC = G_F82 + 3, G_IOR, G_TINT,
        G_LAYERED = G_TINT + 3, G_COMPENSATION, G_COAT, G_COAT_ROUGHNESS, G_COAT_IOR, G_COAT_TINT,
        G_SIGMA = G_COAT_TINT + 3, G_COUNTS, G_SHEEN, G_SHEEN_ROUGHNESS, G_SHEEN_TINT, G_ON_COAT = G_SHEEN_TINT + 3,
-       G_ON_SHEEN, G_COLUMNS };
+       G_ON_SHEEN, G_MATT_SEVERAL, G_COAT_SEVERAL, G_BUMPS, G_COLUMNS };
 
 /* Tables, one behind the other: E(roughness, cosine of the eye), its mean over cosines, s(ior, roughness, cosine). */
 enum { G_FINE = 32, G_COARSE = 16, G_MEAN = G_FINE * G_FINE, G_SHARE = G_MEAN + G_FINE,

@@ -55,7 +55,7 @@ static inline f64 fibres_return(const Fibres *f, f64 z, f64 together, f64 facing
 /* A material's coat as a material of its own, a dielectric below which the diffuse light is. */
 static inline void coat_row(const f64 *m, f64 *coat) {
     for (int i = 0; i < G_COLUMNS; i++) coat[i] = 0.0;
-    coat[G_ON] = coat[G_COMPENSATION] = coat[G_TINT] = coat[G_TINT + 1] = coat[G_TINT + 2] = 1.0;
+    coat[G_ON] = coat[G_TINT] = coat[G_TINT + 1] = coat[G_TINT + 2] = 1.0, coat[G_COMPENSATION] = m[G_COAT_SEVERAL];
     coat[G_ROUGHNESS] = m[G_COAT_ROUGHNESS], coat[G_IOR] = m[G_COAT_IOR], coat[G_DIELECTRIC] = coat[G_LAYERED] = m[G_COAT];
 }
 
@@ -63,6 +63,15 @@ static inline void coat_row(const f64 *m, f64 *coat) {
 static inline void to_coat(const f64 *m, f64 facing, f64 *through) {
     f64 back[3], past = sheen_albedo(m, facing, back);
     through[0] = through[1] = through[2] = past * m[G_COUNTS];
+}
+
+/* Which share of the light gets past a coat. Where light that its microfacets reflect several times does not count, it dims as
+   if it were smooth: older releases of Cycles have it so. */
+static inline f64 past_coat(const f64 *m, const f64 *tables, f64 on_coat, f64 sight) {
+    f64 coat[G_COLUMNS];
+    if (m[G_COAT_SEVERAL] == 0.0) return 1.0 - m[G_COAT] * held(fresnel_of(sight, square(m[G_COAT_IOR])), 0.0, 1.0);
+    coat_row(m, coat);
+    return below(coat, tables, on_coat);
 }
 
 /* Which share of the light gets past fibres and coat, for what is below. What a coat absorbs goes by the way in it (Beer).
@@ -73,9 +82,7 @@ static inline void to_base(const f64 *m, const f64 *tables, f64 facing, f64 on_c
     through[0] = through[1] = through[2] = past;
     if (m[G_COAT] <= 0.0) return;
     if (m[G_ON_COAT] > 0.0) on_coat = m[G_ON_COAT];
-    f64 coat[G_COLUMNS], sight = held(on_coat, LEAST_SIGHT, 1.0);
-    coat_row(m, coat);
-    f64 left = past * below(coat, tables, on_coat), way = 1.0 / sqrt(1.0 - (1.0 - square(sight)) / square(m[G_COAT_IOR]));
+    f64 sight = held(on_coat, LEAST_SIGHT, 1.0), left = past * past_coat(m, tables, on_coat, sight), way = 1.0 / sqrt(1.0 - (1.0 - square(sight)) / square(m[G_COAT_IOR]));
     for (int j = 0; j < 3; j++) {
         f64 tint = m[G_COAT_TINT + j];
         through[j] = left * (1.0 + m[G_COAT] * ((tint == 1.0 ? 1.0 : pow(tint, way)) - 1.0));

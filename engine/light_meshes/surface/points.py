@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from ..rays.geometry import Surfaces
 from ..scene.description import Camera, Scene
+from .profiles import Lookup
 
 # Kinds of rays that come to a point. LIGHTING is the world's: what lights surfaces.
 CAMERA, SHADOW, REFLECTED, TRANSMITTED, LIGHTING = range(5)
 
 
 class Around:
-    """The values that are the same for all points: spaces of instances, attributes, the camera."""
+    """The values that are the same for all points: spaces of instances, attributes, the camera, profiles."""
 
     def __init__(self, scene: Scene, surfaces: Surfaces, camera: Camera) -> None:
         g = scene.geometry
@@ -28,6 +29,7 @@ class Around:
         self.to_generated = self.to_object * scale[:, :, None]  # (I,3,4) world to the texture space of its mesh
         self.to_generated[:, :, 3] += 0.5 - place * scale
         self.camera, self.to_camera = camera, np.linalg.inv(camera.matrix)[:3]
+        self.profiles = [Lookup(profile) for profile in scene.profiles]
 
     @cached_property
     def from_object(self) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ from .atmosphere import sky
 from .points import Points
 from .procedural import TEXTURES
 from .shading import covered, sent_out
-from .textures import Texture
+from .textures import MISSING, Texture
 
 Register = Any  # (n,) float64, or a number
 
@@ -237,10 +237,10 @@ def _ies(points: Any, number: Register, x: Register, y: Register) -> Sequence[Re
 
 
 def _covered(points: Points, *values: Register) -> Sequence[Register]:
-    """Return what of light from below gets through a coat (6 values) and fibres (5), whose normal is the last three."""
-    normals = unit(_stacked(points, *values[11:]), points.Ns)
+    """Return what of light from below gets through a coat (7 values) and fibres (5), whose normal is the last three."""
+    normals = unit(_stacked(points, *values[12:]), points.Ns)
     coats = sent_out(normals, points.Ns, points.Ng, -points.incoming)
-    return _columns(covered(values[:6], values[6:11], normals, points.incoming, coats))
+    return _columns(covered(values[:7], values[7:12], normals, points.incoming, coats))
 
 
 _OF_POINTS: dict[str, Callable[..., Sequence[Register]]] = {
@@ -321,9 +321,9 @@ def _images(textures: Sequence[Texture | None], points: Points, alpha: bool, num
 
 
 def _image(texture: Texture | None, x: Register, y: Register, n: int, alpha: bool) -> Sequence[Register]:
-    """Return colour and alpha of an image at (x, y); an image that cannot be read is light grey."""
+    """Return colour and alpha of an image at (x, y); an image that cannot be read is magenta."""
     if texture is None:
-        return 0.8, 0.8, 0.8, 1.0
+        return *MISSING, 1.0
     place = np.empty((n, 2), np.float32)
     place[:, 0], place[:, 1] = x, y
     colour = np.empty((n, 3))

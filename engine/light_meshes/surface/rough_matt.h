@@ -1,5 +1,6 @@
 /* Rough matt surfaces: Y. Fujii's form of Oren and Nayar's model (A tiny improvement of Oren-Nayar reflectance model, 2012),
-   and what it loses by light that is scattered several times, as OpenPBR has it (Kulla and Conty). */
+   and what it loses by light that is scattered several times, as OpenPBR has it (Kulla and Conty); releases of Cycles before
+   4.3 have only the first. */
 #pragma once
 #include "native.h"
 
@@ -19,11 +20,12 @@ static inline f64 rough_tail(f64 cosine) {
 /* Which share of light from everywhere comes back at once, to an eye (or from a light) at this cosine. */
 static inline f64 rough_once(const RoughMatt *m, f64 cosine) { return m->a + m->b * rough_tail(cosine) / PI; }
 
-/* A surface of this roughness (0 … 1) and colour, for an eye at the cosine `facing`. */
-static inline RoughMatt rough_matt(f64 roughness, f64 facing, const f64 *colour) {
+/* A surface of this roughness (0 … 1) and colour, for an eye at the cosine `facing`; several: the share of light scattered
+   several times that counts. */
+static inline RoughMatt rough_matt(f64 roughness, f64 facing, const f64 *colour, f64 several) {
     f64 a = PI / (PI + roughness * (PI / 2.0 - 2.0 / 3.0)), mean = a + (2.0 * PI - 5.6) / (3.0 * PI) * roughness * a;
     RoughMatt m = {a, roughness * a, facing > 0.0 ? facing : 0.0, {0.0}};
-    f64 lost = 1.0 - rough_once(&m, m.sight);
+    f64 lost = several * (1.0 - rough_once(&m, m.sight));
     for (int j = 0; j < 3; j++) {
         f64 albedo = colour[j] < 0.0 ? 0.0 : colour[j] < 1.0 ? colour[j] : 1.0;
         m.several[j] = albedo * albedo * mean / (1.0 - mean) / (1.0 - albedo * (1.0 - mean)) * lost;

@@ -116,13 +116,17 @@ class Materials(NamedTuple):
     # The cosines of the eye to the normals of a coat and of fibres that programs bend; 0: they do not.
     on_coat: NDArray[np.float64]
     on_sheen: NDArray[np.float64]
+    # Formulas, of which releases of Cycles have different ones.
+    matt_several: NDArray[np.bool_]
+    coat_several: NDArray[np.bool_]
+    facet_bumps: NDArray[np.bool_]
 
     def facets(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-        """Return what the kernels want to know of GGX, a row (34,) a material, and its tables; (None, None): none has
+        """Return what the kernels want to know of GGX, a row (37,) a material, and its tables; (None, None): none has
         it.
         """
         if getattr(_last, "table", None) is not self:  # one table serves many kernels, one after the other
-            some = self.ggx.any() or self.diffuse_roughness.any()
+            some = self.ggx.any() or self.diffuse_roughness.any() or not self.facet_bumps.all()
             _last.facets = (np.column_stack(self[19:]), _facet_tables()) if some else (None, None)
             _last.table = self
         found: tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None] = _last.facets
@@ -176,10 +180,13 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
     def colour(name: str) -> NDArray[np.float64]:
         return column(name).reshape(-1, 3)
 
+    def flag(name: str) -> NDArray[np.bool_]:
+        return np.array([getattr(m, name) for m in materials], np.bool_)
+
     return Materials(
         colour("Od"), column("ka"), column("kd"), column("ks"), colour("Os"), column("nShiny"), colour("mirror"),
         colour("emission"), np.array([m.image for m in materials], np.int32), colour("kt"), column("ior"),
-        np.array([m.fresnel for m in materials], np.bool_), colour("translucent"), column("frosted"),
+        flag("fresnel"), colour("translucent"), column("frosted"),
         column("alpha"),
         np.array([m.alpha_image for m in materials], np.int32), np.array(also, np.int32),
         np.full((len(materials), 3), np.nan),
@@ -189,7 +196,8 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
         colour("dielectric_tint"), column("layered"), column("compensation"),
         column("coat"), column("coat_roughness"), column("coat_ior"), colour("coat_tint"),
         column("diffuse_roughness"), column("share"), column("sheen"), column("sheen_roughness"), colour("sheen_tint"),
-        np.zeros(len(materials)), np.zeros(len(materials)),
+        np.zeros(len(materials)), np.zeros(len(materials)), flag("matt_several"), flag("coat_several"),
+        flag("facet_bumps"),
     )
 
 
@@ -349,13 +357,14 @@ def covered(coat: tuple[Any, ...], sheen: tuple[Any, ...], Ns: NDArray[np.float6
             incoming: NDArray[np.float64], coats: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """Return what of light from below gets through a coat and fibres (n,3), to eyes along `incoming` (n,3).
 
-    coat: weight, roughness, ior and the tint's channels; sheen: weight, roughness and the tint's channels; each a
-    number or (n,). Ns: the normals, and coats: those of coats, where these are others.
+    coat: weight, roughness, ior, the tint's channels, and whether light counts that it reflects several times; sheen:
+    weight, roughness and the tint's channels; each a number or (n,). Ns: the normals, and coats: those of
+    coats, where these are others.
     """
     n = len(Ns)
-    rows, passed = np.zeros((n, 34)), np.ones((n, 3))
+    rows, passed = np.zeros((n, 37)), np.ones((n, 3))
     rows[:, 0] = 1.0  # the columns are those of ggx.h
-    for column, values in ((19, coat), (27, sheen)):
+    for column, values in ((19, coat[:6]), (27, sheen), (35, coat[6:])):
         for k, value in enumerate(values):
             rows[:, column + k] = value
     _dim(rows, _facet_tables(), -incoming, Ns, coats, np.arange(n, dtype=np.int32), passed)

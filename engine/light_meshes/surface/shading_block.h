@@ -20,6 +20,7 @@ typedef struct {
 typedef struct {
     f64 P[3][SIDE], Ng[3][SIDE], Ns[3][SIDE], eye[3][SIDE], matt[3][SIDE], gloss[3][SIDE], facing[SIDE];
     u64 returns[SIDE];
+    f64 facet_bumps[SIDE];  /* 1: bumps soften light as facets would, 0: by the light's angle alone (bent.h) */
     Facets facets, coat;
     RoughMatt rough[SIDE];  /* filled where bit 10 is set */
     Fibres fibres[SIDE];  /* filled where bit 11 is set */
@@ -47,7 +48,7 @@ typedef struct {
 
 #define LIGHTS "type i8[L]  position f64[L,3]  direction f64[L,3]  intensity f64[L,3]  edge f64[L]  slope f64[L]  "  \
                "axes f64[L,3,3]  extent f64[L,8]  diffuse bool[L]  glossy bool[L]  "
-#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,34]?  tables f64[T]?  "
+#define MATERIALS "kd f64[M]  ks f64[M]  Os f64[M,3]  nShiny f64[M]  ggx f64[M,37]?  tables f64[T]?  "
 #define HITS "P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]  Od f64[n,3]  material i32[n]  smooth f64[n,3]?  "
 #define TAKEN                                                                                                      \
     const i8 *type, const f64 *position, const f64 *direction, const f64 *intensity, const f64 *edge,            \
@@ -111,7 +112,7 @@ static u64 fill(Block *b, i64 first, const Materials *materials, const Receivers
     for (int k = 0; k < SIDE; k++) {
         i64 p = first + k < hits->n - 1 ? first + k : hits->n - 1, m = hits->material[p];
         const f64 *N = Ns + 3 * (p - first);
-        b->facing[k] = 0.0, b->returns[k] = 0;
+        b->facing[k] = 0.0, b->returns[k] = 0, b->facet_bumps[k] = 1.0;
         for (int j = 0; j < 3; j++) {
             f64 way = hits->direction[3 * p + j];
             b->P[j][k] = hits->P[3 * p + j], b->Ng[j][k] = hits->Ng[3 * p + j], b->Ns[j][k] = N[j];
@@ -124,13 +125,14 @@ static u64 fill(Block *b, i64 first, const Materials *materials, const Receivers
         if (materials->ggx) {
             const f64 *row = materials->ggx + G_COLUMNS * m;
             f64 on_coat = b->facing[k];
+            b->facet_bumps[k] = row[G_BUMPS];
             if (hits->smooth) on_coat = -dot3(hits->smooth + 3 * p, hits->direction + 3 * p);
             fill_facets(b, k, row[G_ON] != 0.0 ? row : 0, materials->tables, on_coat);
             if (row[G_SIGMA] > 0.0) {
                 f64 own[3] = {hits->Od[3 * p], hits->Od[3 * p + 1], hits->Od[3 * p + 2]};
                 if (row[G_ON] != 0.0 && materials->tables) undimmed(row, materials->tables, b->facing[k], on_coat, own);
                 b->returns[k] |= ROUGH_MATT;
-                b->rough[k] = rough_matt(row[G_SIGMA], b->facing[k], own);
+                b->rough[k] = rough_matt(row[G_SIGMA], b->facing[k], own, row[G_MATT_SEVERAL]);
             }
         }
         all |= b->returns[k];

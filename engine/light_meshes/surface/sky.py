@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..scene.description import Camera, Light, Scene
 from .points import LIGHTING, Points
+from .profiles import Lookup
 from .programs import run
 from .sky_table import Table, tabulated
 from .suns import suns
@@ -38,7 +39,7 @@ class Sky:
         self._color = np.array(scene.world_color, np.float64)
         self.varies = bool(scene.world)  # whether `seen` depends on the direction, or on what looks
         if self.varies:
-            self._camera = _turned(camera or scene.camera)
+            self._around = _around(scene, camera or scene.camera)
             if old is not None and old._key == self._key:
                 self.found, self._table, self._color = old.found, old._table, old._color
             else:
@@ -57,7 +58,7 @@ class Sky:
         n = len(direction)
         away, none = -direction, np.zeros(n, np.int32)
         points = Points(direction, away, away, away, np.ones(n, np.bool_), np.zeros((n, 2)), none,
-                        np.full(n, LIGHTING, np.int8) if ray is None else ray, self._camera)
+                        np.full(n, LIGHTING, np.int8) if ray is None else ray, self._around)
         return run(self._program, points, self._textures)["emission"]
 
     def light(self, direction: NDArray[np.float64],
@@ -120,12 +121,13 @@ class Sky:
         self._color = finest.mean(0) + sum((np.array(light.intensity) / 4 for light in self.suns), np.zeros(3))
 
 
-def _turned(camera: Camera) -> Any:
-    """Return the camera's data that programs may ask about. Only directions are looked at, so its place does not count.
+def _around(scene: Scene, camera: Camera) -> Any:
+    """Return the profiles, and the camera's data that programs may ask about. Only directions are looked at, so its
+    place does not count.
     """
     to_camera = np.linalg.inv(camera.matrix)[:3]
     to_camera[:, 3] = 0
-    return SimpleNamespace(camera=camera, to_camera=to_camera)
+    return SimpleNamespace(camera=camera, to_camera=to_camera, profiles=[Lookup(profile) for profile in scene.profiles])
 
 
 def _key(scene: Scene, textures: Sequence[Texture | None], camera: Camera) -> tuple[Any, ...]:
@@ -133,4 +135,5 @@ def _key(scene: Scene, textures: Sequence[Texture | None], camera: Camera) -> tu
     s = scene.settings
     seen = (camera.matrix.tobytes(), camera.window, camera.perspective) if scene.world.sees_camera() else None
     images = [(t := textures[i]) and t.key for i in sorted(scene.world.images())]
-    return scene.world, images, seen, s.by_sky, s.ambient == 0
+    profiles = [scene.profiles[i] for i in sorted(scene.world.profiles())]
+    return scene.world, images, profiles, seen, s.by_sky, s.ambient == 0

@@ -29,6 +29,7 @@ _coverage, _needed = kernel("textures_coverage"), kernel("textures_needed")
 _SYSTEM = ("/proc", "/sys", "/dev")  # files there are not real files
 LIMIT = 2 << 30  # bytes of all images' texels in memory; beyond that OpenImageIO's cache has them, and holds so many
 SMALL = 1 << 20  # bytes of an image that is read as a whole in any case
+MISSING = (1.0, 0.0, 1.0)  # of an image that cannot be read, as Blender shows it
 _STRIP = 1 << 18  # texels that are changed at once, if that is cheap
 _CONVERTED = 1 << 22  # texels at once, because each call of OpenColorIO has a large fixed cost
 
@@ -241,7 +242,7 @@ def load(images: Sequence[Image], asked: Collection[int], threads: int,
             texture = ready.get(_key(image, i in asked)) or Texture(image, i in asked, tiled)
             return texture, texture.warning
         except OSError as e:
-            return None, (f"image '{image.name}' ({image.path}) cannot be read, the surfaces keep their plain colour: "
+            return None, (f"image '{image.name}' ({image.path}) cannot be read, it is shown magenta: "
                           f"{' '.join(str(e).split()) or 'unknown reason'}")
         except MemoryError as e:
             raise SceneError(f"image '{image.name}' ({image.path}) needs more memory than there is") from e
