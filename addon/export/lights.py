@@ -156,6 +156,9 @@ def _area(lamp, lengths, axes, report):
             own["axes"] = [*axes[:2].tolist(), np.cross(axes[0], axes[1]).tolist()]
         if lamp.spread < math.pi - 1e-4:
             report.warn("it is sheared: its spread is rendered as if it were not", "Light", lamp.name)
+        if softness_of(lamp) == 'SIZE':
+            # Cycles samples it as if its axes were perpendicular, and so lights by a shape that it does not have.
+            report.warn("it is sheared: close to it its light differs from Cycles'", "Light", lamp.name)
     return factor, own
 
 

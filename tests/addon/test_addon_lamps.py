@@ -193,9 +193,14 @@ def test_in_a_collection_of_the_view_layer(scene, lamp, add_light, compared, swi
 def test_what_is_not_translated_is_named(lamp, snapshot, scene):
     lamp('POINT', {"visible_transmission": False}, (1, 1, 1)).name = "Lamp"
     lamp('AREA', {"spread": 1.0}, SHEAR).data.name = "Softbox"
+    whole = lamp('AREA', {"size": 1.0}, SHEAR).data
+    whole.name, whole.light_meshes.softness = "Whole", 'SIZE'
     said = snapshot(scene).warnings
     assert any("Transmission is off, but its light passes through glass" in w and "'Lamp'" in w for w in said)
-    assert any("it is sheared" in w and "'Softbox'" in w for w in said)
+    assert [w for w in said if "it is sheared" in w and "'Softbox'" in w] == [
+        w for w in said if "its spread is rendered as if it were not" in w]
+    assert [w for w in said if "it is sheared" in w and "'Whole'" in w] == [
+        w for w in said if "close to it its light differs from Cycles'" in w] != []
 
 
 def test_a_round_spot_keeps_its_description(lamp, snapshot, scene):

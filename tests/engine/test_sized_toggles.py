@@ -127,3 +127,28 @@ def test_a_snapshot_renders_the_same(tmp_path):
                                            for light in four_lights().lights))
     snapshot.write(scene, tmp_path)
     assert np.array_equal(combined(scene), combined(snapshot.read(tmp_path)))
+
+
+WIDE = {"a fixture inside the sphere": {"position": (0.8, 0.6, 1.8), "radius": 0.25},
+        "a fixture inside the disc": {"position": (0.8, 0.6, 1.8), "radius": 0.25, "facing_disc": True},
+        "all is inside the sphere": {"position": (0.0, 0.0, 1.8), "radius": 30.0},
+        "a disc beyond the horizon": {"position": (0.0, 0.0, 1.8), "radius": 30.0, "facing_disc": True},
+        "half of the sky": {"type": "SUN", "direction": (0.5, 0.3, -0.81), "angle": 3.1}}
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_lamps_that_are_near_or_wide_are_seen_as_cycles_samples_them(name):
+    """A sphere's light starts at its front, and all directions in which a lamp is seen count alike: as by 512 rays of
+    area sampling, as near as by 16. What is inside a sphere casts no shadow; what is behind a disc's middle does."""
+    shell = Shape(box((0.7, 0.5, 1.7), (0.9, 0.7, 1.9)), GREY, "fixture")
+    parts = [Shape(rectangle((-4, -4), (4, 4), 0.0), GREY, "floor"), Shape(sphere(0.2), GREY, "ball",
+             [translate(0.4, 0.1, 0.35)]), *([shell] if "fixture" in name else [])]
+    lamp = replace(point((0.0, 0.0, 1.0)), softness="SIZE", **WIDE[name])
+    seen = Seen(Scene.from_shapes(parts, Camera.look_at((0, -2.4, 2.2), (0, 0, 0.2), 40, 48, 48), [lamp],
+                                  settings(h=0.05, kI=2.0, shadows="LIGHT_MESHES")))
+    truth, sixteen, found = (seen.by(*way)[:, 0] for way in (("AREA_SAMPLING", 512), ("AREA_SAMPLING", 16),
+                                                             ("LIGHT_MESHES",)))
+    assert rmse(found, truth) <= 1.1 * rmse(sixteen, truth)
+    assert np.ptp(truth) > 0.2 and abs((found - truth).mean()) < 0.01
+    if name == "a fixture inside the sphere":
+        assert found.max() == 1

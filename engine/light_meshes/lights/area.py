@@ -10,7 +10,7 @@ from .kind import LightKind, Shape
 
 def shape(light: Light) -> Shape:
     """Return the face of the lamp."""
-    return Shape(0.0, True, not light.area_ellipse, light.area_u, light.area_v)
+    return Shape(face=True, rectangle=not light.area_ellipse, u=light.area_u, v=light.area_v)
 
 
 def extent(light: Light) -> float:

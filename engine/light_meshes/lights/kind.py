@@ -17,6 +17,7 @@ class Shape(NamedTuple):
     """
 
     disc: float = 0.0  # radius of a sphere, scene units, as its receivers see it; of a sun at distance 1
+    ball: bool = False  # it is a sphere, and no disc that turns: nothing inside of it stands in its light
     face: bool = False  # else the rectangle, or ellipse, with these half-axes
     rectangle: bool = False
     u: RGB = (0.0, 0.0, 0.0)
@@ -36,7 +37,7 @@ class LightKind(NamedTuple):
 
 def sphere(light: Light) -> Shape:
     """Return the shape of lamps that are spheres."""
-    return Shape(disc=light.radius)
+    return Shape(disc=light.radius, ball=not light.facing_disc)
 
 
 def radius(light: Light) -> float:

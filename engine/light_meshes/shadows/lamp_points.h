@@ -2,7 +2,7 @@
 #pragma once
 #include "../rays/triangles.h"
 
-enum { FREE, RECTANGLE, ELLIPSE };
+#include "shapes.h"
 
 /* 64 bits to 64 others, and those to a number in [0,1) (SplitMix64's finaliser). */
 static inline u64 mixed(u64 x) {
@@ -51,8 +51,7 @@ static inline i64 in_pattern(i64 j, i64 share, i64 sharers) {
    have all 16, and in four rounds each has all of them. */
 static inline i64 in_common(i64 j, i64 share) { return j >> 2 << 4 | ((share ^ j << 2) & 12) | ((share ^ j) & 3); }
 
-/* Lamps, one row each: shape: FREE a sphere or a sun, of which one sees a disc of radius `size`; else half-axes u, v. own: by
-   which their patterns differ. */
+/* Lamps, one row each: shape, size, half-axes u, v: see `shapes.h`. own: by which their patterns differ. */
 typedef struct {
     const f64 *position;
     const u8 *directional, *shape;
@@ -67,29 +66,32 @@ typedef struct {
     i64 sharers, common;
 } Patterns;
 
-/* A lamp as it is seen from one place, and its points from there. */
+/* A lamp as it is seen from one place, and its points from there. Of lamps with a face e and f are its half-axes, else unit
+   vectors across the way d to it, which is `far` long, and of a sun 1; cap: 1 − cosine of half the angle that it is wide. */
 typedef struct {
-    const f64 *centre;
-    f64 e[3], f[3], shift, turned, cosine, sine;
-    i64 shape, set, share, sharers, common;
+    const f64 *from, *centre;
+    f64 e[3], f[3], d[3], far, size, cap, shift, turned, cosine, sine;
+    i64 shape, sun, inside, set, share, sharers, common;
     u64 key;
 } Face;
 
 static inline Face face_of(const Lamps *l, i64 i, const f64 *from, const Patterns *by, i64 row) {
     const f64 *c = l->position + 3 * i, *mine = by->turn + 2 * row;
-    Face t = {c, {0.0}, {0.0}, 0.0, 0.0, 1.0, 0.0, l->shape[i], -1, by->share ? by->share[row] : -1, by->sharers, by->common, 0};
-    if (l->shape[i] == FREE) {
-        f64 d[3] = {c[0], c[1], c[2]}, size = l->size[i];
-        if (!l->directional[i]) {
-            for (int j = 0; j < 3; j++) d[j] = c[j] - from[j];
-            f64 length = sqrt(dot(d, d));
-            for (int j = 0; j < 3; j++) d[j] /= length;
-        }
-        f64 sign = d[2] >= 0.0 ? 1.0 : -1.0, g = -1.0 / (sign + d[2]), both = d[0] * d[1] * g;
-        t.e[0] = size * (1.0 + sign * d[0] * d[0] * g), t.e[1] = size * sign * both, t.e[2] = -size * sign * d[0];
-        t.f[0] = size * both, t.f[1] = size * (sign + d[1] * d[1] * g), t.f[2] = -size * d[1];
-    } else {
+    Face t = {.from = from, .centre = c, .size = l->size[i], .cosine = 1.0, .shape = l->shape[i], .sun = l->directional[i],
+              .set = -1, .share = by->share ? by->share[row] : -1, .sharers = by->sharers, .common = by->common};
+    if (has_face(t.shape)) {
         memcpy(t.e, l->u + 3 * i, sizeof t.e), memcpy(t.f, l->v + 3 * i, sizeof t.f);
+    } else {
+        for (int j = 0; j < 3; j++) t.d[j] = c[j] - (t.sun ? 0.0 : from[j]);
+        f64 square_of = dot(t.d, t.d), wide = t.size * t.size;
+        t.far = sqrt(square_of);
+        for (int j = 0; j < 3; j++) t.d[j] = t.far > 0.0 ? t.d[j] / t.far : j == 2;
+        t.inside = t.shape == BALL && square_of <= wide;
+        f64 sines = wide / (t.shape == BALL ? square_of : square_of + wide);
+        t.cap = t.inside ? 2.0 : sines / (1.0 + sqrt(1.0 - sines));
+        f64 *d = t.d, sign = d[2] >= 0.0 ? 1.0 : -1.0, g = -1.0 / (sign + d[2]), both = d[0] * d[1] * g;
+        t.e[0] = 1.0 + sign * d[0] * d[0] * g, t.e[1] = sign * both, t.e[2] = -sign * d[0];
+        t.f[0] = both, t.f[1] = sign + d[1] * d[1] * g, t.f[2] = -d[1];
     }
     memcpy(&t.key, mine + 1, sizeof t.key);
     t.key = mixed(t.key + l->own[i]);
@@ -97,7 +99,18 @@ static inline Face face_of(const Lamps *l, i64 i, const f64 *from, const Pattern
     return t;
 }
 
-/* Finds point q of the lamp. */
+/* The point of a lamp without a face in the direction that is x, y across the way to it; cosine: along that. */
+static inline void point_along(const Face *t, f64 x, f64 y, f64 cosine, f64 *point) {
+    f64 across = t->far * t->far * (x * x + y * y), length = t->sun ? 1.0 : t->far / cosine;
+    if (t->shape == BALL) {
+        f64 rest = t->size * t->size - across, half = rest > 0.0 ? sqrt(rest) : 0.0;
+        length = t->far * cosine + (t->inside ? half : -half);
+    }
+    for (int i = 0; i < 3; i++)
+        point[i] = (t->sun ? 0.0 : t->from[i]) + length * (cosine * t->d[i] + x * t->e[i] + y * t->f[i]);
+}
+
+/* Finds point q of the lamp. They are as many in each part of a face, or of the directions of other lamps. */
 static inline void point_of(Face *t, i64 q, f64 *point) {
     i64 n = q, round = 0;
     if (t->share >= 0 && t->common)
@@ -114,8 +127,13 @@ static inline void point_of(Face *t, i64 q, f64 *point) {
     if (t->shape == RECTANGLE) {
         x = 2.0 * a - 1.0, y = 2.0 * part((f64)k / 16.0 + t->turned) - 1.0;
     } else {
-        f64 c = sixteenth[k], s = sixteenth[(k + 12) & 15], far = sqrt(a);
+        f64 c = sixteenth[k], s = sixteenth[(k + 12) & 15], lower = a * t->cap;
+        f64 far = t->shape == ELLIPSE ? sqrt(a) : sqrt(lower * (2.0 - lower));
         x = far * (c * t->cosine - s * t->sine), y = far * (s * t->cosine + c * t->sine);
+        if (t->shape != ELLIPSE) {
+            point_along(t, x, y, 1.0 - lower, point);
+            return;
+        }
     }
     for (int i = 0; i < 3; i++) point[i] = t->centre[i] + x * t->e[i] + y * t->f[i];
 }
@@ -127,5 +145,5 @@ static inline f64 point_gives(const f64 *point, int directional, i64 shape, cons
     for (int j = 0; j < 3; j++) way[j] = point[j] - (directional ? 0.0 : from[j]);
     f64 square = dot(way, way), length = sqrt(square), weight = dot(way, normal) / length;
     if (!(weight > 0.0)) return 0.0;
-    return shape == FREE ? weight : weight * (fabs(dot(way, facing)) / (square * length));
+    return !has_face(shape) ? weight : weight * (fabs(dot(way, facing)) / (square * length));
 }

@@ -1,8 +1,10 @@
 """Points on lamps with a size. Nodes and receivers aim rays at them to find how much of a lamp they see.
 
-A lamp is a sphere (point, spot), a disc of the sky (sun), or a rectangle or ellipse (area). The face of a lamp is
-divided into strata of equal area, 16 points have 16, and each point stands at random in its own. In the other axis the
-points follow van der Corput's sequence, which each receiver and node turns in its own way, so that neighbours
+A lamp is a sphere or a disc that turns to who looks (point, spot), a disc of the sky (sun), or a rectangle or ellipse
+(area). It is divided into strata, equal parts of a face, or of the directions in which the others are seen. 16 points
+have 16, and each point stands at random in its own. Points of a sphere are on its front, so what is inside of it is not
+in the way. In the other axis the points follow van der Corput's sequence, which each receiver and node turns in its own
+way, so that neighbours
 complement each other. (These are Hammersley's points, jittered: of the patterns that were tried they had the least
 error for straight edges, .037 of a disc at 16 points; Sobol's, turned, had .051 to .061.) The points do not depend on
 tiles, threads or order.
@@ -24,17 +26,22 @@ from ..support.native import kernel
 
 _points, _rays = kernel("lamp_points"), kernel("lamp_rays")
 _turns_of_nodes, _turns_of_points = kernel("lamp_turns_of_nodes"), kernel("lamp_turns_of_points")
-FREE, RECTANGLE, ELLIPSE = 0, 1, 2  # the same in lamp_points.c
+FREE, RECTANGLE, ELLIPSE, BALL = 0, 1, 2, 3  # the same in shapes.h
 
 
 class Shapes(NamedTuple):
     """The lamps' shapes."""
 
-    shape: NDArray[np.uint8]  # (L,) FREE turns to who looks: a sphere, or the sun; RECTANGLE, ELLIPSE
-    size: NDArray[np.float64]  # (L,) FREE: the radius, of a sun that at distance 1
+    shape: NDArray[np.uint8]  # (L,) FREE a disc that turns to who looks, or the sun; RECTANGLE; ELLIPSE; BALL a sphere
+    size: NDArray[np.float64]  # (L,) FREE and BALL: the radius, of a sun that at distance 1
     u: NDArray[np.float64]  # (L,3) half-axes of the others, world
     v: NDArray[np.float64]  # (L,3)
     own: NDArray[np.uint64]  # (L,) by which each lamp's pattern differs from the others'
+
+    @property
+    def faces(self) -> NDArray[np.bool_]:
+        """Return which lamps (L,) have a face that does not turn."""
+        return (self.shape == RECTANGLE) | (self.shape == ELLIPSE)
 
     def alike(self, i: int) -> tuple:
         """Return everything on which the points of lamp i depend, besides its place."""
@@ -44,7 +51,8 @@ class Shapes(NamedTuple):
 def shapes(lights: tuple[Light, ...]) -> Shapes:
     """Return the shapes of `lights`."""
     found = [KINDS[light.type].shape(light) for light in lights]
-    kinds = [FREE if not shape.face else RECTANGLE if shape.rectangle else ELLIPSE for shape in found]
+    kinds = [(RECTANGLE if shape.rectangle else ELLIPSE) if shape.face else BALL if shape.ball else FREE
+             for shape in found]
     return Shapes(np.array(kinds, np.uint8), np.array([shape.disc for shape in found], np.float64),
                   np.array([shape.u for shape in found], np.float64).reshape(-1, 3),
                   np.array([shape.v for shape in found], np.float64).reshape(-1, 3), _own(lights))
@@ -68,13 +76,13 @@ def narrowest(shapes: Shapes) -> NDArray[np.float64]:
     a sun at distance 1.
     """
     sides = np.minimum(np.sqrt((shapes.u**2).sum(1)), np.sqrt((shapes.v**2).sum(1)))
-    return np.where(shapes.shape == FREE, shapes.size, sides)
+    return np.where(shapes.faces, sides, shapes.size)
 
 
 def reaches(shapes: Shapes) -> NDArray[np.float64]:
     """Return how far from each lamp's middle its points may be (L,): scene units; for a sun at distance 1."""
     sides = np.sqrt((shapes.u**2).sum(1)) + np.sqrt((shapes.v**2).sum(1))
-    return np.where(shapes.shape == FREE, shapes.size, sides)
+    return np.where(shapes.faces, sides, shapes.size)
 
 
 class Patterns(NamedTuple):

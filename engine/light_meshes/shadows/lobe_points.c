@@ -1,7 +1,6 @@
 /* Points on lamps in the directions of a highlight's lobe (lobe_points.py). */
+#include "shapes.h"
 #include "targets.h"
-
-enum { FREE, RECTANGLE, ELLIPSE };
 
 static f64 part(f64 x) { return x - floor(x); }
 
@@ -9,10 +8,15 @@ static f64 part(f64 x) { return x - floor(x); }
 static f64 met(const f64 *P, const f64 *way, const f64 *c, int directional, int shape, f64 size, const f64 *u, const f64 *v) {
     f64 d[3], w[3], q[3];
     for (int j = 0; j < 3; j++) d[j] = c[j] - (directional ? 0.0 : P[j]);
-    if (shape == FREE) {
-        f64 ahead = dot(way, d), off = dot(d, d) - ahead * ahead;
-        if (directional) return ahead > 0.0 && off <= size * size * ahead * ahead ? 1.0 : 0.0;
-        return ahead > 0.0 && off <= size * size ? ahead : 0.0;
+    if (!has_face(shape)) {
+        f64 ahead = dot(way, d), square_of = dot(d, d), rest = size * size - (square_of - ahead * ahead);
+        if (shape == BALL) {  /* its front; from within what is ahead */
+            f64 half = rest > 0.0 ? sqrt(rest) : 0.0;
+            if (square_of <= size * size) return ahead + half;
+            return ahead > 0.0 && rest >= 0.0 ? ahead - half : 0.0;
+        }
+        f64 far = ahead > 0.0 ? square_of / ahead : 0.0;
+        return far * far - square_of <= size * size ? directional && ahead > 0.0 ? 1.0 : far : 0.0;
     }
     cross(u, v, w);
     f64 toward = dot(way, w), far = toward != 0.0 ? dot(d, w) / toward : 0.0;

@@ -1,6 +1,7 @@
 /* Shares of lamps at nodes, and their means at receivers (shares.py). */
 #include <stdlib.h>
 
+#include "shapes.h"
 #include "targets.h"
 
 enum { EMPTY = 49, STEPS = 8 };  /* a blocker's distance a as 8 bits: EMPTY + STEPS·log2(a/h); 0: there is none */
@@ -92,7 +93,7 @@ i64 shares_grazing(i64 g, i64 n, i64 L, i64 W, const f64 *place, const f64 *N, c
             const f64 *normal = N + 3 * first[p];
             f64 way[3], reach = size[i];
             for (int j = 0; j < 3; j++) way[j] = position[3 * i + j] - (directional[i] ? 0.0 : place[3 * p + j]);
-            if (shape[i]) reach = fabs(dot(u + 3 * i, normal)) + fabs(dot(v + 3 * i, normal));
+            if (has_face(shape[i])) reach = fabs(dot(u + 3 * i, normal)) + fabs(dot(v + 3 * i, normal));
             if (dot(way, normal) <= reach) out[W * p + (i >> 6)] |= bit(i);
         }
     return 0;
@@ -116,7 +117,7 @@ i64 shares_uneven(i64 g, i64 n, i64 L, i64 W, f64 share, const f64 *place, const
             f64 way[3], face[3], radius = size[i];
             for (int j = 0; j < 3; j++) way[j] = position[3 * i + j] - place[3 * p + j];
             f64 far = sqrt(dot(way, way)), cosine = dot(way, N + 3 * first[p]) / far;
-            if (shape[i]) {
+            if (has_face(shape[i])) {
                 cross(u + 3 * i, v + 3 * i, face);
                 f64 other = fabs(dot(way, face)) / (far * sqrt(dot(face, face)) + 1e-300);
                 radius = sqrt(dot(u + 3 * i, u + 3 * i) + dot(v + 3 * i, v + 3 * i));

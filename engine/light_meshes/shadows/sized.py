@@ -346,7 +346,7 @@ def lamps(setup: Setup) -> Lamps:
     """Return the data of the lights that nodes and receivers need."""
     found = shapes(setup.lights)
     facing = np.array([light.direction for light in setup.lights], np.float64).reshape(-1, 3)
-    return Lamps(setup.targets, found, narrowest(found), facing * (found.shape != 0)[:, None])
+    return Lamps(setup.targets, found, narrowest(found), facing * found.faces[:, None])
 
 
 def _trust(width: NDArray[np.float32], least: float) -> NDArray[np.float32]:
