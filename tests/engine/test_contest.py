@@ -191,7 +191,8 @@ def test_the_references_own_noise_follows_from_that_of_fewer_samples():
 def test_the_page_says_which_targets_are_reached():
     flight = {"balanced": {"flicker": 0.005}, "cycles_4_denoised": {"flicker": 0.05}, "floor": {"flicker": 0.004}}
     flight = {name: {"label": name, "seconds": 1.0, "first": 2.0, "compared": 0.5} | f for name, f in flight.items()}
-    scene = {"reference": 8, "rows": ROWS, "flight": flight, "failed": [{"label": "Cycles 1", "frames": [1], "why": "exit code 1\nno"}]}
+    scene = {"reference": 8, "rows": ROWS, "flight": flight,
+             "failed": [{"label": "Cycles 1", "frames": [1], "why": "exit code 1\nno"}]}
     said = contest_tables.text({"size": (64, 36), "frame": 10, "machine": {"cores": 2},
                                 "scenes": {"room": scene, "stage": scene,
                                            "street": {"reference": 16, "rows": {}, "flight": {}, "failed": []}}})
