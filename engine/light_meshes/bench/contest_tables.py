@@ -130,7 +130,7 @@ def _scene(name: str, scene: dict[str, Any]) -> list[str]:
         share = next(iter(scene["rows"].values()))["edges"]
         said.append(f"Blender {scene.get('version', '')}; the reference has {samples} samples and took "
                     f"{scene.get('reference_seconds', 0):.0f} s; {share:.0%} of the pixels are at edges; of its own "
-                    f"noise it has an RMSE of about {_number(reference_noise(scene['rows'], samples))}: errors not much "
+                    f"noise it has an RMSE of {_number(reference_noise(scene['rows'], samples))}: errors not much "
                     "larger are not known.")
         said.append(table(["", "s", "CPU s", "FLIP away", "whole", "RMSE away", "whole", "MiB"], [
             [row["label"], f"{row['seconds']:.2f}", f"{row['processor']:.2f}", _number(row.get("flip")),
