@@ -134,10 +134,11 @@ def _add_contest(commands: Any) -> None:
                               "(default: %(default)s)")
     contest.add_argument("--scenes", metavar="NAME,…", help="some of the eight")
     contest.add_argument("--size", metavar="WxH", default="1920x1080", help="of the pictures (default: %(default)s)")
-    contest.add_argument("--levels", metavar="LEVEL,…", default="draft,balanced,fine", help="of this engine "
-                         "(default: %(default)s)")
+    contest.add_argument("--levels", metavar="LEVEL,…", default="draft,balanced,fine", help="of this engine; "
+                         "'': none (default: %(default)s)")
     contest.add_argument("--samples", metavar="N,…", default="1,2,4,8,16,32,64,128,256", help="of Cycles, each "
-                         "with and without its denoiser (default: %(default)s)")
+                         "with and without its denoiser; '': none, so that with --levels '' only references are made "
+                         "(default: %(default)s)")
     contest.add_argument("--reference", metavar="N", type=int, default=4096, help="samples of Cycles' reference "
                          "(default: %(default)s)")
     contest.add_argument("--frame", metavar="N", type=int, default=10, help="of the still (default: %(default)s)")
@@ -299,19 +300,19 @@ def _contest(arguments: argparse.Namespace) -> None:
     from .bench import contest
 
     names = tuple(arguments.scenes.split(",")) if arguments.scenes else contest.SCENES
-    levels = tuple(arguments.levels.upper().split(","))
+    levels = tuple(filter(None, arguments.levels.upper().split(",")))
     for option, given, known in (("--scenes", names, contest.SCENES), ("--levels", levels, contest.LEVELS)):
         if unknown := [name for name in given if name not in known]:
             raise UsageError(f"{option}: there is no '{unknown[0].lower()}'; there are {', '.join(known).lower()}")
     size = re.fullmatch(r"([0-9]{1,5})[x×]([0-9]{1,5})", arguments.size)
     if not size or min(int(size[1]), int(size[2])) < 16:
         raise UsageError(f"--size: '{arguments.size}' is not a size such as 1920x1080, of 16 pixels or more")
-    if not re.fullmatch(r"[1-9][0-9]{0,5}(,[1-9][0-9]{0,5})*", arguments.samples):
+    if not re.fullmatch(r"([1-9][0-9]{0,5}(,[1-9][0-9]{0,5})*)?", arguments.samples):
         raise UsageError(f"--samples: '{arguments.samples}' are not numbers such as 1,4,16")
     if arguments.reference < 1 or arguments.frame < 1 or arguments.flight < 0 or arguments.patience <= 0:
         raise UsageError("--reference, --frame and --patience are more than 0, and --flight is not less")
     contest.run(contest.Task(names, (int(size[1]), int(size[2])), levels,
-                             tuple(sorted({int(n) for n in arguments.samples.split(",")})), arguments.reference,
+                             tuple(sorted({int(n) for n in arguments.samples.split(",") if n})), arguments.reference,
                              arguments.frame, arguments.flight, arguments.blender, arguments.patience), arguments.out)
 
 

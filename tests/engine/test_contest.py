@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from light_meshes import cli
 from light_meshes.bench import cells, contest, contest_tables, crops, judge
 from light_meshes.bench.cells import Cell, Way
 
@@ -190,10 +191,11 @@ def test_the_references_own_noise_follows_from_that_of_fewer_samples():
 def test_the_page_says_which_targets_are_reached():
     flight = {"balanced": {"flicker": 0.005}, "cycles_4_denoised": {"flicker": 0.05}, "floor": {"flicker": 0.004}}
     flight = {name: {"label": name, "seconds": 1.0, "first": 2.0, "compared": 0.5} | f for name, f in flight.items()}
-    scene = {"rows": ROWS, "flight": flight, "failed": [{"label": "Cycles 1", "frames": [1], "why": "exit code 1\nno"}]}
-    said = contest_tables.text({"size": (64, 36), "frame": 10, "reference": 8, "machine": {"cores": 2},
+    scene = {"reference": 8, "rows": ROWS, "flight": flight,
+             "failed": [{"label": "Cycles 1", "frames": [1], "why": "exit code 1\nno"}]}
+    said = contest_tables.text({"size": (64, 36), "frame": 10, "machine": {"cores": 2},
                                 "scenes": {"room": scene, "stage": scene,
-                                           "street": {"rows": {}, "flight": {}, "failed": []}}})
+                                           "street": {"reference": 16, "rows": {}, "flight": {}, "failed": []}}})
     assert "| room | 2.00 | 0.0500 | Cycles 16, denoised: 9.00 s | 4.50 | ≥ 3: reached |" in said
     assert "≥ 10: **not reached**" in said and "Cycles 1: exit code 1 no" in said
     assert "| 0.06 | reached |" in said  # √(.005² − .004²)/√(.05² − .004²)
@@ -216,6 +218,29 @@ def test_crops_are_where_the_errors_are(tmp_path):
     crops.sheet(paths, [None, error], tmp_path / "sheet.png")
     sheet = oiio.ImageBuf(str(tmp_path / "sheet.png")).get_pixels(oiio.UINT8)
     assert sheet.shape[1] >= 240 and sheet.shape[0] > 80 * 4 and tuple(sheet[40, 10]) == (0, 51, 26)
+
+
+def test_scenes_that_a_run_leaves_out_stay_in_the_tables(tmp_path):
+    """If they are of the same size and frame; each keeps the samples of its own reference."""
+    earlier = {"reference": 64, "rows": ROWS, "flight": {}, "failed": []}
+    task = contest.Task(("room",), (64, 36))
+    told = {"format": contest.FORMAT, "version": contest.VERSION, "machine": {}, "size": task.size, "frame": task.frame}
+    contest.write(told | {"scenes": {"stage": earlier, "room": earlier}}, tmp_path)
+    found = contest._earlier(task, tmp_path)
+    assert found == {"stage": earlier}
+    own = {"room": earlier | {"reference": 8}}
+    said = contest.write(told | {"scenes": found | own}, tmp_path)
+    assert said.index("## room") < said.index("has 8 samples") < said.index("## stage") < said.index("has 64 samples")
+    assert contest._earlier(contest.Task(("room",), (64, 37)), tmp_path) == {}
+    assert contest._earlier(contest.Task(("room",), (64, 36), frame=11), tmp_path) == {}
+    assert contest._earlier(task, tmp_path / "nothing") == {}
+
+
+def test_references_may_be_made_alone(monkeypatch, tmp_path):
+    tasks = []
+    monkeypatch.setattr(contest, "run", lambda task, out: tasks.append(task))
+    assert cli.main(["contest", "--out", str(tmp_path), "--levels", "", "--samples", "", "--reference", "8"]) == 0
+    assert tasks[0].ways() == [] and tasks[0].reference == 8 and tasks[0].scenes == contest.SCENES
 
 
 # --- Cells, the command ----------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from light_meshes.picture.render import render_image
 from light_meshes.scene.errors import SceneError
 from light_meshes.scene.snapshot import read, write
 from light_meshes.shadows.grouped import _groups
+from light_meshes.shadows.ray_counts import _counts
 from light_meshes.surface import colours, shading
 from scenes import point, with_lights
 from sized_lamps import scene_of
@@ -114,3 +115,22 @@ def test_it_is_kept_in_a_snapshot_and_is_a_share(tmp_path):
     document.write_text(document.read_text().replace("0.25", "1.25"))
     with pytest.raises(SceneError, match="light_threshold"):
         read(tmp_path)
+
+
+@pytest.mark.parametrize("count", [1, 64, 300])
+def test_rays_are_shared_out_by_what_lamps_give(count):
+    """By the formula of `ray_counts`, lamp by lamp; lamps that are not asked for get none."""
+    random, steps, mean = np.random.default_rng(count), np.array([2.0, 4.0, 8.0]), 7.5
+    on = random.random((9, count)) < np.linspace(0, 1, 9)[:, None]
+    active = np.zeros((9, (count + 63) // 64), np.uint64)
+    for i in range(count):
+        active[:, i >> 6] |= on[:, i].astype(np.uint64) << np.uint64(i & 63)
+    e, shown = random.exponential(1, (9, count)).astype(np.float32), np.where(np.arange(9) % 2, 0.3, 0.0)
+    out = np.full((9, count), 77, np.uint8)
+    assert _counts(active, e, shown, mean, steps, out) == 0
+    for row in range(9):
+        given = np.where(on[row], e[row].astype(float), 0)
+        share = given * given.sum() / max((given**2).sum(), 1e-300)
+        wanted = mean * (share * (shown[row] * given.sum() if shown[row] else 1)) ** 0.8
+        expected = np.where(on[row], np.where(wanted >= 8, 8, np.where(wanted >= 4, 4, 2)), 0)
+        assert (out[row] == expected).all()

@@ -4,7 +4,8 @@ Scenes of `blend_scenes/contest` are rendered by this engine at Draft, Balanced 
 numbers of samples, with and without its denoiser, with the same bounces. All are judged against Cycles with many
 samples (`judge`). OUT keeps every picture, so that a run that was interrupted, or asks for more, goes on where it
 was. After each cell OUT/contest.json and OUT/contest.md are written again, and in the end the figure of error against
-time, if matplotlib is there.
+time, if matplotlib is there. Scenes that an earlier run in OUT measured at the same size and frame stay in both, so
+that scenes may be run one by one, each with its own samples.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from .runs import machine
 
 SCENES = ("still_life", "room", "night_hall", "stage", "product", "street", "forest", "exhibition")
 LEVELS = ("DRAFT", "BALANCED", "FINE")
-FORMAT = "light-meshes contest"
+FORMAT, VERSION = "light-meshes contest", 2  # of contest.json
 FLOOR = 8  # the flight's three frames of many samples have the reference's divided by this
 Say = Callable[[str], None]
 
@@ -64,8 +65,8 @@ def run(task: Task, out: Path) -> dict[str, Any]:
     if not judge.available():
         say(judge.MISSING)
     cells.make_scenes(list(task.scenes), out, task.blender)
-    results: dict[str, Any] = {"format": FORMAT, "version": 1, "machine": machine(), "size": task.size,
-                               "frame": task.frame, "reference": task.reference, "scenes": {}}
+    results: dict[str, Any] = {"format": FORMAT, "version": VERSION, "machine": machine(), "size": task.size,
+                               "frame": task.frame, "scenes": _earlier(task, out)}
     for name in task.scenes:
         match = Match(task, name, out, say, results)
         match.stills()
@@ -78,8 +79,21 @@ def run(task: Task, out: Path) -> dict[str, Any]:
     return results
 
 
+def _earlier(task: Task, out: Path) -> dict[str, Any]:
+    """Return what contest.json in OUT says of scenes that this run leaves out, if it is of the same size and frame."""
+    try:
+        found = json.loads((out / "contest.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    same = {"format": FORMAT, "version": VERSION, "size": list(task.size), "frame": task.frame}
+    if not isinstance(found, dict) or any(found.get(key) != value for key, value in same.items()):
+        return {}
+    return {name: scene for name, scene in found["scenes"].items() if name not in task.scenes}
+
+
 def write(results: dict[str, Any], out: Path) -> str:
     """Write contest.json and contest.md, and return the latter's text."""
+    results["scenes"] = {name: results["scenes"][name] for name in SCENES if name in results["scenes"]}
     text = contest_tables.text(results)
     (out / "contest.json").write_text(json.dumps(results, indent=1, allow_nan=False), encoding="utf-8")
     (out / "contest.md").write_text(text, encoding="utf-8")
@@ -91,7 +105,7 @@ class Match:
 
     def __init__(self, task: Task, name: str, out: Path, say: Say, results: dict[str, Any]) -> None:
         self.task, self.name, self._out, self._say, self._results = task, name, out, say, results
-        self.found: dict[str, Any] = {"rows": {}, "failed": [], "flight": {}}
+        self.found: dict[str, Any] = {"reference": task.reference, "rows": {}, "failed": [], "flight": {}}
         results["scenes"][name] = self.found
         self._errors: dict[str, NDArray[np.float32]] = {}  # of each pixel
 

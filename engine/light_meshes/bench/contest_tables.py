@@ -69,12 +69,12 @@ def text(results: dict[str, Any]) -> str:
     width, height = results["size"]
     machine = ", ".join(f"{name} {value}" for name, value in results["machine"].items())
     parts = [f"# The contest, {width}×{height}, frame {results['frame']}", machine,
-             f"References: Cycles with {results['reference']} samples, and with this engine's bounces. FLIP: HDR-FLIP, "
-             "0 to 1. \"Away\": without the edges of objects. Seconds are of Blender's render operator, with export, "
-             "preparing and denoiser; CPU: the processor seconds of Blender and all that it started.",
+             "References: Cycles with many samples, and with this engine's bounces. FLIP: HDR-FLIP, 0 to 1. \"Away\": "
+             "without the edges of objects. Seconds are of Blender's render operator, with export, preparing and "
+             "denoiser; CPU: the processor seconds of Blender and all that it started.",
              _summary(results["scenes"])]
     for name, scene in results["scenes"].items():
-        parts += _scene(name, scene, results["reference"])
+        parts += _scene(name, scene)
     return "\n\n".join(parts) + "\n"
 
 
@@ -124,13 +124,14 @@ def _flicker(flight: dict[str, Any]) -> list[str]:
     return [f"{ratio:.2f}", "reached" if ratio <= FLICKER else "**not reached**"]
 
 
-def _scene(name: str, scene: dict[str, Any], samples: int) -> list[str]:
-    said = [f"## {name}"]
+def _scene(name: str, scene: dict[str, Any]) -> list[str]:
+    said, samples = [f"## {name}"], scene["reference"]
     if scene["rows"]:
         share = next(iter(scene["rows"].values()))["edges"]
-        said.append(f"Blender {scene.get('version', '')}; the reference took {scene.get('reference_seconds', 0):.0f} s;"
-                    f" {share:.0%} of the pixels are at edges; of its own noise it has an RMSE of about "
-                    f"{_number(reference_noise(scene['rows'], samples))}: errors not much larger are not known.")
+        said.append(f"Blender {scene.get('version', '')}; the reference has {samples} samples and took "
+                    f"{scene.get('reference_seconds', 0):.0f} s; {share:.0%} of the pixels are at edges; of its own "
+                    f"noise it has an RMSE of {_number(reference_noise(scene['rows'], samples))}: errors not much "
+                    "larger are not known.")
         said.append(table(["", "s", "CPU s", "FLIP away", "whole", "RMSE away", "whole", "MiB"], [
             [row["label"], f"{row['seconds']:.2f}", f"{row['processor']:.2f}", _number(row.get("flip")),
              _number(row.get("flip_whole")), _number(row["rmse"]), _number(row["rmse_whole"]),

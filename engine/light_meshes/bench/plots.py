@@ -51,7 +51,7 @@ def contest(results: dict[str, Any], path: Path) -> Path | None:
         return None
     figure, axes = _figure(len(scenes))
     for ax, (name, rows) in zip(axes, scenes.items(), strict=True):
-        for kind, label in (("lamp shape", "Light Meshes: Draft, Balanced, Fine"), ("Cycles, denoised", None),
+        for kind, label in (("lamp shape", "Light Meshes"), ("Cycles, denoised", None),
                             ("Cycles", None)):
             points = sorted((row["seconds"], measure_of(row)) for row in rows.values() if _kind(row) == kind)
             if points:

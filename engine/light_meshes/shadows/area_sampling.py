@@ -53,7 +53,7 @@ class AreaSampling(Method):
         if at.triangle is not None and self._receives is not None:
             soft[~self._receives[at.triangle]] = 0
         hard = self._sharp(at._replace(active=at.active & ~soft), check)
-        S = np.zeros_like(hard)
+        S = hard if self._edges is None else np.zeros_like(hard)
         with self._stats.stage("area sampling"):
             for group in self._groups:
                 for row, light in pairs.blocks(soft & group.lights, self._count):
@@ -62,7 +62,7 @@ class AreaSampling(Method):
                         if some.any():
                             S[row[some], light[some]] = share(at, row[some], light[some], group.casters, check)
         dim(S, self._edges, at._replace(active=soft), check)
-        return S + hard  # one of them is 0, because a light is either soft or sharp for a receiver
+        return S if S is hard else S + hard  # one is 0, because a light is either soft or sharp for a receiver
 
     def _share(self, at: Receivers, row: NDArray, light: NDArray, casters: int, check: Check) -> NDArray[np.float32]:
         """Return how much (k,C) of light[k] the receiver row[k] sees past `casters`."""

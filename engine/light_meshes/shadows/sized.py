@@ -115,13 +115,14 @@ class SizedLamps(Method):
         if at.narrow is not None:
             at.narrow[:] |= soft & ~asked
         by_rays: NDArray[np.uint64] = np.bitwise_and(soft & ~asked, ~by_blocks)
-        rest = np.ones(S.shape[:2], np.float32)
         own = None if probe is None else np.zeros_like(probe)
         lit = np.flatnonzero(asked.any(1))
+        rest = np.ones(S.shape[:2], np.float32) if len(lit) else None
         for i in range(0, len(lit), BATCH):
             check()
             rows = lit[i:i + BATCH]
             on = None if at.triangle is None else at.triangle[rows]
+            assert rest is not None
             some = Receivers(at.P[rows], at.normals()[rows], asked[rows], on)
             by_rays[rows] |= self._ask(Batch(some, rows, S, rest, check, at.narrow, own))
         for name, pairs_of in (("lamp_pairs", soft), ("ray_pairs", np.bitwise_or(by_rays, partly))):
@@ -162,14 +163,15 @@ class SizedLamps(Method):
             return blocks.ask(asked, where, lifted, self._rays.rules, counts, self._rays.steps, add, S)
 
     def _add_rays(self, aim: Aim, lift: Lift | None, by_rays: NDArray[np.uint64], counts: NDArray[np.uint8],
-                  S: NDArray[np.float32], rest: NDArray[np.float32], check: Check) -> None:
-        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L). counts (n,L) or (n,1):
-        of rays. lift: of receivers; None: the rays to these lights are not lifted.
+                  S: NDArray[np.float32], rest: NDArray[np.float32] | None, check: Check) -> None:
+        """Add to S (n,L,C) what rays say of by_rays (n,W), by how much that counts, rest (n,L); None: all is 1, as no
+        nodes were asked. counts (n,L) or (n,1): of rays. lift: of receivers; None: the rays to these lights are not
+        lifted.
         """
         counts = np.broadcast_to(counts, S.shape[:2])
         for row, light in pairs.blocks(by_rays, self._count):
-            share, count = rest[row, light], counts[row, light]
-            for number in np.unique(count):
+            share, count = np.ones(len(row), np.float32) if rest is None else rest[row, light], counts[row, light]
+            for number in np.flatnonzero(np.bincount(count)):
                 some = np.flatnonzero(count == number)
                 found = self._by_rays(aim, lift, row[some], light[some], self._rays.kind(int(number)), share[some] == 1,
                                       check)
