@@ -10,7 +10,7 @@ import numpy as np
 
 from . import left_out
 from .channels import instance_value
-from .linking import identity
+from .linking import Links, identity
 from .materials import Materials
 from .mesh import Mesh, Reader
 from .report import Report
@@ -35,6 +35,7 @@ class Geometry:
                  meshes: MeshStore | None = None) -> None:
         self.objects: list[dict] = []
         self.owners: list[tuple[int, int]] = []  # of each object, in the form that `linking` needs
+        self.links = Links()
         self.meshes: MeshStore = meshes or Meshes()
         self._materials, self._report, self._view_layer = materials, report, view_layer
         self._reader = Reader(check)
@@ -69,6 +70,7 @@ class Geometry:
         if key not in self._object_of:
             self._object_of[key] = self._object(ob, parent)
             self.owners.append((identity(source), identity(parent) if parent else 0))
+            self.links.add_object(source, parent)
         m = instance.matrix_world
         self._instance_mesh.append(mesh)
         self._instance_object.append(self._object_of[key])

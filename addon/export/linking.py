@@ -19,10 +19,18 @@ class Links:
 
     def __init__(self) -> None:
         self._states: dict[int, dict[int, str]] = {}  # for each collection
-        self._lamps: list[dict[str, int]] = []  # the collections of each light, by their purpose
+        self._lamps: list[dict[str, int]] = []  # the collections of each light, by their purpose,
+        self._objects: list[dict[str, int]] = []  # and of each other object, whose surfaces may give light
 
     def add(self, ob) -> None:
         """Add light object `ob`."""
+        self._lamps.append(self._of(ob))
+
+    def add_object(self, ob, parent) -> None:
+        """Add another object, and its instancer or None."""
+        self._objects.append(self._of(ob) or (self._of(parent) if parent else {}))
+
+    def _of(self, ob) -> dict[str, int]:
         mine = {}
         for what, name in _COLLECTIONS.items():
             collection = getattr(ob.light_linking, name)
@@ -30,17 +38,18 @@ class Links:
                 mine[what] = identity(collection)
                 if mine[what] not in self._states:
                     self._states[mine[what]] = _states(collection.original)
-        self._lamps.append(mine)
+        return mine
 
-    def link(self, lamps: list[dict], owners: list[tuple[int, int]]) -> None:
-        """Add receivers and blockers to the engine's `lamps`, as lists of object numbers. A list is left out if it
-        holds all objects.
+    def link(self, lamps: list[dict], objects: list[dict], owners: list[tuple[int, int]]) -> None:
+        """Add receivers and blockers to the engine's `lamps` and `objects`, as lists of object numbers. A list is left
+        out if it holds all objects.
 
-        `lamps` are in the order in which they were added; `owners` are the identities of each object of the snapshot
+        Both are in the order in which they were added; `owners` are the identities of each object of the snapshot
         and of its instancer, or 0.
         """
         for what in _COLLECTIONS:
-            states = {mine[what]: self._states[mine[what]] for mine in self._lamps if what in mine}
+            every = self._lamps + self._objects
+            states = {mine[what]: self._states[mine[what]] for mine in every if what in mine}
             named = set().union(*states.values())
             own = [parent if parent in named else ob for ob, parent in owners]
             numbers = {}
@@ -48,9 +57,9 @@ class Links:
                 included = {ob for ob, how in state.items() if how == 'INCLUDE'}
                 numbers[collection] = [
                     i for i, ob in enumerate(own) if (ob in included if included else ob not in state)]
-            for lamp, mine in zip(lamps, self._lamps, strict=True):
+            for entry, mine in zip([*lamps, *objects], every, strict=True):
                 if what in mine and len(numbers[mine[what]]) < len(owners):
-                    lamp[what] = numbers[mine[what]]
+                    entry[what] = numbers[mine[what]]
 
 
 def _states(collection) -> dict[int, str]:

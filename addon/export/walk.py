@@ -5,7 +5,7 @@ from itertools import islice
 
 from .. import everywhere
 from ..properties import caustics_of
-from . import color, lights, linking, world
+from . import color, lights, world
 from .geometry import Geometry
 from .materials import Materials
 from .report import Report
@@ -24,7 +24,6 @@ class Walk:
     def __init__(self, materials: Materials, geometry: Geometry, report: Report, check: Callable[[], None]) -> None:
         self._lamps: list[dict] = []
         self.lamps: list[tuple] = []  # the key of each light, from `_identity`
-        self._links = linking.Links()
         self._materials, self._geometry, self._report, self._check = materials, geometry, report, check
         self._done = 0
 
@@ -40,7 +39,7 @@ class Walk:
         if ob.type == 'LIGHT':
             self._lamps.append(lights.light(instance, ob, depsgraph, self._report, self._materials))
             self.lamps.append(_identity(instance, ob))
-            self._links.add(ob)
+            self._geometry.links.add(ob)
         else:
             self._geometry.add(instance, ob)
 
@@ -52,7 +51,7 @@ class Walk:
         if "lens_radius" in camera and values["samples"] < FEW_SAMPLES:
             self._report.warn(f"Depth of field with Samples at {values['samples']}: things out of focus appear as "
                               f"so many sharp copies; with {FEW_SAMPLES} or more they are blurred")
-        self._links.link(self._lamps, self._geometry.owners)
+        self._geometry.links.link(self._lamps, self._geometry.objects, self._geometry.owners)
         background = world.described(
             shown_world, self._report, lambda node, tile: self._materials.image(node, self._report, tile),
             self._materials.profiles)

@@ -146,3 +146,16 @@ def test_a_light_may_be_linked_to_nothing(row, add, snapshot):
     light = sun("Sun", add)
     light.light_linking.receiver_collection = linked("All", **dict.fromkeys(ORDER, 'EXCLUDE'))
     assert snapshot(row).lights[0].receivers == ()
+
+
+def test_meshes_have_links_too(row, snapshot):
+    """Their surfaces may give light. An instance without links of its own has those of its instancer."""
+    for name in ("A", "Points"):
+        bpy.data.objects[name].light_linking.receiver_collection = linked(f"{name} lights", B='INCLUDE')
+        bpy.data.objects[name].light_linking.blocker_collection = linked(f"{name} is blocked", B='EXCLUDE')
+    found = snapshot(row).objects
+    (b,) = (i for i, ob in enumerate(found) if ob.name == "B")
+    has = [ob for ob in found if ob.receivers is not None]
+    assert {ob.receivers for ob in has} == {(b,)} and len(has) == 2 and "A" in {ob.name for ob in has}
+    assert {ob.blockers for ob in has} == {tuple(i for i in range(len(found)) if i != b)}
+    assert all(ob.blockers is None for ob in found if ob not in has)

@@ -162,3 +162,15 @@ def test_what_diffuse_rays_do_not_see_lights_nothing() -> None:
     hidden = replace(shown, objects=tuple(replace(o, visible_diffuse=o.name != "ball") for o in shown.objects))
     assert len(Prepared(shown).scene.lights) == 1 and not Prepared(hidden).scene.lights
     assert not render_image(hidden).passes["Combined"][..., :3].any()
+
+
+def test_lamps_have_the_links_of_their_objects() -> None:
+    """They light and are blocked by what their object says, and linked ones become lamps before others."""
+    things = [Shape(plate(20, 20), FLOOR, "floor"),
+              Shape(sphere(0.1, 24, 12), GLOWS, "bulb", (translate(0, 0, 1),), {"blockers": (0, 1), "receivers": (2,)}),
+              Shape(plate(0.6, 0.6), FLOOR, "shade", (translate(0, 0, 0.5),)),
+              Shape(plate(2.0, 2.0), GLOWS, "large", (translate(0, 0, 4.0),))]
+    of = Scene.from_shapes(things, scene("ball").camera, [], scene("ball").settings)
+    first, *others = Prepared(of).scene.lights
+    assert (first.name, first.receivers, first.blockers) == ("bulb (emission)", (2,), (0,))
+    assert others and all(lamp.receivers is None and lamp.blockers is None for lamp in others)

@@ -311,6 +311,8 @@ WRONG = {
     "a grey intensity": (light(intensity=3.0), "light 0 'lamp': intensity must be 3 numbers"),
     "a place nowhere": (light(position=(0.0, np.nan, 0.0)), "light 0 'lamp': position is nan"),
     "receivers that are none": (light(receivers=(7,)), "light 'lamp' has a receiver that does not exist"),
+    "blockers that are none": (scene(objects=tuple(replace(ob, blockers=(-1,)) for ob in GOOD.objects)),
+                               "has a blocker that does not exist"),
     "h of 0": (lambda: lm.render(GOOD.with_settings(h=0.0)), "settings: h is 0; it must lie between"),
     "h of a word": (lambda: lm.render(GOOD.with_settings(h="fine")),
                     "settings: h is 'fine'; it must be a finite number"),

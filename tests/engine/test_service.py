@@ -7,6 +7,7 @@ import signal
 import stat
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -15,12 +16,45 @@ import numpy as np
 import pytest
 from children import SECONDS
 from light_meshes.picture.render import render_image
+from light_meshes.support import scratch
 from scenes import four_lights, hall, tabletop
 
 
 def test_it_is_ready_with_a_private_folder(child):
     assert child.folder.is_dir()
     assert stat.S_IMODE(child.folder.stat().st_mode) == 0o700
+
+
+@pytest.mark.skipif(os.name == "nt", reason="folders are not locked on Windows")
+@pytest.mark.parametrize("locked", [False, True])
+def test_a_folder_that_another_engine_removed_before_it_was_locked_is_made_again(tmp_path, monkeypatch, locked):
+    """Engines that start at the same time remove each other's folders while these have no lock yet."""
+    make, lock, left = tempfile.mkdtemp, scratch._lock, [2]
+
+    def other(folder):
+        left[0] -= 1
+        if left[0] >= 0:
+            scratch.sweep(folder.parent)
+
+    def made(**where):
+        folder = Path(make(**where))
+        if not locked:
+            other(folder)
+        return str(folder)
+
+    def locking(folder, wait=False):
+        if wait and locked:  # it waits for the one that removes it
+            opened = os.open(folder, os.O_RDONLY)
+            other(folder)
+            return opened
+        return lock(folder, wait)
+
+    monkeypatch.setattr(scratch.tempfile, "mkdtemp", made)
+    monkeypatch.setattr(scratch, "_lock", locking)
+    folder = scratch.make(tmp_path)
+    assert folder.is_dir() and left[0] < 0
+    scratch.remove(folder)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_render_tells_its_size_its_tiles_and_its_end(child):

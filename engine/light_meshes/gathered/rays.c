@@ -4,6 +4,8 @@
 
 #define NOTHING (~(u64)0)  /* the key where nothing is met, */
 #define CLEAR (NOTHING - 1)   /* and of what lets rays pass */
+#define KEPT 64    /* triangles that are kept while rays meet them, */
+#define SIZES 16   /* with their grids for so many sizes of patches */
 
 /* What patches are cells of. finest: their sizes are finest·2^i, the largest that is not above `share` of the way, or the
    last. */
@@ -16,26 +18,59 @@ typedef struct {
     i64 T, steps;
 } Cells;
 
+/* A triangle, and its grids. */
+typedef struct {
+    i64 t;                    /* −1: none yet */
+    Edges edges;
+    f64 normal[3];
+    Grid grid;                /* lead: −1, not known yet; how it is divided is below */
+    i64 m[SIZES], n[SIZES];   /* 0: not known yet */
+} Flat;
+
+static void enter_flat(const Cells *s, i64 t, Flat *out) {
+    out->t = t, out->edges = edges_of(s->vertices, s->triangles + 3 * t);
+    cross(out->edges.e, out->edges.f, out->normal);
+    out->grid.lead = -1;
+}
+
+static inline Flat *flat_of(const Cells *s, Flat *kept, i64 t) {
+    Flat *flat = kept + (t & (KEPT - 1));
+    if (flat->t != t) enter_flat(s, t, flat);
+    return flat;
+}
+
+static void none_kept(Flat *kept) {
+    for (int k = 0; k < KEPT; k++) kept[k].t = -1;
+}
+
 /* The key of the patch on triangle t at barycentrics u, v, which a ray from `origin` along `direction` meets; away: how
    far it is. */
-static inline u64 key_there(const Cells *s, i64 t, f64 u, f64 v, const f64 *origin, const f64 *direction, f32 *away) {
-    Edges e = edges_of(s->vertices, s->triangles + 3 * t);
-    f64 normal[3], place[3], sum = 0.0, size = s->finest, xy[2];
+static inline u64 key_there(const Cells *s, Flat *kept, i64 t, f64 u, f64 v, const f64 *origin, const f64 *direction,
+                            f32 *away) {
+    Flat *flat = flat_of(s, kept, t);
+    const Edges *e = &flat->edges;
+    f64 place[3], sum = 0.0, size = s->finest, xy[2];
     i64 step = 0, i, j;
-    cross(e.e, e.f, normal);
     for (int c = 0; c < 3; c++) {
-        place[c] = e.a[c] + u * e.e[c] + v * e.f[c];
+        place[c] = e->a[c] + u * e->e[c] + v * e->f[c];
         sum += square(place[c] - (origin[c] - s->centre[c]) / s->scale);
     }
     f64 far = s->scale * sqrt(sum);
     *away = (f32)(far > 1e-30 ? far : 1e-30);
     while (step + 1 < s->steps && 2.0 * size <= s->share * far) size *= 2.0, step++;
-    int front = (dot(normal, direction) < 0.0) != s->flipped[t];
+    int front = (dot(flat->normal, direction) < 0.0) != s->flipped[t];
     i64 small = s->for_small[step * s->T + t];
     if (small >= 0) return key_at(small, front, 0, step, 0);
-    Grid g = grid_of(s->vertices, s->triangles, s->other, s->scale, t, size);
-    on_axes(&g.axes, place, xy), cell_of(&g, xy, &i, &j);
-    return key_at(g.lead, front, (int)(s->steps - step), i, j);
+    Grid *g = &flat->grid;
+    if (g->lead < 0) {
+        *g = undivided(s->vertices, s->triangles, s->other, s->scale, t);
+        memset(flat->m, 0, sizeof flat->m);
+    }
+    if (step >= SIZES) divide(g, size);
+    else if (flat->m[step]) g->m = flat->m[step], g->n = flat->n[step];
+    else divide(g, size), flat->m[step] = g->m, flat->n[step] = g->n;
+    on_axes(&g->axes, place, xy), cell_of(g, xy, &i, &j);
+    return key_at(g->lead, front, (int)(s->steps - step), i, j);
 }
 
 /* Fills how far away is what the rays along `local`, d each, meet (0: nothing), and the key of the patch there. They are
@@ -51,6 +86,8 @@ i64 rays_met(i64 V, i64 T, i64 s, i64 x, i64 r, i64 d, const f64 *centre, f64 sc
              f64 share, const i32 *triangle, const f32 *u, const f32 *v, const f64 *P, const f64 *M, const f64 *turn,
              const f64 *local, f32 *distance, u64 *keys) {
     Cells cells = {centre, scale, finest, share, vertices, triangles, other, for_small, flipped, T, s};
+    Flat kept[KEPT];
+    none_kept(kept);
     (void)V, (void)x;
     for (i64 k = 0; k < r; k++) {
         Turned axes = turned_to(M + 3 * k, turn ? turn + 2 * k : 0);
@@ -62,7 +99,7 @@ i64 rays_met(i64 V, i64 T, i64 s, i64 x, i64 r, i64 d, const f64 *centre, f64 sc
                 continue;
             }
             along(&axes, local + 3 * i, direction);
-            keys[at] = key_there(&cells, t, u[at], v[at], P + 3 * k, direction, distance + at);
+            keys[at] = key_there(&cells, kept, t, u[at], v[at], P + 3 * k, direction, distance + at);
             if (clear && clear[t]) keys[at] = CLEAR;
         }
     }
@@ -86,6 +123,8 @@ i64 rays_passed(i64 V, i64 T, i64 s, i64 n, i64 x, const f64 *centre, f64 scale,
                 i64 *row, f64 *weight, f64 *origin, f64 *direction, f64 *N, u64 *keys, i64 *at, f64 *count, i64 *out,
                 f64 *way, f64 *left, i64 *state) {
     Cells cells = {centre, scale, finest, share, vertices, triangles, other, for_small, flipped, T, s};
+    Flat kept[KEPT];
+    none_kept(kept);
     f32 away;
     (void)V;
     state[0] = state[1] = 0;
@@ -105,7 +144,7 @@ i64 rays_passed(i64 V, i64 T, i64 s, i64 n, i64 x, const f64 *centre, f64 scale,
             any = stops[c] != 0.0 ? 1.0 : any, most = goes[c] > most ? goes[c] : most;
         }
         if (any != 0.0) {
-            keys[met] = key_there(&cells, t, u[k], v[k], origin + 3 * k, d, &away);
+            keys[met] = key_there(&cells, kept, t, u[k], v[k], origin + 3 * k, d, &away);
             at[met] = k, memcpy(count + 3 * met, stops, sizeof stops), state[1]++;
         }
         if (most <= least) continue;

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.geometry import Hits
-from ..scene.description import Light, Scene
+from ..scene.description import Light, Object, Scene
 from ..support.statistics import Statistics
 from ..surface.points import REFLECTED
 from .world import World, world
@@ -130,13 +130,17 @@ def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int6
     triangles = np.bincount(s.instance)  # of each instance
     lamps: list[Light] = []
     taken: list[NDArray[np.int64]] = []
-    for g in np.argsort(-power, kind="stable"):
+    owners = scene.geometry.instance_object[names // len(scene.materials)]
+    linked = np.array([o.receivers is not None or o.blockers is not None for o in scene.objects], np.bool_)[owners]
+    for g in np.lexsort((-power, ~linked)):  # gathered light obeys no links
         if len(lamps) == MOST:
             break
         of = found.at(np.flatnonzero(group == g))
         place = names[g] // len(scene.materials)
-        owner, whole = int(scene.geometry.instance_object[place]), len(of.triangle) == triangles[place]
-        new = list(_group(of, scene.objects[owner].name, owner if whole else None, len(scene.objects)))
+        owner, whole = int(owners[g]), len(of.triangle) == triangles[place]
+        ob = scene.objects[owner]
+        new = [lamp if ob.receivers is None else dataclasses.replace(lamp, receivers=ob.receivers)
+               for lamp in _group(of, ob, owner if whole else None, len(scene.objects))]
         if len(lamps) + len(new) > MOST:
             continue
         lamps += new
@@ -144,8 +148,11 @@ def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int6
     return lamps, np.concatenate(taken) if taken else np.zeros(0, np.int64)
 
 
-def _group(of: Emitting, name: str, alone: int | None, objects: int) -> Iterator[Light]:
-    """Return the lamps of a group of triangles. alone: the number of their object, if it has no other triangles."""
+def _group(of: Emitting, ob: Object, alone: int | None, objects: int) -> Iterator[Light]:
+    """Return the lamps of a group of triangles of an object. alone: its number, if it has no other triangles. objects:
+    how many there are.
+    """
+    name = ob.name
     closed = _closed(of.corners)
     middles = of.corners.mean(1)
     if closed and of.area @ np.einsum("ni,ni->n", of.normal, middles - middles[0]) < 0:
@@ -158,7 +165,8 @@ def _group(of: Emitting, name: str, alone: int | None, objects: int) -> Iterator
     for rows, centre, radius in balls:
         intensity = (of.area[rows, None] * of.radiance[rows]).sum(0) / (4 * np.pi)
         yield Light(f"{name} (emission)", "POINT", _rgb(intensity), _rgb(centre), radius=radius, softness="SIZE",
-                    blockers=tuple(i for i in range(objects) if i != alone))
+                    blockers=tuple(i for i in (range(objects) if ob.blockers is None else ob.blockers)
+                                   if i != alone))
     if balls:
         return
     for face in faces if sign is None else [sign]:
@@ -171,7 +179,7 @@ def _group(of: Emitting, name: str, alone: int | None, objects: int) -> Iterator
             front += 1e-4 * float(np.linalg.norm(face.u))
             yield Light(f"{name} (emission)", "AREA", _rgb(intensity),
                         _rgb(face.centre + front * N), _rgb(N), area_u=_rgb(face.u), area_v=_rgb(side * face.v),
-                        area_ellipse=face.ellipse, softness="SIZE")
+                        area_ellipse=face.ellipse, softness="SIZE", blockers=ob.blockers)
 
 
 def _balls(of: Emitting) -> list[tuple[NDArray[np.int64], NDArray[np.float64], float]]:

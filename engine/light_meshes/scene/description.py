@@ -225,6 +225,9 @@ class Object:
     cast_soft_shadows: bool = True
     receive_soft_shadows: bool = True  # False: the shadows that fall on it are sharp
     visible_diffuse: bool = True  # met by rays that gather light from everywhere (Settings.world_light, bounces)
+    # where its surfaces give light and become lamps: objects that these light, and that block them; None: all
+    receivers: tuple[int, ...] | None = None
+    blockers: tuple[int, ...] | None = None
     holdout: bool = False  # a hole in the picture: black, alpha 0
     shadow_catcher: bool = False  # the camera sees only the shadows on it
     # For smooth surfaces, with the names of Cycles and Blender (see `terminator`): the cosine to a light below which

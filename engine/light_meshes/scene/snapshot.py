@@ -250,7 +250,7 @@ def checked_value(cls: type, name: str, default: Any, value: Any, where: str) ->
         if not isinstance(value, dict) or not all(isinstance(v, bool | int | float | str) for v in value.values()):
             raise SceneError(f"{where}: method must be null, or an object of the shadow method's own settings")
         return dict(value)
-    if cls is Light and name in ("receivers", "blockers"):
+    if cls in (Light, Object) and name in ("receivers", "blockers"):
         if not isinstance(value, list | tuple) or not all(type(i) is int for i in value):
             raise SceneError(f"{where}: {name} must be null or a list of objects' numbers")
         return tuple(value)
@@ -300,6 +300,9 @@ def check(scene: Scene) -> None:
                                    ("a profile", light.program.profiles(), len(scene.profiles))):
             if asked and max(asked) >= count:
                 raise SceneError(f"light {quoted(light.name)}: its program looks at {what} that does not exist")
-        for what, named in (("receiver", light.receivers), ("blocker", light.blockers)):
+    may_be_linked: tuple[Light | Object, ...] = (*scene.lights, *scene.objects)
+    for linked in may_be_linked:
+        kind = "light" if isinstance(linked, Light) else "object"
+        for what, named in (("receiver", linked.receivers), ("blocker", linked.blockers)):
             if named and not (min(named) >= 0 and max(named) < len(scene.objects)):
-                raise SceneError(f"light {quoted(light.name)} has a {what} that does not exist")
+                raise SceneError(f"{kind} {quoted(linked.name)} has a {what} that does not exist")

@@ -40,8 +40,9 @@ def make(parent: Path, hidden: bool = False) -> Path:
     while True:
         folder = Path(tempfile.mkdtemp(prefix="." * hidden + f"{_PREFIX}{os.getpid()}-", dir=parent))
         lock = _lock(folder, wait=True)
-        if lock is not None and not folder.is_dir():  # another process removed it meanwhile as unlocked
-            os.close(lock)
+        if not folder.is_dir():  # another process removed it meanwhile as unlocked
+            if lock is not None:
+                os.close(lock)
             continue
         if lock is not None:
             _held[folder] = lock
