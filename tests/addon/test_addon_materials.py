@@ -345,7 +345,7 @@ def test_what_is_wrong_with_an_image_is_said(scene, add_plane, add_mapped, snaps
     found = snapshot(scene)
     text = "\n".join(found.warnings)
     assert all(word in text for word in ("'Unmapped': it has no UV map", "'Lost'")), text
-    assert next(m for m in found.materials if m.name == "Without").image == -1
+    assert next(m for m in found.materials if m.name == "Without").image >= 0  # magenta, see test_addon_images
 
 
 def test_texture_in_the_picture(scene, add_mapped, add_light, render, four):

@@ -80,7 +80,8 @@ def test_every_translated_node_is_shown_beside_cycles():
     assert not {*node_values.NODES, *surface_nodes._SHADERS} - in_text - catalogue
     values = set(node_values.NODES) - catalogue
     assert values == {'ShaderNodeBump', 'ShaderNodeDisplacement', 'ShaderNodeVectorDisplacement', 'ShaderNodeTexImage',
-                      'ShaderNodeTexEnvironment', 'ShaderNodeTexSky'}  # which have tests of their own
+                      'ShaderNodeTexEnvironment', 'ShaderNodeTexSky', 'ShaderNodeTexIES',
+                      'ShaderNodeLightFalloff'}  # which have tests of their own
 
 
 def test_constants_through_nodes_cost_nothing(translated, node_material):
