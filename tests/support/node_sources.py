@@ -8,7 +8,8 @@ import tempfile
 from pathlib import Path
 
 import bpy
-from node_catalogue import group, slope, used
+from node_catalogue import slope
+from node_groups import group, used
 
 NUMBERS = (1001, 1002, 1011)  # of the tiles that there are
 

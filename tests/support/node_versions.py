@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 import light_meshes_addon
 import node_catalogue
+import node_groups
 import node_sources
 from node_trees import Tree, World, exact, lamp_sheet, outputs_of_lamps, sheet
 
@@ -79,7 +80,7 @@ def worlds(scene):
 
 
 SHEETS = {"bumps": bumps, "others": others}
-CATALOGUE = node_catalogue.SHEETS | node_sources.SHEETS
+CATALOGUE = node_catalogue.SHEETS | node_groups.SHEETS | node_sources.SHEETS
 
 
 def draw(folder, name):

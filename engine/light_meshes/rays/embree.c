@@ -49,7 +49,8 @@ typedef struct {
 typedef void (*ClosestOfPacket)(const i32 *valid, void *scene, PacketHit *rays, HowToIntersect *how);
 
 /* Traces up to TOGETHER rays as one packet. At an edge two triangles can be equally far, and which of them counts would be up
-   to the other rays; so a ray that meets an edge is traced alone. */
+   to the other rays; so a ray that meets an edge is traced alone. Where two surfaces cross, it would have to be equally far from
+   both to the last bit. */
 static void closest_together(i64 count, u64 function, u64 packets, u64 scene, const f32 *o, const f32 *d, f32 *t,
                              i32 *triangle, f32 *u, f32 *v) {
     PacketHit p;
