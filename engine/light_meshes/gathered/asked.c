@@ -1,6 +1,7 @@
 /* How receivers take light from the records around them (records.py). */
 #include "grids.h"
 #include "leaning.h"
+#include "sectors.h"
 #include "table.h"
 
 #define UPPER ((u64)1 << 62)  /* the key of a cell is that of its first point; of its upper half, with this bit */
@@ -19,10 +20,19 @@ typedef struct {
     i64 s, q, r, cs, cq, c;
     const f32 *inverse, *nearest, *mean, *open;
     const u8 *done, *clear;
+    const u32 *sectors;
     const f64 *M;
     f64 within, strict, fine, end;
     i64 last;
 } Records;
+
+/* What a receiver asks for: what a matt surface with the normal N returns, or the mean over a lobe of a surface that is
+   seen along `way`, of microfacets with this roughness. */
+typedef struct {
+    const f64 *N, *way;
+    f64 alpha;
+    const Middles *middles;
+} Lobe;
 
 /* A triangle, and the grids on it. */
 typedef struct {
@@ -135,10 +145,10 @@ static f64 trust_of(const Half *h, const f64 *w, f64 fine) {
     return t * t * (3.0 - 2.0 * t);
 }
 
-/* Adds share·trust of what the visible ones of three records say for the normal N to light, and takes it from share.
+/* Adds share·trust of what the visible ones of three records say of a lobe to light, and takes it from share.
    Where none is visible nothing is taken, but where `end` is set: then all count. */
-static void blend(const Records *r, const Half *h, const f64 *weight, const u8 *visible, f64 trust, int end, const f64 *N,
-                  f64 *share, f64 *light, f64 *sky) {
+static void blend(const Records *r, const Half *h, const f64 *weight, const u8 *visible, f64 trust, int end,
+                  const Lobe *lobe, f64 *share, f64 *light, f64 *sky) {
     f64 w[3], sum = 0.0, found[3] = {0}, part = *share * trust, free = 0.0;
     for (int c = 0; c < 3; c++) {
         w[c] = visible && !visible[c] ? 0.0 : weight[c];
@@ -153,7 +163,8 @@ static void blend(const Records *r, const Half *h, const f64 *weight, const u8 *
         f64 one[3], by = part * w[c] / sum;
         i64 of = h->number[c];
         if (by == 0.0) continue;
-        leaning(r->mean + 15 * of, r->M + 3 * of, N, one);
+        if (lobe->way) lobe_mean(r->sectors + SECTORS * of, lobe->middles, r->M + 3 * of, lobe->N, lobe->way, lobe->alpha, one);
+        else leaning(r->mean + 15 * of, r->M + 3 * of, lobe->N, one);
         for (int j = 0; j < 3; j++) found[j] += by * one[j];
         free += by * r->open[of];
     }
@@ -182,8 +193,9 @@ enum { NEW = 1, WANTED, CELL, SIGHT };
 KERNEL(records_asked,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  longest f32[T]  "
        "corner i32[T,3]  coarse f64  slots i32[s]  entered u64[q]  inverse f32[r]  nearest f32[r]  done bool[r]  M f64[r,3]  "
-       "mean f32[r,5,3]  open f32[r]  cell_slots i32[e]  cell_entered u64[f]  clear u8[c]  within f64  strict f64  fine f64  "
-       "end f64  last i64  enough f64  triangle i32[n]  P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  level i32[n]!  share f64[n]!  light f64[n,3]!  sky f64[n]!  keys u64[n,3]!  "
+       "mean f32[r,5,3]  open f32[r]  sectors u32[r,64]?  cell_slots i32[e]  cell_entered u64[f]  clear u8[c]  within f64  strict f64  fine f64  "
+       "end f64  last i64  enough f64  triangle i32[n]  P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]?  alpha f64[n]  "
+       "level i32[n]!  share f64[n]!  light f64[n,3]!  sky f64[n]!  keys u64[n,3]!  "
        "number i32[n,3]!  weight f64[n,3]!  visible bool[n,3]  seen i32[n]  why u8[n]!  half u64[n]!  todo i32[n]!  "
        "state i64[2]!"
        ";  power(s)  power(e)  0<coarse<inf  0<=level  0<=triangle<T  0<=state;  0<=triangles<V  -1<=other<T  "
@@ -192,16 +204,18 @@ i64 records_asked(i64 V, i64 T, i64 s, i64 q, i64 r, i64 e, i64 f, i64 c, i64 n,
                   const f32 *vertices, const i32 *triangles, const i32 *other, const u8 *flipped, const f32 *longest,
                   const i32 *corner, f64 coarse, const i32 *slots, const u64 *entered, const f32 *inverse,
                   const f32 *nearest, const u8 *done, const f64 *M, const f32 *mean, const f32 *open,
-                  const i32 *cell_slots, const u64 *cell_entered, const u8 *clear, f64 within, f64 strict, f64 fine,
+                  const u32 *sectors, const i32 *cell_slots, const u64 *cell_entered, const u8 *clear, f64 within, f64 strict, f64 fine,
                   f64 end, i64 last, f64 enough, const i32 *triangle, const f64 *P, const f64 *Ng, const f64 *Ns,
-                  i32 *level, f64 *share, f64 *light, f64 *sky, u64 *keys, i32 *number, f64 *weight, const u8 *visible,
+                  const f64 *way, const f64 *alpha, i32 *level, f64 *share, f64 *light, f64 *sky, u64 *keys, i32 *number, f64 *weight, const u8 *visible,
                   const i32 *seen, u8 *why, u64 *half, i32 *todo, i64 *state) {
     Records of = {centre, scale, coarse, vertices, longest, triangles, other, corner, flipped, slots, cell_slots, entered,
-                  cell_entered, s, q, r, e, f, c, inverse, nearest, mean, open, done, clear, M, within, strict, fine, end,
+                  cell_entered, s, q, r, e, f, c, inverse, nearest, mean, open, done, clear, sectors, M, within, strict, fine, end,
                   last};
     Kept kept;
+    Middles middles;
     (void)V, (void)T;
-    if (state[0] > n) return OUTSIDE;
+    if (state[0] > n || (way && !sectors)) return OUTSIDE;
+    if (way) sectors_middles(&middles);
     state[1] = 0;
     for (int k = 0; k < FLATS; k++) kept.flat[k].t = -1;
     for (int k = 0; k < CELLS; k++) kept.half[k].name = 0;
@@ -221,6 +235,7 @@ i64 records_asked(i64 V, i64 T, i64 s, i64 q, i64 r, i64 e, i64 f, i64 c, i64 n,
             xy[j] = xy[j] < 0.0 ? 0.0 : xy[j] > 1.0 ? 1.0 : xy[j];
         }
         int front = (dot(flat->normal, Ng + 3 * k) > 0.0) != flipped[t];
+        Lobe lobe = {Ns + 3 * k, way ? way + 3 * k : 0, way ? alpha[k] : 0.0, &middles};
         for (why[k] = 0; share[k] > enough && !why[k];) {
             f64 size, w[3];
             int depth = lattice(longest[t], coarse, level[k], &size);
@@ -240,7 +255,7 @@ i64 records_asked(i64 V, i64 T, i64 s, i64 q, i64 r, i64 e, i64 f, i64 c, i64 n,
             }
             if (trust > 0.0)
                 blend(&of, h, w, h->close && h->clear != 1 ? visible + 3 * k : 0, trust,
-                      h->spacing <= end || level[k] >= last, Ns + 3 * k, share + k, light + 3 * k, sky + k);
+                      h->spacing <= end || level[k] >= last, &lobe, share + k, light + 3 * k, sky + k);
             level[k]++;
         }
         if (why[k]) todo[state[1]++] = (i32)k;

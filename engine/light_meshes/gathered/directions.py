@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..support.native import kernel
+
+_sectors = kernel("sectors_of")
 _GOLDEN = np.pi * (3 - np.sqrt(5))
 LEAN = np.radians(30)  # of the four normals for which a record also gathers
 
@@ -28,3 +31,10 @@ def tilted(local: NDArray[np.float64]) -> NDArray[np.float64]:
     normals = np.array([(s, 0, c), (-s, 0, c), (0, s, c), (0, -s, c)])
     weight = np.maximum(local @ normals.T, 0) / local[:, 2:]
     return weight * ((1 + c) / 2 / weight.mean(0))
+
+
+def sectors(local: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return in which of the 64 sectors of a half-space (sectors.h) these unit vectors (n,3) around z are."""
+    found = np.empty(len(local), np.uint8)
+    _sectors(local, found)
+    return found

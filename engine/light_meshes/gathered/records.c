@@ -1,5 +1,5 @@
 /* What the rays of records gather (records.py). */
-#include "native.h"
+#include "sectors.h"
 
 #define BESIDE 21  /* the ray so many places on goes about the same way, */
 #define BELOW 34   /* and this one, too, as the spiral turns by the golden angle */
@@ -9,20 +9,41 @@ static inline const f64 *found_by(i64 of, const f64 *patch, const f64 *extra, co
     return of >= 0 ? patch + 3 * of : of == -1 ? sky : extra + 3 * (-2 - of);
 }
 
+/* The mean light of each sector; 0 where no ray goes. */
+static void sum_sectors(i64 d, const i32 *number, const f64 *patch, const f64 *extra, const f64 *sky, const u8 *in,
+                        u32 *sectors) {
+    f64 sum[SECTORS][3] = {{0}}, rays[SECTORS] = {0};
+    for (i64 i = 0; i < d; i++) {
+        const f64 *L = found_by(number[i], patch, extra, sky);
+        rays[in[i]] += 1.0;
+        for (int j = 0; j < 3; j++) sum[in[i]][j] += L[j];
+    }
+    for (int k = 0; k < SECTORS; k++) {
+        for (int j = 0; j < 3; j++) sum[k][j] /= fmax(rays[k], 1.0);
+        sectors[k] = light_packed(sum[k]);
+    }
+}
+
 /* Sums up what the rays of each record found. tilted: by how much more each ray counts for normals that lean to four
    sides. number: of the patch that each met, whose light is a row of `patch`; −1: nothing, where the world has the light
    `sky`; from −2 down: a row, 0 on, of `extra`. mean (r,5,3): of light, for M and for these. inverse: mean of 1/distance, or that weighted by light if it is
    more. nearest: the shortest way; open: share of rays that hit nothing. noise: about how wrong the mean is, as a share of
    it, because the rays are few: within the part of the half-space for which a ray speaks, light varies about as much as
-   between it and the rays beside it. */
+   between it and the rays beside it. sectors: None, or the light of each (sectors.h), of which `glossy` and `glossy_extra` tell, where there are;
+   in: the sector of each ray. */
 KERNEL(records_sum,
-       "distance f32[r,d]  number i32[r,d]  patch f64[m,3]  extra f64[e,3]  sky f64[3]  tilted f64[d,4]  mean f32[r,5,3]!  "
-       "inverse f32[r]!  nearest f32[r]!  open f32[r]!  noise f32[r]!"
-       ";  -2-e<number<m")
-i64 records_sum(i64 r, i64 d, i64 m, i64 e, const f32 *distance, const i32 *number, const f64 *patch, const f64 *extra,
-                const f64 *sky, const f64 *tilted, f32 *mean, f32 *inverse, f32 *nearest, f32 *open, f32 *noise) {
-    (void)m, (void)e;
+       "distance f32[r,d]  number i32[r,d]  patch f64[m,3]  extra f64[e,3]  glossy f64[w,3]?  glossy_extra f64[e,3]?  sky f64[3]  tilted f64[d,4]  in u8[d]  "
+       "mean f32[r,5,3]!  inverse f32[r]!  nearest f32[r]!  open f32[r]!  noise f32[r]!  sectors u32[r,64]?!"
+       ";  -2-e<number<m  in<64")
+i64 records_sum(i64 r, i64 d, i64 m, i64 e, i64 w, const f32 *distance, const i32 *number, const f64 *patch,
+                const f64 *extra, const f64 *glossy, const f64 *glossy_extra, const f64 *sky, const f64 *tilted, const u8 *in, f32 *mean, f32 *inverse, f32 *nearest, f32 *open,
+                f32 *noise, u32 *sectors) {
+    (void)e;
+    if (glossy && (w < m || !glossy_extra)) return OUTSIDE;
     for (i64 k = 0; k < r; k++) {
+        if (sectors)
+            sum_sectors(d, number + k * d, glossy ? glossy : patch, glossy ? glossy_extra : extra, sky, in,
+                        sectors + SECTORS * k);
         const i32 *of = number + k * d;
         f64 sum[5][3] = {{0}}, near = 0.0, bright = 0.0, all = 0.0, least = 1e30, varies = 0.0;
         i64 free = 0;
@@ -47,5 +68,12 @@ i64 records_sum(i64 r, i64 d, i64 m, i64 e, const f32 *distance, const i32 *numb
         inverse[k] = (f32)(bright > near ? bright : near), nearest[k] = (f32)least, open[k] = (f32)free / (f32)d;
         noise[k] = (f32)(all > 0.0 ? 0.5 * sqrt(varies) / all : 0.0);
     }
+    return 0;
+}
+
+/* Fills the sectors in which directions around z are. */
+KERNEL(sectors_of, "local f64[d,3]  in u8[d]!")
+i64 sectors_of(i64 d, const f64 *local, u8 *in) {
+    for (i64 i = 0; i < d; i++) in[i] = (u8)sector_of(local[3 * i], local[3 * i + 1]);
     return 0;
 }

@@ -20,7 +20,7 @@ from ..rays.geometry import Hits
 from ..rays.tracer import points
 from ..support.native import kernel
 from ..support.statistics import Statistics
-from .directions import directions, tilted
+from .directions import directions, sectors, tilted
 from .grids import CORNER, INSET, LAST, Places
 from .nearness import Nearness
 from .patches import Patches, SharedRecordsError, light_of
@@ -46,7 +46,9 @@ LIFT = 1e-3  # how far above their surface records are looked at, as a share of 
 SOURCE = np.uint64(1 << 62)  # the bit of keys of corners that gather light for others, too
 ABOVE = 0.25  # how high sources and corners are looked at from each other, as a share of how far sources count
 KEPT = 2_000_000  # more records or patches are not kept for the next picture
-_ARRAYS = ("_placed", "_claimed", "_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open")
+_ARRAYS = ("_placed", "_claimed", "_done", "_P", "_M", "_mean", "_inverse", "_nearest", "_open",
+           "_sectors")
+SECTORS = 64  # of what a record sees, as in sectors.h
 ENOUGH = 1e-3  # so little is not asked for at the next level
 
 
@@ -57,17 +59,25 @@ class Gathered(NamedTuple):
     sky: NDArray[np.float64]  # (n,) share of the half-space from which nothing is in the way
 
 
+class Lobe(NamedTuple):
+    """How surfaces reflect that are seen along `way`: as microfacets (GGX)."""
+
+    way: NDArray[np.float64]  # (n,3) unit
+    alpha: NDArray[np.float64]  # (n,) roughness²
+
+
 class Records:
     """All records of a scene, shared by threads. A thread that needs records which another one is computing waits for
     it.
     """
 
     def __init__(self, field: Field, gather: Gatherer, patches: Patches, nearness: Nearness, fine: float,
-                 bounces: int) -> None:
-        """fine: the distance between records at the finest level, scene units."""
+                 bounces: int, glossy: bool) -> None:
+        """fine: the distance between records at the finest level, scene units. glossy: they are asked for lobes, too."""
         self._field, self._gather, self._patches, self._nearness = field, gather, patches, nearness
         self._fine, self._bounces = fine, bounces
-        self._local = {n: (local, tilted(local)) for _, first in RAYS for n in (first, MORE * first)
+        self._glossy = glossy
+        self._local = {n: (local, tilted(local), sectors(local)) for _, first in RAYS for n in (first, MORE * first)
                        for local in [directions(n)]}
         self._thinned = Thinned(field.grids, fine)
         self._table = Table()
@@ -80,6 +90,7 @@ class Records:
         self._P, self._M = np.zeros((0, 3)), np.zeros((0, 3))
         self._mean = np.zeros((0, 5, 3), np.float32)
         self._inverse, self._nearest, self._open = (np.zeros(0, np.float32) for _ in range(3))
+        self._sectors = np.zeros((0, SECTORS if glossy else 0), np.uint32)
 
     def __len__(self) -> int:
         return len(self._table)
@@ -102,19 +113,22 @@ class Records:
         self._patches.again()
         return len(self._table) < KEPT and len(self._patches) < KEPT
 
-    def __call__(self, hits: Hits, check: Check) -> Gathered:
-        """Return the light from everywhere at hits, for their shading normals Ns."""
+    def __call__(self, hits: Hits, check: Check, lobe: Lobe | None = None) -> Gathered:
+        """Return the light from everywhere at hits, for their shading normals Ns. lobe: not of matt surfaces, but the
+        mean over these lobes.
+        """
         n, g, stats = len(hits.P), self._field.grids, self._field.stats
         ask = _Asked(np.zeros(n, np.int32), np.ones(n), np.zeros((n, 3)), np.zeros(n), np.empty((n, 3), np.uint64),
                      np.empty((n, 3), np.int32), np.empty((n, 3)), np.ones((n, 3), np.bool_), np.zeros(n, np.int32),
                      np.zeros(n, np.uint8), np.zeros(n, np.uint64))
         todo, state = np.arange(n, dtype=np.int32), np.array([n, 0])
+        way, alpha = (None, np.zeros(n)) if lobe is None else lobe
         while state[0]:
             check()
             with stats.stage("gathered light: asked"):
                 _asked(*g.shape, g.other, g.flipped, g.longest, g.corner, g.coarse, *self._known(), WITHIN, STRICT,
-                       self._fine, self._fine / 2**BEYOND, LAST, ENOUGH, hits.triangle, hits.P, hits.Ng, hits.Ns, *ask,
-                       todo, state)
+                       self._fine, self._fine / 2**BEYOND, LAST, ENOUGH, hits.triangle, hits.P, hits.Ng, hits.Ns, way, alpha,
+                       *ask, todo, state)
                 state[0] = state[1]
                 waiting = todo[:state[0]]
                 why = ask.why[waiting]
@@ -198,7 +212,7 @@ class Records:
         """
         with self._lock:
             return (*self._table.arrays[:2], self._inverse, self._nearest, self._done, self._M, self._mean, self._open,
-                    *self._cells.arrays[:2], self._clear)
+                    self._sectors if self._glossy else None, *self._cells.arrays[:2], self._clear)
 
     def _ready(self, number: NDArray[np.int32], check: Check) -> None:
         """Make sure that records (n,) are computed, by this thread or another one."""
@@ -251,9 +265,9 @@ class Records:
                 for i in range(0, len(rows), step):
                     check()
                     some = rows[i:i + step]
-                    found = self._compute(Places._make(a[some] for a in places), rays, check)
-                    good = found[-1] <= most
-                    self._store(new[some[good]], *(a[some[good]] for a in places[:3]), *(a[good] for a in found[:-1]))
+                    found, noise = self._compute(Places._make(a[some] for a in places), rays, check)
+                    good = noise <= most
+                    self._store(new[some[good]], *(a[some[good]] for a in places[:3]), *(a[good] for a in found))
                     noisy.append(some[~good])
                 rows = np.concatenate(noisy)
 
@@ -273,10 +287,11 @@ class Records:
         self._hide(places, sources, number)
         alone: NDArray[np.bool_] = ~(sources.weight > 0).any(1)
         rows, n = np.flatnonzero(~alone), np.count_nonzero(~alone)
-        out = np.empty((n, 5, 3), np.float32), *(np.empty(n, np.float32) for _ in range(3))
+        out = self._room(n)
         with self._lock:
-            known = self._M, self._mean, self._inverse, self._nearest, self._open
-        _mean_of(number[rows], sources.weight[rows], places.N[rows], *known, *out)
+            known = self._M, self._mean, self._inverse, self._nearest, self._open, self._sectors
+        whole = slice(None if self._glossy else -1)
+        _mean_of(number[rows], sources.weight[rows], places.N[rows], *known[whole], *out[whole])
         self._store(new[rows], *(a[rows] for a in places[:3]), *out)
         return alone
 
@@ -296,23 +311,29 @@ class Records:
         sources.weight[row[blocked], at[blocked]] = 0
         self._field.stats.add(gathered_short_rays=len(of))
 
-    def _compute(self, places: Places, rays: int, check: Check) -> tuple[NDArray[np.float32], ...]:
-        """Return what the kernel `records_sum` makes of what so many rays of each record meet."""
-        stats, r, (local, tilts) = self._field.stats, len(places.P), self._local[rays]
+    def _compute(self, places: Places, rays: int, check: Check) -> tuple[tuple[NDArray, ...], NDArray[np.float32]]:
+        """Return what the kernel `records_sum` makes of what so many rays of each record meet, and how noisy it is."""
+        stats, r, (local, tilts, within) = self._field.stats, len(places.P), self._local[rays]
         with stats.stage("gathered light: rays"):
             seen = self._gather(places.P, places.N, local)
         with stats.stage("gathered light: patches"):
-            light = light_of(seen, self._patches, self._bounces, check)
-        out = np.empty((r, 5, 3), np.float32), *(np.empty(r, np.float32) for _ in range(4))
-        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], tilts, *out)
-        return out
+            light = light_of(seen, self._patches, self._bounces, self._glossy, check)
+        out, noise = self._room(r), np.empty(r, np.float32)
+        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], tilts, within, *out[:-1], noise,
+             out[-1] if self._glossy else None)
+        return out, noise
+
+    def _room(self, n: int) -> tuple[NDArray, ...]:
+        """Return arrays for what `_store` keeps of n records: mean, inverse, nearest, open, sectors."""
+        return (np.empty((n, 5, 3), np.float32), *(np.empty(n, np.float32) for _ in range(3)),
+                np.empty((n, self._sectors.shape[1]), np.uint32))
 
     def _store(self, new: NDArray[np.int32], P: NDArray, N: NDArray, spacing: NDArray, mean: NDArray, inverse: NDArray,
-               nearest: NDArray, free: NDArray) -> None:
+               nearest: NDArray, free: NDArray, found: NDArray) -> None:
         """Keep what has been found at records (n,), so that other threads see it."""
         with self._lock:
             self._P[new], self._M[new] = P + LIFT * spacing[:, None] * N, N
-            self._mean[new], self._open[new] = mean, free
+            self._mean[new], self._open[new], self._sectors[new] = mean, free, found
             self._inverse[new] = np.maximum(inverse, self._inverse[new])
             self._nearest[new] = np.minimum(nearest, self._nearest[new])
         with self._lock:  # again: other threads read without it, and see what was written before they see this

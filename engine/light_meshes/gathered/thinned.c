@@ -1,5 +1,6 @@
 /* Corners of dense meshes take their light from a few of them that are near (thinned.py). */
 #include "leaning.h"
+#include "sectors.h"
 #include "table.h"
 
 #define BITS 21
@@ -61,15 +62,45 @@ i64 thinned_around(i64 e, i64 q, i64 c, i64 m, i64 n, i64 s, const i32 *slots, c
     return 0;
 }
 
+/* The mean of what records say of each sector around N. */
+static void mean_sectors(i64 s, const i32 *number, const f64 *weight, const f64 *N, const f64 *M, const u32 *known,
+                         u32 *sectors) {
+    f64 t[3], b[3], sum[SECTORS][3] = {{0}}, all = 0.0;
+    tangents(N, t, b);
+    for (i64 i = 0; i < s; i++) {
+        const f64 *m = M + 3 * (i64)number[i];
+        f64 u[3], v[3], to[3][3];
+        if (!(weight[i] > 0.0)) continue;
+        tangents(m, u, v), all += weight[i];
+        const f64 *from[3] = {t, b, N}, *axis[3] = {u, v, m};
+        for (int p = 0; p < 3; p++)
+            for (int q = 0; q < 3; q++) to[p][q] = dot(axis[p], from[q]);
+        for (int k = 0; k < SECTORS; k++) {
+            f64 d[3], x = 0.0, y = 0.0, z = 0.0;
+            f32 L[3];
+            sector_middle(k, d);
+            for (int q = 0; q < 3; q++) x += to[0][q] * d[q], y += to[1][q] * d[q], z += to[2][q] * d[q];
+            f64 by = z > 0.0 ? 1.0 : 1.0 / sqrt(fmax(x * x + y * y, 1e-12));  /* below the record's plane: at its edge */
+            light_unpacked(known[SECTORS * (i64)number[i] + sector_of(by * x, by * y)], L);
+            for (int j = 0; j < 3; j++) sum[k][j] += weight[i] * L[j];
+        }
+    }
+    for (int k = 0; k < SECTORS; k++) {
+        for (int j = 0; j < 3; j++) sum[k][j] /= all;
+        sectors[k] = light_packed(sum[k]);
+    }
+}
+
 /* Fills what corners with normals N get from records: their means for N and for the four normals that lean, the mean of
-   inverse and open, the least of nearest. number: of the records of each corner, with their weights. */
+   inverse and open, the least of nearest; and of their sectors, where there are. number: of the records of each corner,
+   with their weights. */
 KERNEL(thinned_mean,
        "number i32[n,s]  weight f64[n,s]  N f64[n,3]  M f64[r,3]  means f32[r,5,3]  inverses f32[r]  nears f32[r]  "
-       "opens f32[r]  mean f32[n,5,3]!  inverse f32[n]!  nearest f32[n]!  open f32[n]!"
+       "opens f32[r]  known u32[r,64]?  mean f32[n,5,3]!  inverse f32[n]!  nearest f32[n]!  open f32[n]!  sectors u32[n,64]?!"
        ";  -1<=number<r")
 i64 thinned_mean(i64 n, i64 s, i64 r, const i32 *number, const f64 *weight, const f64 *N, const f64 *M, const f32 *means,
-                 const f32 *inverses, const f32 *nears, const f32 *opens, f32 *mean, f32 *inverse, f32 *nearest,
-                 f32 *open) {
+                 const f32 *inverses, const f32 *nears, const f32 *opens, const u32 *known, f32 *mean, f32 *inverse,
+                 f32 *nearest, f32 *open, u32 *sectors) {
     (void)r;
     for (i64 k = 0; k < n; k++) {
         f64 normal[5][3], t[3], b[3], sum[5][3] = {{0}}, all = 0.0, near = 0.0, free = 0.0, least = 1e30;
@@ -96,6 +127,7 @@ i64 thinned_mean(i64 n, i64 s, i64 r, const i32 *number, const f64 *weight, cons
         }
         for (int c = 0; c < 5; c++)
             for (int j = 0; j < 3; j++) mean[15 * k + 3 * c + j] = (f32)(sum[c][j] / all);
+        if (sectors && known) mean_sectors(s, number + s * k, weight + s * k, N + 3 * k, M, known, sectors + SECTORS * k);
         inverse[k] = (f32)(near / all), nearest[k] = (f32)least, open[k] = (f32)(free / all);
     }
     return 0;

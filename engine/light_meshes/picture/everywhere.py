@@ -67,7 +67,7 @@ def everywhere(world: World, plan: Plan, lighting: Lighting, settings: Settings,
     """
     fine = step(h)
     own = (fine, settings.bounces, settings.world_light, settings.refraction, settings.glass_shadows,
-           plan.shadows == NONE, plan.channels)
+           plan.shadows == NONE, plan.channels, plan.blurred)
     if old and own == old.settings and _alike(world, old.world) and old.records.kept(stats):
         return old._replace(world=world)
     return Everywhere(_records(world, plan, lighting, settings, fine, stats), world, own)
@@ -100,7 +100,8 @@ def _records(world: World, plan: Plan, lighting: Lighting, settings: Settings, f
             left &= ~world.as_lamps
         patches = Patches(field, gather, Look(world, lighting, _shadows(world, plan, settings, PATCH * fine, stats)),
                           len(world.scene.lights), bool(left.any()), PATCH * fine)
-    return Records(field, gather, patches, Nearness(grids, met, fine), fine, settings.bounces)
+    return Records(field, gather, patches, Nearness(grids, met, fine), fine, settings.bounces,
+                   plan.blurred)
 
 
 def _lamp_rays(lights: tuple[Light, ...], patch: float) -> int:

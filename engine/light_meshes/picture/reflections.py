@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.passes import REFLECTED, Tile
+from ..gathered.records import Lobe
 from ..rays.geometry import Hits
 from ..support.rows import taken, where
 from ..surface import curvature, shading
@@ -16,7 +17,6 @@ from .lighting import FAN
 from .prepared import Prepared
 from .wave import Rays, brightest
 
-LEANS = 0.8  # how far the mean of what is gathered leans to where a mirror looks, as a share of the normal
 LOBE = np.pi / 8  # by α²: the solid angle of the sky for which a ray of a lobe stands, steradians
 
 
@@ -78,7 +78,7 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
                    settings.cutoff, settings.cutoff / FAN)
     rest = np.flatnonzero(found.left.any(1))
     if len(rest):
-        light = found.left[rest] * _around(ready, hits.at(rest), rays.direction[rest])
+        light = found.left[rest] * _around(ready, hits.at(rest), rays.direction[rest], found.rough[rest])
         name = "Ambient" if ready.lighting.everywhere is None else "Glossy"
         part = None if rays.part is None else rays.part[rest]
         tile.add_light(rays.pixel[rest], part, weight[rest], light, {name: light})
@@ -92,17 +92,14 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
                                    found.direction[sent], 1))]
 
 
-def _around(ready: Prepared, hits: Hits, direction: NDArray) -> NDArray[np.float64]:
+def _around(ready: Prepared, hits: Hits, direction: NDArray, roughness: NDArray) -> NDArray[np.float64]:
     """Return the radiance (n,3) around hits of rays along `direction`, for what no ray follows: the mean of what is
-    gathered there on the side to which a mirror would send them, or else the world's light, as if nothing stood before
-    it.
+    gathered there over the lobe of this roughness (n,), or else the world's light, as if nothing stood before it.
     """
+    if ready.lighting.everywhere is not None:
+        return ready.lighting.everywhere(hits, lambda: None, Lobe(direction, roughness**2)).light
     turned = np.empty_like(hits.P)
     shading.mirrored(direction, hits.Ng, hits.Ns, turned)
-    if ready.lighting.everywhere is not None:
-        between = hits.Ns + LEANS * turned
-        between /= np.linalg.norm(between, axis=1, keepdims=True)
-        return ready.lighting.everywhere(hits._replace(Ns=between), lambda: None).light
     settings = ready.scene.settings
     ambient = 1.0 if settings.by_sky else settings.ambient
     return ambient * np.broadcast_to(ready.world.sky.light(turned), turned.shape)

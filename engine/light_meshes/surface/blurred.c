@@ -64,21 +64,24 @@ static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
 /* Fills count with the rays that follow each hit's coat and the lobe below it, and left with what both reflect that is
    not followed, as a share of light from everywhere. fan: which rays of a pixel they are, below 0 for those that were
    not spread out yet, which may be. may: whether rays may go on from there. matt: what
-   of the light the surface scatters. weight: what of the light counts. */
+   of the light the surface scatters. weight: what of the light counts. rough: how rough what is left is, a mean. */
 KERNEL(blurred_count, "ggx f64[M,37]  tables f64[T]  blurred bool[M]  way f64[n,3]  Ns f64[n,3]  material i32[n]  "
-       "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  later f64  samples i64  count i32[n,2]!  left f64[n,3]!"
+       "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  later f64  samples i64  count i32[n,2]!  left f64[n,3]!  "
+       "rough f64[n]!"
        ";  T=5152  0<=material<M  0<samples")
 i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const u8 *blurred, const f64 *way, const f64 *Ns,
                   const i32 *material, const i32 *fan, const u8 *may, const f64 *matt, const f64 *weight, f64 cutoff, f64 later, i64 samples,
-                  i32 *count, f64 *left) {
+                  i32 *count, f64 *left, f64 *rough) {
     (void)M, (void)T;
     for (i64 p = 0; p < n; p++) {
         const f64 *m = ggx + G_COLUMNS * (i64)material[p], *w = weight + 3 * p;
         f64 facing = -dot3(way + 3 * p, Ns + 3 * p), brightest = fmax(w[0], fmax(w[1], w[2]));
         count[2 * p] = count[2 * p + 1] = 0;
         left[3 * p] = left[3 * p + 1] = left[3 * p + 2] = 0.0;
+        rough[p] = 1.0;
         if (!blurred[material[p]]) continue;
         sheen_albedo(m, facing, left + 3 * p);
+        f64 all = left[3 * p] + left[3 * p + 1] + left[3 * p + 2], sum = all;  /* sheen is as good as quite rough */
         for (int which = 0; which < 2; which++) {
             Lobe lobe;
             f64 albedo[3];
@@ -86,8 +89,12 @@ i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const 
             f64 most = albedo_of(&lobe, tables, facing, albedo), share = followed(lobe.roughness, most, matt[p], fan[p] >= 0);
             if (!may[p] || most * share * brightest <= (fan[p] < 0 ? cutoff : later)) share = 0.0;
             if (share > 0.0) count[2 * p + which] = fan[p] < 0 ? rays_of(lobe.roughness, most, samples) : 1;
-            for (int j = 0; j < 3; j++) left[3 * p + j] += (1.0 - share) * albedo[j];
+            for (int j = 0; j < 3; j++) {
+                f64 more = (1.0 - share) * albedo[j];
+                left[3 * p + j] += more, all += more, sum += more * lobe.roughness;
+            }
         }
+        rough[p] = all > 0.0 ? sum / all : 1.0;
     }
     return 0;
 }

@@ -32,6 +32,7 @@ class Spread(NamedTuple):
     fan: NDArray[np.int32]  # (m,) as in `wave.Rays`
     blur: NDArray[np.float64]  # (m,) the roughness of the lobe; 0: as good as a mirror
     left: NDArray[np.float64]  # (n,3)
+    rough: NDArray[np.float64]  # (n,) how rough the lobes of what is left are, a mean
 
 
 def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float64], fan: NDArray[np.int32],
@@ -46,13 +47,13 @@ def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float6
     ggx, tables = hits.table.facets()
     n, m = len(hits.P), hits.table
     matt = np.ascontiguousarray(m.kd[hits.row] * m.Od[hits.row].max(1, initial=0))
-    count, left = np.zeros((n, 2), np.int32), np.zeros((n, 3))
+    count, left, rough = np.zeros((n, 2), np.int32), np.zeros((n, 3)), np.ones(n)
     if ggx is not None:
         _count(ggx, tables, hits.table.blurred, direction, hits.Ns, hits.row, fan, may, matt, weight, cutoff, later,
-               samples, count, left)
+               samples, count, left, rough)
     rays = int(count.sum())
     found = Spread(np.empty(rays, np.int64), np.empty((rays, 3)), np.empty((rays, 3)), np.empty(rays, np.int32),
-                   np.empty(rays), left)
+                   np.empty(rays), left, rough)
     if rays:
         _rays(ggx, tables, direction, hits.Ng, hits.Ns, hits.row, fan, depth.astype(np.int32), matt, weight, up,
               samples, count, *found[:5])
