@@ -95,6 +95,40 @@ def test_rough_mirrors_within_glass(scene, render, add_plane):
     assert ours.mean() == pytest.approx(theirs.mean(), rel=0.01)
 
 
+def test_plastics_show_what_they_face(scene, render, add_plane, add_light, node_material):
+    """A grey floor of rough plastic before a red wall and a blue one, which are lit: each part of it shimmers in the
+    colour of what it faces. No ray is sent for it (`left` of surface/blurred.py). In half of the light of the plastic
+    it was once grey, the mean of all that is around.
+    """
+    red, blue, plastic = (node_material(name, 'ShaderNodeBsdfPrincipled', Base_Color=(*color, 1), Roughness=rough)
+                          for name, color, rough in (("Red", (0.8, 0.05, 0.05), 1.0), ("Blue", (0.05, 0.1, 0.8), 1.0),
+                                                     ("Plastic", (0.1, 0.1, 0.1), 0.4)))
+    for material, half, place, turn in ((plastic, 3.0, (0, 0, 0), (0, 0, 0)),
+                                        (red, 2.0, (-2, 2, 2), (np.pi / 2, 0, np.pi / 4)),
+                                        (blue, 2.0, (2, 2, 2), (np.pi / 2, 0, -np.pi / 4))):
+        plane = add_plane(half=half, location=place)
+        plane.rotation_euler = turn
+        plane.data.materials.append(material)
+    add_light('SUN', rotation=(1.1, 0, 0), energy=4.0)
+    scene.camera.location, scene.camera.rotation_euler = (0, -3, 2.5), (0.75, 0, 0)
+    scene.camera.data.angle = 0.7
+    scene.render.engine = 'LIGHT_MESHES'
+    scene.render.resolution_x, scene.render.resolution_y = 40, 30
+    own, cycles = scene.light_meshes, scene.cycles
+    own.world_light, own.bounces, own.samples = 'SKY', 1, 4
+    cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = 512, False, False
+    cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 8, 1, 4
+    cycles.sample_clamp_indirect = own.clamp_indirect = cycles.blur_glossy = 0
+    ours = render(scene)["Combined"][..., :3]
+    scene.render.engine = 'CYCLES'
+    theirs = render(scene)["Combined"][..., :3]
+    rows = np.s_[2:20, 2:-2]
+    off = np.abs(ours[rows] - theirs[rows]).max(2) / theirs[rows].max(2)
+    assert np.median(off) <= 0.025 and np.quantile(off, 0.95) <= 0.06
+    left, right = theirs[rows][:, :12].mean((0, 1)), theirs[rows][:, -12:].mean((0, 1))
+    assert left[0] > 1.3 * right[0] and right[2] > 1.3 * left[2]  # it is so in Cycles
+
+
 def apart(ours, theirs):
     """How far the pictures differ at each pixel of the ball away from its rim, as a share of what Cycles has there."""
     assert theirs.max() > 0.2

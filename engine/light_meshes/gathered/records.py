@@ -22,8 +22,9 @@ from ..support.native import kernel
 from ..support.statistics import Statistics
 from .directions import directions, sectors, tilted
 from .grids import CORNER, INSET, LAST, Places
+from .light import light_of
 from .nearness import Nearness
-from .patches import Patches, SharedRecordsError, light_of
+from .patches import Patches, SharedRecordsError
 from .rays import Check, Field, Gatherer
 from .table import Table
 from .thinned import Sources, Thinned
@@ -73,7 +74,7 @@ class Records:
 
     def __init__(self, field: Field, gather: Gatherer, patches: Patches, nearness: Nearness, fine: float,
                  bounces: int, glossy: bool) -> None:
-        """fine: the distance between records at the finest level, scene units. glossy: they are asked for lobes, too."""
+        """fine: the distance between records at the finest level, scene units. glossy: they are asked for lobes."""
         self._field, self._gather, self._patches, self._nearness = field, gather, patches, nearness
         self._fine, self._bounces = fine, bounces
         self._glossy = glossy
@@ -127,8 +128,8 @@ class Records:
             check()
             with stats.stage("gathered light: asked"):
                 _asked(*g.shape, g.other, g.flipped, g.longest, g.corner, g.coarse, *self._known(), WITHIN, STRICT,
-                       self._fine, self._fine / 2**BEYOND, LAST, ENOUGH, hits.triangle, hits.P, hits.Ng, hits.Ns, way, alpha,
-                       *ask, todo, state)
+                       self._fine, self._fine / 2**BEYOND, LAST, ENOUGH, hits.triangle, hits.P, hits.Ng, hits.Ns, way,
+                       alpha, *ask, todo, state)
                 state[0] = state[1]
                 waiting = todo[:state[0]]
                 why = ask.why[waiting]
@@ -206,7 +207,7 @@ class Records:
         self._inverse[new], self._nearest[new] = WITHIN / (APART * np.maximum(near, 1e-30)), near
         self._placed[new] = True
 
-    def _known(self) -> tuple[NDArray, ...]:
+    def _known(self) -> tuple[NDArray | None, ...]:
         """Return the table of records, and the arrays of their data. The data of a record that is not computed says
         that nothing is near.
         """

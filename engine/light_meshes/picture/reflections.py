@@ -92,12 +92,12 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
                                    found.direction[sent], 1))]
 
 
-def _around(ready: Prepared, hits: Hits, direction: NDArray, roughness: NDArray) -> NDArray[np.float64]:
+def _around(ready: Prepared, hits: Hits, direction: NDArray, roughness: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the radiance (n,3) around hits of rays along `direction`, for what no ray follows: the mean of what is
     gathered there over the lobe of this roughness (n,), or else the world's light, as if nothing stood before it.
     """
     if ready.lighting.everywhere is not None:
-        return ready.lighting.everywhere(hits, lambda: None, Lobe(direction, roughness**2)).light
+        return ready.lighting.everywhere(hits, lambda: None, Lobe(direction, np.square(roughness))).light
     turned = np.empty_like(hits.P)
     shading.mirrored(direction, hits.Ng, hits.Ns, turned)
     settings = ready.scene.settings

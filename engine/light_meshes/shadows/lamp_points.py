@@ -29,6 +29,14 @@ _turns_of_nodes, _turns_of_points = kernel("lamp_turns_of_nodes"), kernel("lamp_
 FREE, RECTANGLE, ELLIPSE, BALL = 0, 1, 2, 3  # the same in shapes.h
 
 
+class Lift(NamedTuple):
+    """Receivers on smooth surfaces that are made of facets, for shadow methods (see `terminator`)."""
+
+    above: NDArray[np.float64]  # (n,3) world: the vector from P to the smooth surface
+    side: NDArray[np.float64]  # (n,3) unit: the shading normal if P may be lifted, otherwise the geometric one
+    cutoff: NDArray[np.float64]  # (n,) the cosine to a light below which P is lifted; 0: never
+
+
 class Shapes(NamedTuple):
     """The lamps' shapes."""
 
@@ -108,14 +116,17 @@ def points(shapes: Shapes, targets: Targets, origin: NDArray[np.float64], patter
 def rays(field: tuple, shapes: Shapes, targets: Targets, facing: NDArray[np.float64], P: NDArray[np.float64],
          N: NDArray[np.float64], up: NDArray[np.float64], patterns: Patterns, row: NDArray[np.int32],
          light: NDArray[np.int32], some: NDArray[np.int32], first: int, count: int, clear: NDArray[np.float64],
-         whole: NDArray[np.float64]) -> int:
+         whole: NDArray[np.float64], lift: Lift | None = None) -> int:
     """Add to clear (k,1) and whole (k,) of `some` pairs what points first..first+count of light[k] give P[row[k]]: what
     nothing opaque is in the way of, and all of it; up to a constant of the pair. Returns the number of rays.
 
     field: `Tracer.field`. P, N (m,3): points of surfaces with their normals. up
-    (m,3): the normals above which points count. facing (L,3): see `Lamps`.
+    (m,3): the normals above which points count. facing (L,3): see `Lamps`. lift: of receivers that rays are lifted
+    from; None: they are not.
     """
-    return _rays(*field, first, count, P, N, up, *patterns, row, light, some, *targets, *shapes, facing, clear, whole)
+    above, side, cutoff = lift or (None, None, None)
+    return _rays(*field, first, count, P, N, up, *patterns, row, light, some, *targets, *shapes, facing, above, side,
+                 cutoff, clear, whole)
 
 
 def turns_of_nodes(nodes: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -1,8 +1,8 @@
 """Rays from receivers to points of lamps with a size, and what arrives by them.
 
 Past opaque surfaces a kernel makes, traces and adds up the rays on the way (`lamp_rays.c`). Where surfaces let light
-through, where rays start above their facets (`terminator`), and without Embree's own interface, the same is done array
-by array, with the same result.
+through, it first finds the pairs of a receiver and a lamp none of whose rays meets such a surface. For the other pairs,
+and without Embree's own interface, the same is done array by array, with the same result.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from ..support.native import kernel
 from . import blocks
-from .lamp_points import Patterns, points, turns_of_points
+from .casters import Group
+from .lamp_points import Lift, Patterns, points, turns_of_points
 from .lamp_points import rays as traced
 from .method import Check, Receivers, Setup, SharpMethod
 from .shares import Lamps
 from .sharp import Sharp
-from .terminator import Lift, starts
+from .terminator import starts
 
 RAYS_AT_ONCE = 1 << 14
 RAYS_OF_A_CALL = 1 << 18  # of the kernel, which holds no arrays of them
@@ -53,6 +54,7 @@ class PointRays:
         """setup: its soft casters are those of lamps with a size. sharp: what single rays find."""
         self._groups, self._tracer, self._stats = setup.casters.soft, setup.tracer, setup.stats
         self._lamps, self._sharp, self._plain = lamps, sharp, isinstance(sharp, Sharp)
+        self._stops, self._sheets = ("opaque", "glass") if setup.through.refraction is None else ("stops", "sheets")
 
     def add(self, aim: Aim, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32],
             some: NDArray[np.int32], first: int, count: int, clear: NDArray[np.float64], whole: NDArray[np.float64],
@@ -67,15 +69,16 @@ class PointRays:
         targets, shapes = self._lamps.targets, self._lamps.shapes
         for group in self._groups:
             mine = some if len(self._groups) == 1 else some[among(group.lights, light[some])]
-            field = self._tracer.field("opaque", group.casters) if self._plain and lift is None else None
+            if not self._plain:
+                mine = mine[~self._past_glass(aim, lift, group, row, light, mine, first, count, clear, whole, check)]
+            field = self._tracer.field("opaque", group.casters) if self._plain else None
             step = (RAYS_AT_ONCE if field is None else RAYS_OF_A_CALL) // count
             for i in range(0, len(mine), step):
                 check()
                 part = mine[i:i + step]
                 if field is not None:
-                    self._stats.add(shadow_rays=traced(
-                        field, shapes, targets, self._lamps.facing, at.P, at.normals(), facing, patterns, row, light,
-                        part, first, count, clear, whole))
+                    rays = self._traced(field, aim, lift, row, light, part, first, count, clear, whole)
+                    self._stats.add(shadow_rays=rays)
                     continue
                 rows, lights = row[part], light[part]
                 to = points(shapes, targets, at.P, patterns, rows, lights, first, count)
@@ -86,6 +89,43 @@ class PointRays:
                 _sums(count, at.P, facing, rows, lights, targets.directional, shapes.shape, self._lamps.facing,
                       to.position, visible.astype(np.float32), part, clear, whole)
                 self._stats.add(shadow_rays=len(order))
+
+    def _traced(self, field: tuple, aim: Aim, lift: Lift | None, row: NDArray[np.int32], light: NDArray[np.int32],
+                part: NDArray[np.int32], first: int, count: int, clear: NDArray[np.float64],
+                whole: NDArray[np.float64]) -> int:
+        """Do what `add` does by a kernel, past the opaque surfaces of `field`; return the number of rays."""
+        at, lamps = aim.at, self._lamps
+        return traced(field, lamps.shapes, lamps.targets, lamps.facing, at.P, at.normals(), aim.facing, aim.patterns,
+                      row, light, part, first, count, clear, whole, lift)
+
+    def _past_glass(self, aim: Aim, lift: Lift | None, group: Group, row: NDArray[np.int32],
+                    light: NDArray[np.int32], some: NDArray[np.int32], first: int, count: int,
+                    clear: NDArray[np.float64], whole: NDArray[np.float64], check: Check) -> NDArray[np.bool_]:
+        """Do what `add` does for those of `some` (s,) none of whose rays meets a surface that lets light through, and
+        return which these are. This is faster, with the same result.
+        """
+        stops = self._tracer.field(self._stops, group.casters)
+        sheets = self._tracer.field(self._sheets, group.casters)
+        done = np.zeros(len(some), np.bool_)
+        if stops is None or sheets is None:
+            return done
+        step = RAYS_OF_A_CALL // count
+        for i in range(0, len(some), step):
+            check()
+            part = some[i:i + step]
+            k, every = len(part), np.arange(len(part), dtype=np.int32)
+            before, of = whole[part], (row[part], light[part], every, first, count)
+            found, total = np.ascontiguousarray(clear[part, :1]), before.copy()
+            rays = self._traced(stops, aim, lift, *of, found, total)
+            free = before.copy().reshape(k, 1)
+            if self._tracer.has(self._sheets, group.casters):
+                self._traced(sheets, aim, lift, *of, free, before)
+            else:
+                free[:, 0] = total
+            alone = (free[:, 0] == total) & (clear[part] == clear[part, :1]).all(1)
+            clear[part[alone]], whole[part[alone]], done[i:i + step] = found[alone], total[alone], alone
+            self._stats.add(shadow_rays=rays)
+        return done
 
 
 def among(words: NDArray[np.uint64], light: NDArray[np.int32]) -> NDArray[np.bool_]:

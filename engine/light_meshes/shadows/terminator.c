@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "../support/four.h"
+#include "lifts.h"
 #include "targets.h"
 
 /* Returns N·(a − b). */
@@ -108,16 +109,10 @@ typedef struct {
 
 /* Returns how far receiver p is lifted for light i, 0 to 1: fully if its facet turns away from it. */
 static f64 amount(const Lifts *l, i64 p, i64 i) {
-    f64 cutoff = l->cutoff[p], way[3];
-    if (cutoff == 0.0) return 0.0;
+    f64 way[3];
+    if (l->cutoff[p] == 0.0) return 0.0;
     way_to(&l->targets, i, l->P + 3 * p, way);
-    f64 square_of = dot(way, way), toward = dot(way, l->N + 3 * p), over = dot(way, l->side + 3 * p);
-    f64 beyond = cutoff * cutoff * square_of * 1.000001;  /* both cosines are above the cutoff, as mostly: no root is needed */
-    if ((toward > 0.0) & (over > 0.0) & (toward * toward > beyond) & (over * over > beyond)) return 0.0;
-    if (toward < 0.0) return 1.0;  /* in both of the cases below */
-    f64 length = sqrt(square_of), facet = toward / length, smooth = over / length;
-    f64 most = smooth < cutoff ? 2.0 - (facet + smooth) / cutoff : 1.0 - facet / cutoff;
-    return clamped(most, 0.0, 1.0);
+    return lift_share(l->cutoff[p], way, l->N + 3 * p, l->side + 3 * p);
 }
 
 /* The lights' positions, x of all, then y, then z, then 1, or 0 for directional ones: (4, 64·W), the last lights 0; and

@@ -10,7 +10,7 @@ distance as in Cycles. Of a lamp with a size this goes for each point of it on i
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,19 +20,11 @@ from ..rays.tracer import Targets
 from ..scene.description import Scene
 from ..support.native import kernel, needs_memory
 from ..support.rows import taken, where
-from .lamp_points import reaches, shapes
+from .lamp_points import Lift, reaches, shapes
 
 _lift, _grazing, _starts = kernel("terminator_lift"), kernel("terminator_grazing"), kernel("terminator_starts")
 split, merge, _fade = kernel("terminator_split"), kernel("terminator_merge"), kernel("terminator_fade")
 touched = kernel("terminator_touched")
-
-
-class Lift(NamedTuple):
-    """The data about receivers on such surfaces for shadow methods."""
-
-    above: NDArray[np.float64]  # (n,3) world: the vector from P to the smooth surface
-    side: NDArray[np.float64]  # (n,3) unit: the shading normal if P may be lifted, otherwise the geometric one
-    cutoff: NDArray[np.float64]  # (n,) the cosine to a light below which P is lifted; 0: never
 
 
 class Terminator:

@@ -1,0 +1,48 @@
+"""The light that the rays of records find."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .patches import Patches
+from .rays import Check, Seen, joined
+
+
+class Light(NamedTuple):
+    """The radiance that rays find, as the kernel `records_sum` takes it: for matt surfaces, and for glossy ones, which
+    show it with one bounce more.
+    """
+
+    number: NDArray[np.int32]  # (x,) of a patch; −1: the sky; from −2 down: 0 on of `extra`
+    patch: NDArray[np.float64]  # (m,3)
+    extra: NDArray[np.float64]  # (e,3)
+    glossy: NDArray[np.float64] | None  # (m,3); None: the same
+    glossy_extra: NDArray[np.float64] | None  # (e,3)
+    sky: NDArray[np.float64]  # (3,)
+
+
+def light_of(seen: Seen, patches: Patches, bounces: int, glossy: bool, check: Check) -> Light:
+    """Return the light of the sky and of patches that rays find. glossy: for glossy surfaces, too."""
+    layers, more = seen.layers, None
+    if bounces == 0 and patches.dark:  # all that they meet is black
+        number, patch = np.where(seen.distance > 0, np.int32(0), np.int32(-1)), np.zeros((1, 3))
+        behind = []
+    else:
+        with patches.asked():
+            number = patches.met(joined([seen.met, *(layer.met for layer in layers)]), bounces > 0, check)
+            patch = patches.radiance(number, bounces, check)
+            if glossy and bounces > 0:
+                more = patches.radiance(number, bounces + 1, check)
+        number, *behind = np.split(number, np.cumsum([len(seen.distance), *(len(layer.row) for layer in layers)])[:-1])
+
+    def extra(of: NDArray[np.float64]) -> NDArray[np.float64]:
+        light = seen.light.copy()
+        for layer, met in zip(layers, behind, strict=bool(behind)):
+            light[layer.row] += layer.weight * of[met]
+        return light
+
+    number[seen.row] = -2 - np.arange(len(seen.row))
+    return Light(number, patch, extra(patch), more, None if more is None else extra(more), seen.sky)
