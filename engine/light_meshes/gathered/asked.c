@@ -172,6 +172,19 @@ static void blend(const Records *r, const Half *h, const f64 *weight, const u8 *
     *sky += free, *share -= part;
 }
 
+/* Where P is in the frame, and on the axes of a triangle's grids. */
+static void on_grids(const Flat *flat, const f64 *P, const f64 *centre, f64 scale, f64 *place, f64 *xy) {
+    xy[0] = xy[1] = 0.0;
+    for (int j = 0; j < 3; j++) {
+        place[j] = (P[j] - centre[j]) / scale;
+        xy[0] += (place[j] - flat->O[j]) * flat->a[j], xy[1] += (place[j] - flat->O[j]) * flat->b[j];
+    }
+    for (int j = 0; j < 2; j++) {
+        if (flat->second) xy[j] = 1.0 - xy[j];
+        xy[j] = xy[j] < 0.0 ? 0.0 : xy[j] > 1.0 ? 1.0 : xy[j];
+    }
+}
+
 /* Whether all that is in half a cell sees all three records: 1; 2: perhaps not; 0: it is not known yet. */
 static int clear_of(const Records *r, Half *h) {
     if (h->clear < 0) {
@@ -187,7 +200,7 @@ enum { NEW = 1, WANTED, CELL, SIGHT };
 
 /* Lets receivers take light from the records around them, from the coarse to the fine, until no more than `enough` of
    their share is left, or they have to wait. todo: receivers, state[0] of them; those that wait are put at its begin, and
-   state[1] counts them; `why` says for what: then keys, or number, tell for which records, and `half` which half of a
+   state[1] counts them. way, alpha: None, or the lobes that they ask for (sectors.h). `why` says for what they wait: then keys, or number, tell for which records, and `half` which half of a
    cell it is. level: of each receiver, 0 at first. seen: the level + 1 for which `visible` is known. Reads tables and
    records to which other threads add. */
 KERNEL(records_asked,
@@ -224,16 +237,9 @@ i64 records_asked(i64 V, i64 T, i64 s, i64 q, i64 r, i64 e, i64 f, i64 c, i64 n,
         if (k < 0 || k >= n) return OUTSIDE;
         i64 t = triangle[k];
         Flat *flat = kept.flat + (t & (FLATS - 1));
-        f64 place[3], xy[2] = {0};
+        f64 place[3], xy[2];
         if (flat->t != t) enter_flat(&of, t, flat);
-        for (int j = 0; j < 3; j++) {
-            place[j] = (P[3 * k + j] - centre[j]) / scale;
-            xy[0] += (place[j] - flat->O[j]) * flat->a[j], xy[1] += (place[j] - flat->O[j]) * flat->b[j];
-        }
-        for (int j = 0; j < 2; j++) {
-            if (flat->second) xy[j] = 1.0 - xy[j];
-            xy[j] = xy[j] < 0.0 ? 0.0 : xy[j] > 1.0 ? 1.0 : xy[j];
-        }
+        on_grids(flat, P + 3 * k, centre, scale, place, xy);
         int front = (dot(flat->normal, Ng + 3 * k) > 0.0) != flipped[t];
         Lobe lobe = {Ns + 3 * k, way ? way + 3 * k : 0, way ? alpha[k] : 0.0, &middles};
         for (why[k] = 0; share[k] > enough && !why[k];) {

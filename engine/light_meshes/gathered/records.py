@@ -290,9 +290,9 @@ class Records:
         rows, n = np.flatnonzero(~alone), np.count_nonzero(~alone)
         out = self._room(n)
         with self._lock:
-            known = self._M, self._mean, self._inverse, self._nearest, self._open, self._sectors
-        whole = slice(None if self._glossy else -1)
-        _mean_of(number[rows], sources.weight[rows], places.N[rows], *known[whole], *out[whole])
+            known = self._M, self._mean, self._inverse, self._nearest, self._open
+            kept = (self._sectors, out[-1]) if self._glossy else (None, None)
+        _mean_of(number[rows], sources.weight[rows], places.N[rows], *known, kept[0], *out[:-1], kept[1])
         self._store(new[rows], *(a[rows] for a in places[:3]), *out)
         return alone
 
