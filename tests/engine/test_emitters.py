@@ -102,7 +102,7 @@ def test_power_is_exact() -> None:
     for shape, (_, _, two_sided) in SHAPES.items():
         bare = Prepared(scene(shape, world_light="AMBIENT")).world
         found = emitters.emitting(bare)
-        lamps, taken = emitters.lamps_of(bare, found)
+        lamps, taken, _ = emitters.lamps_of(bare, found)
         assert sorted(taken) == sorted(found.triangle)
         assert shape != "letters" or len(lamps) == 2
         if lamps[0].type == "POINT":

@@ -68,13 +68,13 @@ def lit(bare: World, scene: Scene, stats: Statistics, check: Callable[[], None])
         return bare
     with stats.stage("emitters"):
         found = emitting(bare)
-        lamps, taken = lamps_of(bare, found) if len(found.triangle) else ([], np.zeros(0, np.int64))
+        lamps, taken, objects = lamps_of(bare, found) if len(found.triangle) else ([], np.zeros(0, np.int64), ())
     if not lamps:
         return bare
     as_lamps = np.zeros(len(bare.surfaces.triangles), np.bool_)
     as_lamps[taken] = True
     with_lamps = world(scene, bare.camera, stats, check, bare, tuple(lamps), bare.glass.whole)
-    return dataclasses.replace(with_lamps, as_lamps=as_lamps)
+    return dataclasses.replace(with_lamps, as_lamps=as_lamps, lamp_objects=objects)
 
 
 def emitting(bare: World) -> Emitting:
@@ -120,8 +120,8 @@ def _looked_at(bare: World, of: Emitting) -> NDArray[np.float64]:
     return total / len(uv)
 
 
-def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int64]]:
-    """Return the lamps for the groups with most power, and the triangles for which they stand."""
+def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int64], tuple[int, ...]]:
+    """Return the lamps for the groups with most power, the triangles for which they stand, and each lamp's object."""
     s, scene = bare.surfaces, bare.scene
     instance, material = s.instance[found.triangle], s.materials[s.source[found.triangle]]
     key = instance.astype(np.int64) * len(scene.materials) + material
@@ -129,6 +129,7 @@ def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int6
     power = np.bincount(group, found.area * found.radiance.sum(1))
     triangles = np.bincount(s.instance)  # of each instance
     lamps: list[Light] = []
+    objects: list[int] = []
     taken: list[NDArray[np.int64]] = []
     owners = scene.geometry.instance_object[names // len(scene.materials)]
     linked = np.array([o.receivers is not None or o.blockers is not None for o in scene.objects], np.bool_)[owners]
@@ -144,8 +145,9 @@ def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int6
         if len(lamps) + len(new) > MOST:
             continue
         lamps += new
+        objects += [owner] * len(new)
         taken.append(of.triangle)
-    return lamps, np.concatenate(taken) if taken else np.zeros(0, np.int64)
+    return lamps, np.concatenate(taken) if taken else np.zeros(0, np.int64), tuple(objects)
 
 
 def _group(of: Emitting, ob: Object, alone: int | None, objects: int) -> Iterator[Light]:
