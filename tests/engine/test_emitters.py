@@ -46,6 +46,7 @@ def ring(radius: float, tube: float, n: int = 64, m: int = 12) -> Mesh:
 SHAPES = {  # mesh, matrix, whether both sides are seen
     "panel": (plate(0.8, 0.5), translate(0.2, 0.1, 1.0), True),
     "round panel": (disc(0.5), translate(0.0, 0.3, 0.8) @ rotate_x(0.4), True),
+    "round lamp": (cylinder(0.4, -0.03, 0.0, 128), translate(0.1, 0.2, 0.8) @ rotate_x(0.2), False),
     "tube": (cylinder(0.05, -1, 1, 24), translate(-1.0, 0.2, 0.4) @ rotate_y(np.pi / 2), False),
     "ball": (sphere(0.2, 24, 12), translate(0.3, 0.0, 0.6), False),
     "box": (box((-0.2, -0.15, -0.1), (0.2, 0.15, 0.1)), translate(0.0, 0.0, 0.5), False),

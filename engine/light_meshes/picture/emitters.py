@@ -289,7 +289,8 @@ def _face(of: Emitting, rows: NDArray[np.int64]) -> tuple[Face, float, float, ND
     edges = (np.roll(of.corners[rows], -1, 1) - of.corners[rows]).reshape(-1, 3)
     longest = edges[np.argsort(-np.einsum("ni,ni->n", edges, edges), kind="stable")[:8]]
     best: tuple[float, NDArray, NDArray, NDArray, NDArray] | None = None
-    for edge in longest:  # the rectangle lies along one of the edges
+    # The rectangle lies along one of the edges, or along all points: the longest edges of narrow strips are diagonals.
+    for edge in (*longest, np.linalg.eigh(np.cov(points.T))[1][:, 2]):
         u = edge - (edge @ N) * N
         if not u.any():
             continue
