@@ -70,6 +70,10 @@ class Interfaces:
         # (T,) the squared sine up to which a ray still leaves; see `interfaces_cross`
         self._grazing = np.ones(len(solid))
         self._grazing[self.bending] = facets(surfaces, np.flatnonzero(self.bending))
+        # (T,) the index by which Fresnel's equations dim a straight ray at a crossing, 0: they do not. It is negative
+        # for bodies, where light that is reflected inside leaves at one of the two faces, too.
+        dim = np.where(self._fresnel & (self._ior != 1) & (self._kt > 0).any(1) & ~cut, self._ior, 0)[material]
+        self.dims = np.where(self.bending, -dim, dim).astype(np.float32)
         self._room = min(2 * len(b.rank), MEDIA)  # twice, because a body that overlaps itself is entered twice
         casts = np.array([o.visible_shadow for o in scene.objects], np.bool_)
         owner = scene.geometry.instance_object[surfaces.instance]
