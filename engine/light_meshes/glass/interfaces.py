@@ -79,6 +79,7 @@ class Interfaces:
         owner = scene.geometry.instance_object[surfaces.instance]
         self._in_shadow_paths = self.lets_through & (casts[owner] if len(owner) else False)
         self.bends_shadows = bool((self._in_shadow_paths & self.bending).any())
+        self._dims_shadows = bool((self._in_shadow_paths & (self.dims > 0)).any())
         self.stacks = stacks(surfaces, self.passes, self.bending) if whole else None
         self.transparent = bool(self.passes.any())
         self.cutouts = bool(cut[material].any())
@@ -97,7 +98,8 @@ class Interfaces:
         """Return what says how much of straight rays of light through bodies counts; None: all. radius (L,): half of
         the width of lamps, see `Aside`.
         """
-        if settings.glass_shadows != "SOLID" or settings.refraction != "VIEW" or not self.bends_shadows:
+        counts = self.bends_shadows or self._dims_shadows
+        if settings.glass_shadows != "SOLID" or settings.refraction != "VIEW" or not counts:
             return None
         return Aside(self._surfaces, self._bodies, self._ior, self._fresnel, radius)
 
