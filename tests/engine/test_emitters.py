@@ -35,6 +35,14 @@ def letters() -> Mesh:
                 np.concatenate([b.triangles + sum(len(o.vertices) for o in bars[:i]) for i, b in enumerate(bars)]))
 
 
+def beads() -> Mesh:
+    """Three balls as one mesh."""
+    balls = [Mesh(sphere(r, 24, 12).vertices + np.array([x, 0, 0]), sphere(r, 24, 12).triangles)
+             for x, r in ((-0.5, 0.1), (0.0, 0.2), (0.4, 0.05))]
+    return Mesh(np.concatenate([b.vertices for b in balls]),
+                np.concatenate([b.triangles + sum(len(o.vertices) for o in balls[:i]) for i, b in enumerate(balls)]))
+
+
 def ring(radius: float, tube: float, n: int = 64, m: int = 12) -> Mesh:
     a, b = np.meshgrid(2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m, indexing="ij")
     out = radius + tube * np.cos(b)
@@ -51,6 +59,7 @@ SHAPES = {  # mesh, matrix, whether both sides are seen
     "tube": (cylinder(0.05, -1, 1, 24), translate(-1.0, 0.2, 0.4) @ rotate_y(np.pi / 2), False),
     "ball": (sphere(0.2, 24, 12), translate(0.3, 0.0, 0.6), False),
     "box": (box((-0.2, -0.15, -0.1), (0.2, 0.15, 0.1)), translate(0.0, 0.0, 0.5), False),
+    "beads": (beads(), translate(0.3, 0.0, 0.6), False),
     "letters": (letters(), translate(0.1, 0.2, 1.0) @ rotate_x(0.5), False),
     "ring": (ring(0.5, 0.03), translate(0.1, 0.0, 0.7) @ rotate_x(0.3), False),
     "lens": (Mesh(sphere(0.3, 24, 12).vertices * (1, 0.7, 0.4), sphere(0.3, 24, 12).triangles),
@@ -103,7 +112,7 @@ def test_power_is_exact() -> None:
         found = emitters.emitting(bare)
         lamps, taken, _ = emitters.lamps_of(bare, found)
         assert sorted(taken) == sorted(found.triangle)
-        assert len(lamps) == {"letters": 2, "ring": shapes.PIECES, "ball": 1}.get(shape, len(lamps))
+        assert len(lamps) == {"letters": 2, "ring": shapes.PIECES, "ball": 1, "beads": 3}.get(shape, len(lamps))
         if lamps[0].type == "POINT":
             power = sum(4 * np.pi * lamp.intensity[0] for lamp in lamps)
         else:

@@ -16,6 +16,7 @@ FEW = 24  # faces of one group of triangles, if that will do
 FINENESS = ((15.0, 0.7), (20.0, 0.7), (20.0, 0.5), (30.0, 0.5))
 PIECES = 48  # of a bent thing that would be more faces
 BENT = 2.0  # how much a piece that is bent counts, compared with one that does not fill its rectangle
+SAMPLE = 4096  # triangles, about, by which it is decided how pieces are divided
 LOOSE = 0.15  # a sign fills at least this share of its outline
 THICK = 0.3  # a face that is thicker than this share of its length is divided
 
@@ -45,13 +46,45 @@ class Face(NamedTuple):
     ellipse: bool
 
 
+def _vertices(corners: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return numbers (n,3) of the corners (n,3,3) of triangles, which are equal where corners are."""
+    bits = (corners.reshape(-1, 3).round(9) + 0.0).view(np.uint64)  # −0 is 0
+    key = np.zeros(len(bits), np.uint64)
+    for column in bits.T:
+        key = (key ^ column) * np.uint64(0x9E3779B97F4A7C15)
+        key ^= key >> np.uint64(29)
+    _, vertex = np.unique(key, return_inverse=True)  # of rows it would take ten times as long
+    found: NDArray[np.int64] = vertex.reshape(-1, 3)
+    return found
+
+
 def closed(corners: NDArray[np.float64]) -> bool:
     """Return whether each edge of triangles (n,3,3) belongs to two of them, so that their insides are not seen."""
-    _, vertex = np.unique(corners.reshape(-1, 3).round(9), axis=0, return_inverse=True)
-    vertex = vertex.reshape(-1, 3)
+    vertex = _vertices(corners)
     edges = np.sort(np.concatenate([vertex[:, [0, 1]], vertex[:, [1, 2]], vertex[:, [2, 0]]]), axis=1)
-    _, count = np.unique(edges, axis=0, return_counts=True)
+    _, count = np.unique(edges[:, 0] * (int(vertex.max(initial=0)) + 1) + edges[:, 1], return_counts=True)
     return bool((count == 2).all())
+
+
+def parts(of: Emitting, most: int) -> list[Emitting]:
+    """Return the triangles of each part that does not touch the others, in the order of the mesh; none if there are
+    more than `most` parts.
+    """
+    vertex = _vertices(of.corners)
+    label = np.arange(vertex.max(initial=-1) + 1)  # of vertices: a smaller number of their part
+    a, b = vertex[:, :2].ravel(), vertex[:, 1:].ravel()  # edges that may still join parts
+    while len(a):
+        low, high = np.minimum(label[a], label[b]), np.maximum(label[a], label[b])
+        apart = low != high
+        a, b = a[apart], b[apart]
+        np.minimum.at(label, high[apart], low[apart])
+        while (label != label[label]).any():
+            label = label[label]
+    names, part = np.unique(label[vertex[:, 0]], return_inverse=True)
+    if len(names) > most:
+        return []
+    rows = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
+    return [of] if len(rows) == 1 else [of.at(r) for r in sorted(rows, key=lambda r: int(r[0]))]
 
 
 def ball(of: Emitting) -> tuple[NDArray[np.float64], float] | None:
@@ -70,12 +103,14 @@ def divided(of: Emitting, most: int) -> list[Face]:
     """Return the triangles as faces: as fine as possible without too many of them, or else the coarsest. The division
     stops as soon as there are more than `most`.
     """
-    faces: list[Face] = []
-    for flat, full in FINENESS:
-        faces = list(islice(_faces(of, flat, full), most + 1))
+    coarsest = list(islice(_faces(of, *FINENESS[-1]), most + 1))
+    if len(coarsest) > most:  # finer, there are more
+        return coarsest
+    for fineness in FINENESS[:-1]:
+        faces = list(islice(_faces(of, *fineness), most + 1))
         if len(faces) <= FEW:
-            break
-    return faces
+            return faces
+    return coarsest
 
 
 def _faces(of: Emitting, flat: float, fills: float) -> Iterator[Face]:
@@ -144,19 +179,21 @@ def pieces(of: Emitting, count: int) -> list[Face]:
 
     def add(rows: NDArray[np.int64]) -> None:
         nonlocal made
-        area, normal = of.area[rows], of.normal[rows]
+        some, whole = rows[::len(rows) // SAMPLE + 1], float(of.area[rows].sum())
+        area, normal = of.area[some], of.normal[some]
         mean = area @ normal / area.sum()
         bent, loose = BENT * (1 - float(np.linalg.norm(mean))), 0.0
         if bent < 0.99 * BENT:  # else it is closed, and no face
-            face, full, _, along = _face(of, rows)
-            long = float(np.ptp(of.corners[rows].reshape(-1, 3) @ along))
+            face, full, _, along = _face(of, some)
+            full *= whole / float(area.sum())
+            long = float(np.ptp(of.corners[some].reshape(-1, 3) @ along))
             loose = 0.0 if face.ellipse else (1 - min(full, 1.0)) * long / size
         if bent >= loose:
             away = normal - mean
-            by = normal @ np.linalg.eigh((area[:, None] * away).T @ away)[1][:, 2]
+            by = of.normal[rows] @ np.linalg.eigh((area[:, None] * away).T @ away)[1][:, 2]
         else:
             by = of.corners[rows].mean(1) @ along
-        worst, made = max(bent, loose) * float(area.sum()) if len(rows) > 2 else 0.0, made + 1
+        worst, made = max(bent, loose) * whole if len(rows) > 2 else 0.0, made + 1
         heapq.heappush(waiting, (-worst, made, rows, by))
 
     add(np.arange(len(of.area)))

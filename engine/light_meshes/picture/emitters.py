@@ -171,11 +171,12 @@ def _group(of: Emitting, ob: Object, whole: bool) -> Group:
     closed, middles = shapes.closed(of.corners), of.corners.mean(1)
     if closed and of.area @ np.einsum("ni,ni->n", of.normal, middles - middles[0]) < 0:
         of = of._replace(normal=-of.normal)  # the mesh is inside out
-    ball = shapes.ball(of) if closed and whole else None
-    if ball is not None:
-        intensity = (of.area[:, None] * of.radiance).sum(0) / (4 * np.pi)
-        return Group(BALL, [Light(f"{ob.name} (emission)", "POINT", _rgb(intensity), _rgb(ball[0]), radius=ball[1],
-                                  softness="SIZE", blockers=ob.blockers)])
+    parts = shapes.parts(of, BALLS) if closed and whole else []
+    balls = [(part, shapes.ball(part)) for part in parts]
+    if balls and all(ball for _, ball in balls):
+        return Group(BALL, [Light(f"{ob.name} (emission)", "POINT", _rgb((part.area @ part.radiance) / (4 * np.pi)),
+                                  _rgb(ball[0]), radius=ball[1], softness="SIZE", blockers=ob.blockers)
+                            for part, ball in balls if ball])
     faces = shapes.divided(of, shapes.FEW if closed else MOST)
     sign = shapes.sign(of) if len(faces) > shapes.FEW else None
     if sign is not None:
