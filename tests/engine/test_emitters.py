@@ -156,6 +156,18 @@ def test_bulbs_have_few_sets_of_blockers() -> None:
     assert len({lamp.blockers for lamp in lamps}) <= 1 + emitters.SETS
 
 
+@pytest.mark.parametrize("seen", [True, False])
+@pytest.mark.parametrize("room", [box((-9, -9, -9), (9, 9, 12)), sphere(14, 24, 12),
+                                  Mesh(sphere(1, 24, 12).vertices * (11, 13, 14), sphere(1, 24, 12).triangles)])
+def test_a_room_that_glows_shines_inside(room: Mesh, seen: bool) -> None:
+    """It is gathered: a floor in it has its radiance. Also where the camera is outside, and looks through."""
+    things = [Shape(plate(5, 5), FLOOR, "floor"), Shape(room, GLOWS, "room", flags={"visible_camera": seen})]
+    base = scene("ball")
+    camera = base.camera if seen else look_down(0, 0, SIZE, PIXELS, height=30)
+    picture = render_image(Scene.from_shapes(things, camera, [], base.settings)).passes["Combined"][..., :3]
+    np.testing.assert_allclose(picture, np.broadcast_to(GLOWS.emission, picture.shape), rtol=0.005)
+
+
 def test_only_where_light_is_gathered() -> None:
     assert not Prepared(scene("panel", world_light="AMBIENT")).scene.lights
     assert len(Prepared(scene("panel")).scene.lights) == 2

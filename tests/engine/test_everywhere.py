@@ -117,7 +117,8 @@ def test_a_thin_wall_lets_no_light_into_the_other_room():
 @pytest.mark.parametrize("bounces", [1, 2, 4])
 def test_a_furnace(monkeypatch, albedo, bounces):
     """A closed room of emitting walls, with a box in it: emission · Σ albedo^k."""
-    monkeypatch.setattr(emitters, "MOST", 0)  # no lamps: all emission is gathered
+    for limit in ("MOST", "BALLS", "TUBES"):  # no lamps: all emission is gathered
+        monkeypatch.setattr(emitters, limit, 0)
     glows = Material("glows", Od=(albedo,) * 3, emission=(1.0, 1.0, 1.0))
     shapes = [Shape(box((-2, -2, 0), (2, 2, 3)), glows), Shape(box((-0.5, -0.5, 0.2), (0.5, 0.5, 1)), glows)]
     light = render_image(scene(shapes, (0, -1.9, 1.5), (0, 0, 1.2), 8, world=(0, 0, 0), bounces=bounces)).passes[
@@ -128,7 +129,8 @@ def test_a_furnace(monkeypatch, albedo, bounces):
 @pytest.mark.parametrize("bounces", [1, 3])
 def test_a_furnace_of_small_triangles(monkeypatch, bounces):
     """Patches there are triangles that stand for others, and wider ones gather for them."""
-    monkeypatch.setattr(emitters, "MOST", 0)
+    for limit in ("MOST", "BALLS", "TUBES"):
+        monkeypatch.setattr(emitters, limit, 0)
     glows = Material("glows", Od=(0.6,) * 3, emission=(1.0, 1.0, 1.0))
     shapes = [Shape(sphere(2.0, 96, 48), glows), Shape(sphere(0.4, 48, 24), glows)]
     of = scene(shapes, (0, -1.6, 0.4), (0, 0, 0), 8, world=(0, 0, 0), bounces=bounces, auto_h=False, h=0.2)

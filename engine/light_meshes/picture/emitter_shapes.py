@@ -66,6 +66,18 @@ def closed(corners: NDArray[np.float64]) -> bool:
     return bool((count == 2).all())
 
 
+def around(of: Emitting, points: NDArray[np.float64]) -> bool:
+    """Return whether a closed thing is around any of these points (n,3): whether it fills all directions there."""
+    corners = of.corners.reshape(-1, 3)
+    for point in points[((points > corners.min(0)) & (points < corners.max(0))).all(1)]:
+        a, b, c = (of.corners - point).swapaxes(0, 1)  # solid angles by van Oosterom and Strackee (1983)
+        A, B, C = (np.linalg.norm(to, axis=1) for to in (a, b, c))
+        below = A * B * C + (a * b).sum(1) * C + (b * c).sum(1) * A + (c * a).sum(1) * B
+        if abs(np.arctan2((a * np.cross(b, c)).sum(1), below).sum()) > np.pi:  # half of 4π, all around
+            return True
+    return False
+
+
 def parts(of: Emitting, most: int) -> list[Emitting]:
     """Return the triangles of each part that does not touch the others, in the order of the mesh; none if there are
     more than `most` parts.

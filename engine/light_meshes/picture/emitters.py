@@ -30,6 +30,7 @@ BALLS = 256  # things that are one lamp each, as bulbs are
 TUBES = 4  # bent things
 BALL, BENT, FLAT = "ball", "bent", "flat"
 TRIED = 1024  # groups that are looked at
+THINGS = 256  # that are looked for inside of one
 SETS, BLOCKS = 8, 0.25  # see _past_themselves
 SAMPLES = 1 << 18  # points where emission is looked at, of all triangles whose material has a program for it
 
@@ -116,10 +117,10 @@ def lamps_of(bare: World, found: Emitting) -> tuple[list[Light], NDArray[np.int6
         place = names[g] // len(scene.materials)
         owner, whole = int(owners[g]), len(of.triangle) == triangles[place]
         ob = scene.objects[owner]
-        if count[FLAT] >= MOST and not (whole and shapes.ball(of)):  # most are not bent, and this is faster
+        if count[FLAT] >= MOST and not (whole and shapes.ball(of)):  # most are neither, and this is faster
             continue
-        kind, new = _group(of, ob, whole)
-        if count[kind] + len(new) > room[kind]:
+        kind, new = _group(of, ob, whole, _inside(bare, int(place), ob))
+        if not new or count[kind] + len(new) > room[kind]:
             continue
         count[kind] += len(new)
         lamps += new if ob.receivers is None else [dataclasses.replace(lamp, receivers=ob.receivers) for lamp in new]
@@ -166,11 +167,28 @@ class Group(NamedTuple):
     lamps: list[Light]
 
 
-def _group(of: Emitting, ob: Object, whole: bool) -> Group:
-    """Return the lamps of a group of triangles of an object. whole: the object has no other triangles."""
+def _inside(bare: World, instance: int, ob: Object) -> NDArray[np.float64]:
+    """Return points (n,3) of what is seen, if it is inside of this instance: the camera, and other things behind
+    what the camera does not see.
+    """
+    eye = bare.camera.matrix[None, :3, 3]
+    if ob.visible_camera:
+        return eye
+    s = bare.surfaces
+    first = np.flatnonzero(np.diff(s.instance, prepend=-1))
+    first = first[s.instance[first] != instance][:THINGS]
+    return np.concatenate([eye, s.vertices[s.triangles[first, 0]].astype(np.float64) * s.scale + s.centre])
+
+
+def _group(of: Emitting, ob: Object, whole: bool, inside: NDArray[np.float64]) -> Group:
+    """Return the lamps of a group of triangles of an object; none for a room. whole: the object has no other
+    triangles. inside (n,3): see `_inside`.
+    """
     closed, middles = shapes.closed(of.corners), of.corners.mean(1)
     if closed and of.area @ np.einsum("ni,ni->n", of.normal, middles - middles[0]) < 0:
         of = of._replace(normal=-of.normal)  # the mesh is inside out
+    if closed and shapes.around(of, inside):  # both sides shine, and so large a thing is gathered well
+        return Group(FLAT, [])
     parts = shapes.parts(of, BALLS) if closed and whole else []
     balls = [(part, shapes.ball(part)) for part in parts]
     if balls and all(ball for _, ball in balls):
