@@ -46,7 +46,10 @@ class Alone:
         the whole scene. `work` is as in `Lighting.direct`.
         """
         lit = lighting.caught(hits, direction, check, work)
-        full = self.lighting.caught(hits, direction, check)
+        more = None if work is None else np.zeros_like(work)
+        full = self.lighting.caught(hits, direction, check, more)
+        if work is not None:
+            work += more
         there = full > 0
         left = (lit / np.where(there, full, 1) * there).sum(1, keepdims=True)
         channels = there.sum(1, keepdims=True)
