@@ -81,6 +81,23 @@ def test_a_ball_on_a_plane_also_at_contact():
     close(light, 1 - 0.5**2 / d**2 * (0.5 / d))
 
 
+@pytest.mark.parametrize(("pane", "ior", "fresnel"), [("slab", 1.5, True), ("sheet", 1.5, True), ("slab", 1.0, True),
+                                                      ("slab", 1.5, False)])
+def test_a_floor_under_a_wide_pane(pane, ior, fresnel):
+    """What Fresnel's equations leave of the sky: 1 − R at a sheet; at a slab, in which light goes to and fro, the sum
+    of (1 − R)² R^2k. Its colour counts at each face.
+    """
+    glass = Material("glass", Od=(0.0, 0.0, 0.0), kd=0.0, kt=(0.5, 1.0, 1.0), ior=ior, fresnel=fresnel)
+    mesh = rectangle((-90.0, -90.0), (90.0, 90.0), 1.0) if pane == "sheet" else box((-90, -90, 1), (90, 90, 1.1))
+    _, light = seen(scene([Shape(mesh, glass), Shape(FLOOR, WHITE)], (0, -0.5, 0.9), pixels=24, refraction="VIEW",
+                          auto_h=False, h=0.5),
+                    lambda x, y, z: np.abs(z) < 1e-6)
+    c = np.sqrt((np.arange(4000) + 0.5) / 4000)  # cosines of light that comes from all around
+    inside = np.sqrt(1 - (1 - c * c) / ior**2)
+    R = (((c - ior * inside) / (c + ior * inside))**2 + ((ior * c - inside) / (ior * c + inside))**2) / 2 * fresnel
+    close(light, np.mean(0.5 * (1 - R) if pane == "sheet" else 0.25 * (1 - R) / (1 + R)), 0.01, 0.005)
+
+
 def test_a_thin_wall_lets_no_light_into_the_other_room():
     """Two rooms on one floor, with a wall .02 thick between; one has a lamp."""
     walls = [box((-2, -2, -0.1), (2, 2, 0)), box((-2, -2, 2), (2, 2, 2.1)), box((-2.1, -2, 0), (-2, 2, 2)),
@@ -100,7 +117,8 @@ def test_a_thin_wall_lets_no_light_into_the_other_room():
 @pytest.mark.parametrize("bounces", [1, 2, 4])
 def test_a_furnace(monkeypatch, albedo, bounces):
     """A closed room of emitting walls, with a box in it: emission · Σ albedo^k."""
-    monkeypatch.setattr(emitters, "MOST", 0)  # no lamps: all emission is gathered
+    for limit in ("MOST", "BALLS", "TUBES"):  # no lamps: all emission is gathered
+        monkeypatch.setattr(emitters, limit, 0)
     glows = Material("glows", Od=(albedo,) * 3, emission=(1.0, 1.0, 1.0))
     shapes = [Shape(box((-2, -2, 0), (2, 2, 3)), glows), Shape(box((-0.5, -0.5, 0.2), (0.5, 0.5, 1)), glows)]
     light = render_image(scene(shapes, (0, -1.9, 1.5), (0, 0, 1.2), 8, world=(0, 0, 0), bounces=bounces)).passes[
@@ -111,7 +129,8 @@ def test_a_furnace(monkeypatch, albedo, bounces):
 @pytest.mark.parametrize("bounces", [1, 3])
 def test_a_furnace_of_small_triangles(monkeypatch, bounces):
     """Patches there are triangles that stand for others, and wider ones gather for them."""
-    monkeypatch.setattr(emitters, "MOST", 0)
+    for limit in ("MOST", "BALLS", "TUBES"):
+        monkeypatch.setattr(emitters, limit, 0)
     glows = Material("glows", Od=(0.6,) * 3, emission=(1.0, 1.0, 1.0))
     shapes = [Shape(sphere(2.0, 96, 48), glows), Shape(sphere(0.4, 48, 24), glows)]
     of = scene(shapes, (0, -1.6, 0.4), (0, 0, 0), 8, world=(0, 0, 0), bounces=bounces, auto_h=False, h=0.2)

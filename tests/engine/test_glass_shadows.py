@@ -57,6 +57,17 @@ def expected(P, lamp, radius, t, ior, fresnel, centre=(0, 0, 1.5)):
     return t**2 * (first * second if fresnel else 1) * max(0, 1 - miss)
 
 
+@pytest.mark.parametrize("angle", [0.0, 60.0, 75.0])
+def test_a_sheet_dims_as_view_rays(angle):
+    """Also where no body of glass is in the scene."""
+    a = np.radians(angle)
+    sheet = Shape(rectangle((-9, -9), (9, 9), 1.0), glass(fresnel=True), "sheet")
+    light, way = sun((np.sin(a), 0, -np.cos(a))), np.array([np.sin(a), 0, -np.cos(a)])
+    passed = bent(way, np.array([0.0, 0, 1]), 1 / 1.5)[1]
+    assert seen(below([sheet], light)) == pytest.approx(passed, abs=1e-6)
+    assert (seen(below([sheet], light, glass_shadows="CLEAR")) == 1).all()
+
+
 @pytest.mark.parametrize("radius", [0.02, 0.5])
 @pytest.mark.parametrize("fresnel", [False, True])
 @pytest.mark.parametrize("ior", [1.1, 1.5])

@@ -66,19 +66,58 @@ def blurred(picture):
     return sum(p[i:i + HEIGHT, j:j + WIDTH] for i in range(3) for j in range(3)) / 9
 
 
+def as_cycles(scene, samples, bounces):
+    """Let Cycles render the scene without its tricks."""
+    cycles, scene.render.engine = scene.cycles, 'CYCLES'
+    cycles.device, cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = 'CPU', samples, False, False
+    cycles.max_bounces = cycles.diffuse_bounces = bounces
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
+    cycles.pixel_filter_type = 'BLACKMAN_HARRIS'
+
+
 @pytest.mark.parametrize(("build", "bounces", "median", "most"), [(things, 0, 0.02, 0.08), (room, 1, 0.05, 0.15)])
 def test_pictures_are_those_of_cycles(scene, add, add_mesh, render, build, bounces, median, most):
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT
     build(scene, add, add_mesh)
-    own, cycles = scene.light_meshes, scene.cycles
+    own = scene.light_meshes
     own.world_light, own.bounces = 'SKY', bounces
     ours = blurred(render(scene)["Combined"])
-    scene.render.engine = 'CYCLES'
-    cycles.device, cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = 'CPU', 256, False, False
-    cycles.max_bounces = cycles.diffuse_bounces = bounces
-    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
-    cycles.pixel_filter_type = 'BLACKMAN_HARRIS'
+    as_cycles(scene, 256, bounces)
     theirs = blurred(render(scene)["Combined"])
     error = np.abs(ours - theirs) / np.maximum(theirs, 0.01 * np.percentile(theirs, 99))
     assert np.median(error) < median
     assert np.percentile(error, 95) < most
+
+
+def test_catchers_are_those_of_cycles(scene, add, add_mesh, render):
+    """The alpha of a floor and a wall that catch shadows: of a box in the light of a sky and a sun, which light from
+    the box brightens again. The wall's shadow on the floor does not count, and a glowing box gives light.
+    """
+    things(scene, add, add_mesh)
+    floor, _, glowing, _ = (o for o in scene.objects if o.type == 'MESH')
+    box(add_mesh, floor.data.materials[0], (0, 1.5, 1), (8, 0.1, 2))
+    for catcher in (floor, scene.objects[-1]):
+        catcher.is_shadow_catcher = True
+    glow = bpy.data.materials.new("glow")
+    if bpy.app.version < (5, 0):
+        glow.use_nodes = True
+    tree = glow.node_tree
+    tree.nodes.clear()
+    shader = tree.nodes.new('ShaderNodeEmission')
+    shader.inputs["Strength"].default_value = 3
+    tree.links.new(shader.outputs[0], tree.nodes.new('ShaderNodeOutputMaterial').inputs["Surface"])
+    glowing.data.materials[0] = glow
+    lamp = bpy.data.lights.new("sun", 'SUN')
+    lamp.energy, lamp.angle = 2, 0.02
+    add(lamp, rotation_euler=(-0.8, 0.3, 0))
+    scene.render.film_transparent = True
+    scene.render.resolution_x, scene.render.resolution_y = 60, 40
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'SKY', 1
+    ours = render(scene)["Combined"][..., 3]
+    as_cycles(scene, 128, 1)
+    theirs = render(scene)["Combined"][..., 3]
+    caught = (np.maximum(ours, theirs) < 0.9) & (theirs > 0.05)  # not the things themselves
+    assert 0.15 < caught.mean() < 0.7
+    error = np.abs(ours - theirs)[caught]
+    assert np.median(error) < 0.025 and np.percentile(error, 95) < 0.1, np.percentile(error, (50, 95))
+    assert abs((ours - theirs)[caught].mean()) < 0.01

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from ..film.images import Framebuffer
 from ..picture import first, render
+from ..picture.catchers import Alone
 from ..picture.everywhere import Everywhere
 from ..picture.measured import Measured
 from ..picture.prepared import Before, Prepared
@@ -35,6 +36,7 @@ class Parts:
     measured: Measured
     shadowing: Shadowing
     everywhere: Everywhere | None
+    alone: Alone | None
 
 
 @dataclass
@@ -51,7 +53,8 @@ class Kept:
         """Return the newest of each part."""
         if self.direct is None or self.whole is None:
             return self.direct or self.whole
-        return Parts(self.direct.world, self.direct.measured, self.whole.shadowing, self.whole.everywhere)
+        return Parts(self.direct.world, self.direct.measured, self.whole.shadowing, self.whole.everywhere,
+                     self.whole.alone)
 
 
 def pictures(kept: Kept, scene: Scene, camera: Camera | None, steps: Sequence[tuple[int, int]], passes: Sequence[str],

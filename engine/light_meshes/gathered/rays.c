@@ -1,4 +1,5 @@
 /* What rays that gather light meet: how far away, and the keys of patches there (rays.py). */
+#include "../glass/fresnel.h"
 #include "../rays/around.h"
 #include "grids.h"
 
@@ -108,18 +109,18 @@ i64 rays_met(i64 V, i64 T, i64 s, i64 x, i64 r, i64 d, const f64 *centre, f64 sc
 
 /* Lets rays pass what they met: those that go on are put at the begin of the arrays (row, weight, origin, direction), which
    say then where they begin, with N, the normal there; `clear` tells which triangles let them pass, `factor` how much of
-   the light. What does not pass is a layer: which row it is of, the key of the patch, where on it, and how much it counts.
+   the light, and `dims` by which index Fresnel's equations dim it; see `Interfaces.dims`. What does not pass is a layer: which row it is of, the key of the patch, where on it, and how much it counts.
    Rays that met nothing are `out`: rows, directions and weights. state: how many rays, layers, and rays that are out; of
    these there may be some before. `over`: rays go on no more. */
 KERNEL(rays_passed,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  for_small i32[s,T]  "
-       "finest f64  share f64  clear bool[T]  least f64  over i64  factor f32[n,3]  triangle i32[n]  u f32[n]  v f32[n]  "
+       "finest f64  share f64  clear bool[T]  dims f32[T]  least f64  over i64  factor f32[n,3]  triangle i32[n]  u f32[n]  v f32[n]  "
        "row i64[x]!  weight f64[x,3]!  origin f64[x,3]!  direction f64[x,3]!  N f64[x,3]!  "
        "keys u64[n]!  at i64[n]!  count f64[n,3]!  out i64[x]!  way f64[x,3]!  left f64[x,3]!  state i64[3]!"
        ";  1<=s  n<=x  0<finest<inf  0<=state  -1<=triangle<T;  0<=triangles<V  -1<=other<T  -1<=for_small<T")
 i64 rays_passed(i64 V, i64 T, i64 s, i64 n, i64 x, const f64 *centre, f64 scale, const f32 *vertices,
                 const i32 *triangles, const i32 *other, const u8 *flipped, const i32 *for_small, f64 finest, f64 share,
-                const u8 *clear, f64 least, i64 over, const f32 *factor, const i32 *triangle, const f32 *u, const f32 *v,
+                const u8 *clear, const f32 *dims, f64 least, i64 over, const f32 *factor, const i32 *triangle, const f32 *u, const f32 *v,
                 i64 *row, f64 *weight, f64 *origin, f64 *direction, f64 *N, u64 *keys, i64 *at, f64 *count, i64 *out,
                 f64 *way, f64 *left, i64 *state) {
     Cells cells = {centre, scale, finest, share, vertices, triangles, other, for_small, flipped, T, s};
@@ -130,7 +131,7 @@ i64 rays_passed(i64 V, i64 T, i64 s, i64 n, i64 x, const f64 *centre, f64 scale,
     state[0] = state[1] = 0;
     for (i64 k = 0; k < n; k++) {
         i64 t = triangle[k], next = state[0], met = state[1];
-        f64 stops[3], goes[3], *d = direction + 3 * k, *w = weight + 3 * k, normal[3], most = 0.0, any = 0.0;
+        f64 stops[3], goes[3], *d = direction + 3 * k, *w = weight + 3 * k, normal[3], most = 0.0, any = 0.0, dimmed = 1.0;
         if (t < 0) {
             if (state[2] >= x) return OUTSIDE;
             out[state[2]] = row[k], memcpy(way + 3 * state[2], d, 3 * sizeof *d);
@@ -138,9 +139,16 @@ i64 rays_passed(i64 V, i64 T, i64 s, i64 n, i64 x, const f64 *centre, f64 scale,
             continue;
         }
         if (over) continue;
+        Edges e = edges_of(vertices, triangles + 3 * t);
+        cross(e.e, e.f, normal);
+        f64 length = sqrt(dot(normal, normal)), cosine = dot(normal, d) / length;
+        if (dims[t] != 0.0f) {
+            f64 back = fresnel(fabs(dims[t]), fabs(cosine) < 1.0 ? fabs(cosine) : 1.0);
+            dimmed = dims[t] > 0.0f ? 1.0 - back : sqrt((1.0 - back) / (1.0 + back));
+        }
         for (int c = 0; c < 3; c++) {
             f64 passed = clear[t] ? factor[3 * k + c] : 0.0;
-            stops[c] = w[c] * (1.0 - passed), goes[c] = w[c] * passed;
+            stops[c] = w[c] * (1.0 - passed), goes[c] = w[c] * passed * dimmed;
             any = stops[c] != 0.0 ? 1.0 : any, most = goes[c] > most ? goes[c] : most;
         }
         if (any != 0.0) {
@@ -148,9 +156,7 @@ i64 rays_passed(i64 V, i64 T, i64 s, i64 n, i64 x, const f64 *centre, f64 scale,
             at[met] = k, memcpy(count + 3 * met, stops, sizeof stops), state[1]++;
         }
         if (most <= least) continue;
-        Edges e = edges_of(vertices, triangles + 3 * t);
-        cross(e.e, e.f, normal);
-        f64 length = sqrt(dot(normal, normal)) * (dot(normal, d) < 0.0 ? -1.0 : 1.0);
+        if (cosine < 0.0) length = -length;
         for (int j = 0; j < 3; j++) {
             N[3 * next + j] = normal[j] / length;
             origin[3 * next + j] = centre[j] + scale * (e.a[j] + u[k] * e.e[j] + v[k] * e.f[j]);

@@ -165,9 +165,9 @@ class Gatherer:
         for step in range(THROUGH + 1):
             n = len(hit[0])
             before, keys, at, counts = row[:n].copy(), np.empty(n, np.uint64), np.empty(n, np.int64), np.empty((n, 3))
-            _passed(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, clear, LEAST,
-                    step == THROUGH, self._factor(*hit), *hit, row, weight, origin, direction, N, keys, at, counts,
-                    *out, state)
+            _passed(*g.shape, g.other, g.flipped, self.for_small, self._finest, SHARE * larger, clear,
+                    f.glass.dims, LEAST, step == THROUGH, self._factor(*hit), *hit, row, weight, origin, direction, N,
+                    keys, at, counts, *out, state)
             met = slice(int(state[1]))
             if layers is not None and state[1]:
                 layers.append(Layer(before[at[met]], Met(keys[met], *(a[at[met]] for a in hit)), counts[met]))

@@ -70,11 +70,16 @@ class Interfaces:
         # (T,) the squared sine up to which a ray still leaves; see `interfaces_cross`
         self._grazing = np.ones(len(solid))
         self._grazing[self.bending] = facets(surfaces, np.flatnonzero(self.bending))
+        # (T,) the index by which Fresnel's equations dim a straight ray at a crossing, 0: they do not. It is negative
+        # for bodies, where light that is reflected inside leaves at one of the two faces, too.
+        dim = np.where(self._fresnel & (self._ior != 1) & (self._kt > 0).any(1) & ~cut, self._ior, 0)[material]
+        self.dims = np.where(self.bending, -dim, dim).astype(np.float32)
         self._room = min(2 * len(b.rank), MEDIA)  # twice, because a body that overlaps itself is entered twice
         casts = np.array([o.visible_shadow for o in scene.objects], np.bool_)
         owner = scene.geometry.instance_object[surfaces.instance]
         self._in_shadow_paths = self.lets_through & (casts[owner] if len(owner) else False)
         self.bends_shadows = bool((self._in_shadow_paths & self.bending).any())
+        self._dims_shadows = bool((self._in_shadow_paths & (self.dims > 0)).any())
         self.stacks = stacks(surfaces, self.passes, self.bending) if whole else None
         self.transparent = bool(self.passes.any())
         self.cutouts = bool(cut[material].any())
@@ -93,7 +98,8 @@ class Interfaces:
         """Return what says how much of straight rays of light through bodies counts; None: all. radius (L,): half of
         the width of lamps, see `Aside`.
         """
-        if settings.glass_shadows != "SOLID" or settings.refraction != "VIEW" or not self.bends_shadows:
+        counts = self.bends_shadows or self._dims_shadows
+        if settings.glass_shadows != "SOLID" or settings.refraction != "VIEW" or not counts:
             return None
         return Aside(self._surfaces, self._bodies, self._ior, self._fresnel, radius)
 

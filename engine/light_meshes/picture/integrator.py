@@ -286,25 +286,26 @@ def _shine_through(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits
 
 def _not_there(ready: Prepared, rays: Rays, hits: Hits, tile: Tile,
                check: Callable[[], None]) -> tuple[Rays, Hits, list[tuple[str, Rays]]]:
-    """Remove the camera rays that hit a holdout, and those that hit a shadow catcher; the latter go straight on,
-    dimmed.
+    """Remove the camera rays that hit a holdout, and those that hit a shadow catcher; the latter see the background,
+    dimmed, and nothing that is behind the catcher.
 
-    Returns the remaining hits, and the rays that go on.
+    Returns the remaining hits, and the rays that go on: through cut-outs.
     """
     owner, alpha = ready.world.owner(hits.triangle), ready.glass.alpha(hits)[:, None]
     holdout = ready.numbers.holdout[owner]
     catcher = np.flatnonzero(ready.numbers.catcher[owner] & ~holdout)
     tile.take_alpha(rays.pixel[holdout], (rays.weight * alpha)[holdout])
-    dimmed = np.zeros_like(rays.weight)
     if len(catcher):
-        work = tile.work(len(catcher))
-        dimmed[catcher] = ready.lighting.shadow_ratio(hits.at(catcher), rays.direction[catcher], check, work)
-        tile.add_work(rays.pixel[catcher], work)
+        assert ready.alone is not None
+        work, caught = tile.work(len(catcher)), rays.at(catcher)
+        share = ready.alone.ratio(ready.lighting, hits.at(catcher), caught.direction, check, work)
+        tile.add_work(caught.pixel, work)
+        _missed(ready, "camera", caught._replace(weight=caught.weight * alpha[catcher] * share), tile)
     gone = ready.numbers.holdout[owner] | ready.numbers.catcher[owner]
     if rays.left is not None:
         rays = rays._replace(left=np.where(holdout, rays.left * (1 - alpha[:, 0]), rays.left))
-    weight = rays.weight * (1 - alpha + alpha * dimmed)  # cut-outs let light pass
-    children = going(ready, "camera", rays.at(gone), hits.at(gone), weight[gone], rays.direction[gone], 0)
+    weight = (rays.weight * (1 - alpha))[gone]
+    children = going(ready, "camera", rays.at(gone), hits.at(gone), weight, rays.direction[gone], 0)
     return rays.at(~gone), hits.at(~gone), children
 
 

@@ -164,37 +164,27 @@ class Lighting:
         """Return S (n,L,C) multiplied by the colours that the nodes of lamps give, as `shading.gather` needs it."""
         return self._world.lamps(lit.hits.P, lit.hits.Ns, S)
 
-    def shadow_ratio(self, hits: Hits, direction: NDArray, check: Check,
-                     work: NDArray | None = None) -> NDArray[np.float64]:
-        """Return (Σ S·Ω + Ia)/(Σ Ω + Ia) (n,3): the share that shadows leave of the light that a white matt surface
-        reflects.
-
-        It is 1 if no light arrives. `work` is as in `direct`.
+    def caught(self, hits: Hits, direction: NDArray, check: Check, work: NDArray | None = None) -> NDArray[np.float64]:
+        """Return all light (n,3) that a white matt surface at hits returns: Ia + Σ S·Ω, and what arrives from
+        everywhere. `work` is as in `direct`.
         """
-        m = hits.table
-        white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
-        lit = np.empty((len(hits.P), 3))
-        lit[:] = self._Ia
-        full = lit.copy()
-        surfaces = self._surfaces(hits, direction, np.ones_like(lit))._replace(materials=white, kernels=None)
-        for part, some, active, S in self.lit(surfaces, False, check, work, whole=True):
-            with self._stats.stage("shading"):
-                shading.gather(some, self.emitted(some, S), lit[part])
-                every = pairs.seen(active, len(self._world.scene.lights))
-                shading.gather(some, self.emitted(some, every), full[part])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(full > 0, np.clip(lit / full, 0, 1), 1)
+        light = self.arriving(hits, direction, check, None, work) + self._Ia
+        if self.everywhere is not None and len(hits.P):
+            light += self.everywhere(hits, check).light
+        return light
 
-    def arriving(self, hits: Hits, direction: NDArray, check: Check, visibility: Method) -> NDArray[np.float64]:
+    def arriving(self, hits: Hits, direction: NDArray, check: Check, visibility: Method | None,
+                 work: NDArray | None = None) -> NDArray[np.float64]:
         """Return the light of all lamps (n,3) that a white matt surface at hits returns, with the shadows of
-        `visibility`.
+        `visibility`. None: of the picture's method, each lamp's own. `work` is as in `direct`.
         """
-        m = hits.table
+        m, whole = hits.table, visibility is None
         white = m._replace(kd=np.ones_like(m.kd), ks=np.zeros_like(m.ks), ggx=np.zeros_like(m.ggx))
         light = np.zeros((len(hits.P), 3))
         surfaces = self._surfaces(hits, direction, np.ones_like(light))._replace(materials=white, kernels=None)
-        for part, some, _, S in self.lit(surfaces, False, check, visibility=visibility):
-            shading.gather(some, self.emitted(some, S), light[part])
+        for part, some, _, S in self.lit(surfaces, False, check, work, visibility=visibility, whole=whole):
+            with self._stats.stage("shading"):
+                shading.gather(some, self.emitted(some, S), light[part])
         return light
 
     def _surfaces(self, hits: Hits, direction: NDArray, Od: NDArray) -> shading.Lit:

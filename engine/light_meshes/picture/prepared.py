@@ -19,6 +19,7 @@ from ..surface.curvature import curvature
 from ..surface.points import CAMERA
 from ..surface.seen import SeenLamps
 from . import automatic_step, emitters, everywhere, first, memory, reuse
+from .catchers import Alone, alone
 from .everywhere import Everywhere
 from .lighting import Lighting
 from .measured import Measured
@@ -35,6 +36,7 @@ class Before(Protocol):
     measured: Measured
     shadowing: Shadowing
     everywhere: Everywhere | None
+    alone: Alone | None
 
 
 class Prepared:
@@ -62,7 +64,8 @@ class Prepared:
         measured = Measured(self.world, previous.measured if previous else None)
         step = automatic_step.automatic(self.world, measured)
         settings = dataclasses.replace(scene.settings, h=step.h, kI=step.kI)
-        casters = automatic_step.without(self.world.casters, step.sharp | measured.pinpoints, len(scene.lights))
+        sharp = step.sharp | measured.pinpoints
+        casters = automatic_step.without(self.world.casters, sharp, len(scene.lights))
         self.scene = dataclasses.replace(self.world.scene, settings=settings, camera=view)  # as it is drawn
         self.plan = plan(self.scene, self.world.glass, casters, tuple(passes), step.reason, measured.pinpoints)
         if quick:
@@ -83,9 +86,8 @@ class Prepared:
         self.lighting = Lighting(self.world, self.plan, self.shadowing.method, passes, stats)
         self._measure_light()
         self.everywhere: Everywhere | None = None
-        if self.plan.gathers:
-            suits = measured.h if settings.auto_h else settings.h
-            self._gather(suits, stats, previous.everywhere if previous else None)
+        self.alone: Alone | None = None  # the shadow catchers
+        self._gather(measured, sharp, stats, previous)
         self.offsets = filter_offsets(settings.samples, settings.filter_size)
         small = bool(scene.lights) and bool(self.world.materials.ggx.any())  # highlights may be smaller than samples
         self.curved = curvature(self.world.surfaces) if small else None
@@ -114,11 +116,19 @@ class Prepared:
             direction, hits = self.world.coarse_view()
             self.lighting.measure(self.world.look(hits, direction, np.full(len(direction), CAMERA, np.int8)), direction)
 
-    def _gather(self, h: float, stats: Statistics, before: Everywhere | None) -> None:
-        """Set up light from everywhere where h suits the picture. before: that of the picture before."""
-        self.everywhere = everywhere.everywhere(
-            self.world, self.plan, self.lighting, self.scene.settings, h, stats, before)
-        self.lighting.everywhere = self.everywhere.records
+    def _gather(self, measured: Measured, sharp: dict[int, float], stats: Statistics, before: Before | None) -> None:
+        """Set up light from everywhere, and the light on shadow catchers without other objects, where the plan has
+        them. sharp: the lamps with sharp shadows. before: the picture before.
+        """
+        settings, plan = self.scene.settings, self.plan
+        suits = measured.h if settings.auto_h and plan.gathers else settings.h
+        if plan.gathers:
+            self.everywhere = everywhere.everywhere(self.world, plan, self.lighting, settings, suits, stats,
+                                                    before.everywhere if before else None)
+            self.lighting.everywhere = self.everywhere.records
+        if plan.catchers:
+            self.alone = alone(self.world, plan, settings, suits, sharp, measured, stats,
+                               before.alone if before else None)
 
     def _sparse(self, casters: Casters, stats: Statistics) -> Sparse | None:
         """Return what asks for shadows at some pixels only, if the plan has it."""

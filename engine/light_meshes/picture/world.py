@@ -51,6 +51,7 @@ class World:
     lamps: Lamps
     sky: Sky
     as_lamps: NDArray[np.bool_] | None = None  # (T,) triangles whose light comes from lamps in their place; None: none
+    lamp_objects: tuple[int, ...] = ()  # the objects in whose place these lamps are, the last ones of `lights`
 
     def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
         """Return the hits of rays along `direction`, with what the programs of their materials say of them; see
