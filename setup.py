@@ -3,6 +3,8 @@
 The compiler is zig's, a wheel that pip brings for the build, so that no machine needs one of its own. What is built is
 plain C that ctypes loads: one wheel a platform serves every Python. LIGHT_MESHES_TARGET names another platform to build
 for (a key of TARGETS in `engine/light_meshes/support/sources.py`); without it the wheel is for this machine.
+LIGHT_MESHES_CFLAGS holds flags for the compiler that come after the others, such as -O0 -g0 -fno-sanitize=undefined, by
+which a build takes a third of the time where nobody waits for the kernels' speed.
 """
 
 import os
@@ -54,6 +56,7 @@ class Kernels(build_ext):
         """Compile for one level of processors, and link.
 
         The C library, which zig makes where a system has none, is linked for every processor: Windows' takes minutes.
+        macOS' libraries hold a name, which would be the path of this build.
         """
         out = Path(self.get_ext_fullpath(extension.name)).resolve()
         level = extension.name.split(".")[-1]
@@ -61,7 +64,8 @@ class Kernels(build_ext):
         for folder in (out.parent, objects):
             folder.mkdir(parents=True, exist_ok=True)
         zig = [sys.executable, "-m", "ziglang", "cc", "-target", target().zig]
-        compiler = [*zig, *target().levels[level], *FLAGS, f'-DSOURCES="{digest(PACKAGE)}"', f"-I{PACKAGE / 'support'}"]
+        compiler = [*zig, *target().levels[level], *FLAGS, *os.environ.get("LIGHT_MESHES_CFLAGS", "").split(),
+                    f'-DSOURCES="{digest(PACKAGE)}"', f"-I{PACKAGE / 'support'}"]
 
         def compiled(source: str | Path) -> str:
             name = Path(source).stem + ".o"
@@ -73,8 +77,8 @@ class Kernels(build_ext):
         (objects / "slots.c").write_text(calls(expanded.decode()))
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             names = sorted(pool.map(compiled, [*extension.sources, objects / "slots.c"]))
-        subprocess.run([*zig, *LINKING, "-o", str(out), *names, *([] if target().system == "win32" else ["-lm"])],
-                       check=True, cwd=objects)
+        system = {"win32": [], "darwin": ["-lm", f"-Wl,-install_name,@rpath/{out.name}"]}.get(target().system, ["-lm"])
+        subprocess.run([*zig, *LINKING, "-o", str(out), *names, *system], check=True, cwd=objects)
         for extra in out.parent.glob("*.pdb"), out.parent.glob("*.lib"):  # what Windows' linker leaves
             for path in extra:
                 path.unlink()

@@ -135,7 +135,10 @@ def installed(blender_path, zipped, wheels, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_wheel_can_be_published_and_is_reproducible(wheels, tmp_path):
+def test_the_wheel_can_be_published_and_is_reproducible(wheels):
+    """Its kernels have the same bytes as this checkout's, which were compiled at another time and in another place.
+    tests/engine/test_build.py builds whole wheels twice.
+    """
     wheel = wheels[0]
     target = build.TARGETS[HERE]
     assert wheel.name == f"light_meshes-{build.version()}-py3-none-{target.wheel}.whl"
@@ -150,7 +153,10 @@ def test_the_wheel_can_be_published_and_is_reproducible(wheels, tmp_path):
     needs = {re.match(r"[\w-]+", line)[0] for line in re.findall("^Requires-Dist: (.*)$", metadata, re.M)
              if "extra ==" not in line}
     assert needs == {"numpy", "embreex", "OpenImageIO"}
-    assert build.build_wheel(HERE, tmp_path)[0].read_bytes() == wheel.read_bytes()
+    with zipfile.ZipFile(wheel) as archive:
+        for name in kernels:
+            assert archive.read(name) == (ROOT / "engine" / name).read_bytes(), (
+                f"{name}: if another zig built the checkout's, run `python setup.py -q build_ext --inplace`")
 
 
 @pytest.mark.slow

@@ -41,7 +41,15 @@ from viewport_tools import (
 
 SIDE = int(os.environ.get("STORY_SIDE", "223"))  # squares along a side of the large mesh
 SHORT = "STORY_SHORT" in os.environ  # the figures only
-UPDATES = 200
+UPDATES = 100
+
+
+@bpy.app.handlers.persistent
+def without_eevee(*_):
+    """Let the view of a file that has just been read be drawn by Workbench: EEVEE, which is the factory's choice, would
+    first compile its shaders, for a minute where there is no graphics card.
+    """
+    bpy.context.scene.render.engine = 'BLENDER_WORKBENCH'
 
 
 def story():
@@ -251,6 +259,7 @@ def story():
     yield lambda: not children() and not waiting()
     scene.render.engine = 'LIGHT_MESHES'
     yield lambda: children()
+    bpy.app.handlers.load_post.append(without_eevee)
     bpy.ops.wm.read_homefile(use_factory_startup=True, load_ui=False)
     yield lambda: not children()
     tell("another file", viewports=len(viewport_module.viewports), files=files_of_sessions())

@@ -30,7 +30,7 @@ from viewport_tools import (
     viewport_module,
 )
 
-SLOW_SECONDS = 2.0  # of a first picture
+SLOW_SECONDS = 1.0  # of a first picture
 MOST_ROUNDS = 12  # in which the scene is made slower, until its first picture takes that long
 
 
@@ -39,7 +39,7 @@ def story():
     bpy.data.lights["Light"].light_meshes.softness = 'SCENE'  # by nodes, of whose step and radius the line speaks
     scene.render.engine = 'LIGHT_MESHES'
     ball = bpy.data.objects["Cube"]
-    big = mesh_object("Big", 300, 4.0, 0.3, location=(0, 0, -1))
+    big = mesh_object("Big", 300, 0.7, 0.05, location=(2.5, 0, 0))  # many triangles, on few of the picture's pixels
     big.hide_viewport = True
     rotate(0.3)
     yield lambda: True
@@ -70,11 +70,13 @@ def shown_after(change):
     yield idle
 
 
-def gaps(seconds, change):
-    """Seconds that pass without a new picture, while `change` is called with the time all along."""
+def gaps(seconds, change, pictures=3):
+    """Seconds that pass without a new picture, while `change` is called with the time all along. It ends when so many
+    pictures have been seen, or so many seconds have passed.
+    """
     view, begin = viewport(), time.monotonic()
     seen, last, found = view.pictures, begin, []
-    while (now := time.monotonic()) < begin + seconds:
+    while (now := time.monotonic()) < begin + seconds and len(found) < pictures:
         change(now - begin)
         if view.pictures != seen:
             found.append(now - last)
@@ -85,7 +87,7 @@ def gaps(seconds, change):
 
 def quick(ball):
     """Pictures that come at once are seen at once while something changes."""
-    found = yield from gaps(3, lambda t: setattr(ball.location, "x", np.sin(t)))
+    found = yield from gaps(3, lambda t: setattr(ball.location, "x", np.sin(t)), pictures=10)
     tell("quick", gaps=found)
     yield idle
 
@@ -197,6 +199,9 @@ def deaths(ball, big):
         yield idle
     tell("in an export", engines=len(children()), failed=viewport()._failed)
     yield from same_as_fresh("after deaths at work")
+    big.hide_viewport = True
+    yield 0.1
+    yield idle
 
     killed = set()
 

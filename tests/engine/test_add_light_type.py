@@ -39,7 +39,8 @@ def extended(tmp_path_factory):
                               capture_output=True, check=True).stdout
     slots = package.parent / "slots.c"
     slots.write_text(declarations.calls(expanded.decode()))
-    subprocess.run([*compiler, "-shared", "-fPIC", "-O1", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off",
+    subprocess.run([*compiler, "-shared", "-fPIC", "-O0", "-g0", "-fno-sanitize=undefined", "-Wall", "-Wextra",
+                    "-Werror", "-ffp-contract=off",
                     f'-DSOURCES="{sources.digest(package)}"', "-o", package / sources.library(sys.platform), slots,
                     *sources.sources(package), *(["-lm"] if sys.platform != "win32" else [])], check=True)
     return package

@@ -11,7 +11,7 @@ from light_meshes import Camera, Scene, Shape, box, rectangle, sphere, translate
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Material
-from scenes import four_lights, settings, tabletop
+from scenes import four_lights, point, settings, tabletop
 
 WHITE = (1.0, 1.0, 1.0)
 PASSES = ("Combined", "Glossy", "Ambient", "Environment", "Diffuse", "Emission", "Transmission")
@@ -42,6 +42,22 @@ def test_in_a_white_world_nothing_is_seen(roughness, cosine):
     assert one_pixel(plastic(roughness=roughness), cosine) == pytest.approx(1, abs=0.03)
     tinted = metal(roughness=roughness, F0=(0.2, 0.5, 0.9))
     assert one_pixel(tinted, cosine, mode="RAY_CASTING") == pytest.approx(one_pixel(tinted, cosine), abs=0.025)
+
+
+def test_rough_glass_passes_what_clear_glass_passes():
+    """From above, a pane in a white world, which is not seen, and the middle of a wide lamp behind it."""
+    def seen(roughness, lights):
+        pane = Material("glass", Od=(0, 0, 0), ka=0.0, kd=0.0, kt=WHITE, ior=1.45, fresnel=True, frosted=roughness)
+        scene = Scene.from_shapes([Shape(box((-9, -9, -0.5), (9, 9, 0.0)), pane, "pane")],
+                                  Camera.look_at((0, 0, 100), (0, 0, 0), 1e-3, 1, 1), lights,
+                                  settings(mode="WHITTED", samples=16), world_color=WHITE)
+        return render_image(scene).passes["Combined"][0, 0, :3].astype(float)
+
+    bulb = replace(point((0, 0, -3), name="bulb"), softness="SIZE", radius=0.5, seen_in_glass=True)
+    for lights in [], [bulb]:
+        clear = seen(0.0, lights)
+        assert clear.min() > (20 if lights else 0.99)
+        np.testing.assert_allclose(seen(0.1, lights), clear, rtol=0.01)
 
 
 def test_ambient_counts_only_where_the_world_is_ambient_light():

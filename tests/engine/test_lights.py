@@ -7,6 +7,7 @@ import pytest
 from light_meshes import Scene, Shape, rectangle
 from light_meshes.picture.render import Prepared, render_image
 from light_meshes.scene.description import Light, Material
+from light_meshes.shadows import pairs
 from scenes import WHITE, four_lights, hall, look_down, point, settings, with_lights
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -170,3 +171,19 @@ def test_local_mode_has_no_shadows_and_ray_casting_no_reflections():
     np.testing.assert_array_equal(cast, render_image(plain).passes["Combined"])
     assert (local >= cast).all() and (local > cast).any()
     assert (whitted >= cast).all() and (whitted > cast).any()
+
+
+@pytest.mark.parametrize("lights", [pairs.MANY, pairs.MANY + 70])
+@pytest.mark.parametrize("share", [0.01, 0.5])
+def test_pairs_are_listed_in_parts(monkeypatch, lights, share):
+    """Each pair of a receiver and a light once, and no more at a time than there is room for: a word, or PAIRS."""
+    monkeypatch.setattr(pairs, "PAIRS", 1000)
+    wanted = np.random.default_rng(lights).random((300, lights)) < share
+    words = -(-lights // 64)
+    bits = np.packbits(np.pad(wanted, ((0, 0), (0, 64 * words - lights))), axis=1, bitorder="little")
+    found = list(pairs.blocks(bits.view(np.uint64), lights))
+    assert len(found) > 1 and max(len(row) for row, _ in found) <= max(1000, 300 * 64)
+    listed = np.zeros(wanted.shape, int)
+    for row, light in found:
+        np.add.at(listed, (row, light), 1)
+    np.testing.assert_array_equal(listed, wanted)

@@ -51,6 +51,15 @@ def test_a_convex_surface_has_no_black_facet(shadows, matrix):
     assert (without[facing] == 0).sum() > 20  # the fault is there, were it not mended
 
 
+def test_under_a_sun_with_a_size_it_has_none_either():
+    """Where the whole sun is above the surface, all of it is seen."""
+    scene, size = ball(shadows="LIGHT_MESHES"), 0.2
+    scene = replace(scene, lights=tuple(replace(light, softness="SIZE", angle=size) for light in scene.lights))
+    S, facing = lit(scene, least=np.sin(size / 2) + 0.02)
+    assert facing.sum() > 800
+    assert (S[facing] > 0.99).all()
+
+
 @pytest.mark.parametrize("shadows", METHODS)
 def test_the_back_of_a_surface_is_as_good_as_its_front(shadows):
     front, facing = lit(ball(shadows=shadows))

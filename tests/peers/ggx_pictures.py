@@ -15,7 +15,8 @@ import light_meshes_addon
 import numpy as np
 from mathutils import Vector
 
-CELL, COLUMNS = 40, 12  # pixels of a cell, cells in a row; each material has two cells, side by side
+COLUMNS = 12  # cells in a row; each material has two cells, side by side
+CELLS = {"lobes": 28, "mixes": 28, "bumps": 40}  # pixels of a cell's side; bumps are steep
 LAMPS = {
     "point": ('POINT', {"energy": 4000.0, "shadow_soft_size": 0.0}, (3, 2, 7)),
     "sun": ('SUN', {"energy": 3.0, "angle": 0.0}, (-3, 4, 6)),
@@ -199,8 +200,10 @@ def material(name, *case):
     return made
 
 
-def sheet(scene, found):
-    """A ball and a square of each material, in cells of size 1 around whole numbers; the camera sees them all."""
+def sheet(scene, found, pixels):
+    """A ball and a square of each material, in cells of size 1 around whole numbers, and of so many pixels; the camera
+    sees them all.
+    """
     bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=0.45)
     ball = bpy.context.object.data
     for polygon in ball.polygons:
@@ -223,7 +226,7 @@ def sheet(scene, found):
     scene.camera = bpy.data.objects.new("Camera", camera)
     scene.camera.location = (0, rows / 2 - 0.5, 10)
     scene.collection.objects.link(scene.camera)
-    scene.render.resolution_x, scene.render.resolution_y = CELL * COLUMNS, CELL * rows
+    scene.render.resolution_x, scene.render.resolution_y = pixels * COLUMNS, pixels * rows
     return Vector((0, rows / 2 - 0.5, 0))
 
 
@@ -261,7 +264,7 @@ def draw(folder, name, wanted):
     """
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene, found = bpy.context.scene, {"lobes": cases, "mixes": mixes, "bumps": bumps}[name]()
-    middle, alone = sheet(scene, found), name in ("mixes", "bumps")
+    middle, alone = sheet(scene, found, CELLS[name]), name in ("mixes", "bumps")
     exact(scene)
     for ob in scene.objects if alone else ():
         ob.visible_diffuse = ob.visible_glossy = ob.visible_transmission = False

@@ -14,7 +14,7 @@ pytestmark = [pytest.mark.slow,
               pytest.mark.skipif(not importlib.util.find_spec("bpy"), reason="bpy is not installed")]
 HERE = Path(__file__).parent
 PYTHONS = [p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p]
-CELL, COLUMNS = 40, 12  # as in ggx_pictures.py, which needs a bpy
+COLUMNS = 12  # as in ggx_pictures.py, which needs a bpy
 # In the median, and at the 99th percentile.
 MOST = {"diffuse": (0.005, 0.03), "gloss": (0.03, 0.12), "whole": (0.01, 0.12)}
 PICTURES = ["sun.diffuse", "area.diffuse", "point.gloss", "sun.gloss", "spot.gloss", "area.gloss"]
@@ -52,21 +52,21 @@ def drawn_elsewhere(request, tmp_path_factory):
                 mixes=["sun.whole"], bumps=["sun.diffuse"])
 
 
-def inside():
-    """Which pixels of a ball's cell and of a square's lie away from its edges."""
-    y, x = np.mgrid[:CELL, :CELL] - (CELL - 1) / 2
-    return np.hypot(x, y) < 0.42 * CELL, (abs(x) < 0.33 * CELL) & (abs(y) < 0.33 * CELL)
+def inside(size):
+    """Which pixels of a ball's cell and of a square's, of so many pixels a side, lie away from its edges."""
+    y, x = np.mgrid[:size, :size] - (size - 1) / 2
+    return np.hypot(x, y) < 0.42 * size, (abs(x) < 0.33 * size) & (abs(y) < 0.33 * size)
 
 
 def compare(folder, names, name):
     """Assert that both engines' pictures agree, cell by cell; returns how many cells shine."""
     ours, theirs = (np.load(folder / f"{name}.{whose}.npy").astype(float) for whose in ("ours", "theirs"))
     median, most = MOST[name.split(".")[1]]
-    bright = 0
+    size, bright = theirs.shape[1] // COLUMNS, 0
     for cell in range(2 * len(names)):
-        y, x = (CELL * k for k in divmod(cell, COLUMNS))
-        pixels = inside()[cell % 2]
-        a, b = (picture[y:y + CELL, x:x + CELL][pixels] for picture in (ours, theirs))
+        y, x = (size * k for k in divmod(cell, COLUMNS))
+        pixels = inside(size)[cell % 2]
+        a, b = (picture[y:y + size, x:x + size][pixels] for picture in (ours, theirs))
         light = b.max(1)
         if light.max() == 0:
             assert a.max() < 1e-6, names[cell // 2]

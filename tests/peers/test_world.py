@@ -23,6 +23,7 @@ def wide(scene):
 
 
 def compare(scene, render, views=VIEWS, **bounds):
+    scene.world.cycles.sampling_method = 'NONE'  # nothing is lit, and Cycles need not know from where
     for turn in views:
         scene.camera.rotation_euler = turn
         ours, theirs = both(scene, render)

@@ -164,7 +164,8 @@ def mirror():
 def rough_ground():
     """A slope that the sun lights, and which rough metal shows."""
     beside_a_slope()
-    bpy.context.scene.light_meshes.bounces = 1
+    own = bpy.context.scene.light_meshes
+    own.bounces, own.h, own.samples = 1, 0.1, 2
     metal = bpy.data.materials.new("Metal")
     metal.use_nodes = True
     shader = metal.node_tree.nodes["Principled BSDF"]
@@ -251,7 +252,7 @@ def own_radius():
 
 
 def wide_radius():
-    bpy.data.lights["Sun"].light_meshes.radius = 0.6
+    bpy.data.lights["Sun"].light_meshes.radius = 0.3
 
 
 def sized():
