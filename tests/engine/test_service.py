@@ -1,7 +1,9 @@
 """The engine as a real child process with pipes: how every command ends, and that nothing of it outlives its parent."""
 
+import ctypes
 import json
 import os
+import platform
 import queue
 import signal
 import stat
@@ -230,6 +232,21 @@ def test_quit_ends_it(child):
 
 def test_a_closed_stdin_ends_it(child):
     child.process.stdin.close()
+    assert child.gone() == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a signal for one thread of another process")
+def test_a_signal_that_does_not_wake_the_main_thread_ends_it(child):
+    """A signal that comes just before the main thread begins to wait does not interrupt the wait; nor does one that the
+    system hands to another thread, as here. Without an end to the wait the process stayed for ever.
+    """
+    child.send(command="nothing", id=1)
+    assert child.next()["event"] == "error"
+    time.sleep(0.3)  # so that it waits
+    pid = child.process.pid
+    other = next(int(thread.name) for thread in Path(f"/proc/{pid}/task").iterdir() if int(thread.name) != pid)
+    number = {"x86_64": 234, "aarch64": 131}[platform.machine()]  # of the system call tgkill
+    assert ctypes.CDLL(None).syscall(number, pid, other, int(signal.SIGTERM)) == 0
     assert child.gone() == 0
 
 

@@ -87,7 +87,10 @@ class Service:
         with contextlib.suppress(KernelError):  # the first command reports it
             from . import views  # noqa: F401  now, while the parent still writes its snapshot
         while True:
-            message = self._queue.get()
+            try:
+                message = self._queue.get(timeout=ALIVE_SECONDS)
+            except queue.Empty:  # a signal that came just before this thread began to wait is handled now
+                continue
             if message["command"] == "quit":
                 return
             self._carry_out(message)
