@@ -287,8 +287,8 @@ class Records:
         self._ready(of, check)
         self._hide(places, sources, number)
         alone: NDArray[np.bool_] = ~(sources.weight > 0).any(1)
-        rows, n = np.flatnonzero(~alone), np.count_nonzero(~alone)
-        out = self._room(n)
+        rows = np.flatnonzero(~alone)
+        out = self._room(len(rows))
         with self._lock:
             known = self._M, self._mean, self._inverse, self._nearest, self._open
             kept = (self._sectors, out[-1]) if self._glossy else (None, None)
