@@ -99,7 +99,6 @@ def test_wheels_are_built_for_other_platforms(other, tmp_path, quickly):
         assert build.build_wheel(other, tmp_path / "again")[0].read_bytes() == path.read_bytes()
 
 
-
 def test_what_a_library_may_not_need():
     ok = libraries.Library("linux", "arm64", frozenset({"libc.so.6", "libm.so.6"}), (2, 17), False)
     assert not libraries.complaint(ok, "manylinux2014_aarch64")

@@ -163,7 +163,8 @@ static void blend(const Records *r, const Half *h, const f64 *weight, const u8 *
         f64 one[3], by = part * w[c] / sum;
         i64 of = h->number[c];
         if (by == 0.0) continue;
-        if (lobe->way) lobe_mean(r->sectors + SECTORS * of, lobe->middles, r->M + 3 * of, lobe->N, lobe->way, lobe->alpha, one);
+        if (lobe->way)
+            lobe_mean(r->sectors + SECTORS * of, lobe->middles, r->M + 3 * of, lobe->N, lobe->way, lobe->alpha, one);
         else leaning(r->mean + 15 * of, r->M + 3 * of, lobe->N, one);
         for (int j = 0; j < 3; j++) found[j] += by * one[j];
         free += by * r->open[of];
@@ -199,15 +200,15 @@ static int clear_of(const Records *r, Half *h) {
 enum { NEW = 1, WANTED, CELL, SIGHT };
 
 /* Lets receivers take light from the records around them, from the coarse to the fine, until no more than `enough` of
-   their share is left, or they have to wait. todo: receivers, state[0] of them; those that wait are put at its begin, and
-   state[1] counts them. way, alpha: None, or the lobes that they ask for (sectors.h). `why` says for what they wait: then keys, or number, tell for which records, and `half` which half of a
-   cell it is. level: of each receiver, 0 at first. seen: the level + 1 for which `visible` is known. Reads tables and
-   records to which other threads add. */
+   their share is left, or they have to wait. way, alpha: None, or the lobes that they ask for (sectors.h). todo: receivers,
+   state[0] of them; those that wait are put at its begin, and state[1] counts them; `why` says for what: then keys, or
+   number, tell for which records, and `half` which half of a cell it is. level: of each receiver, 0 at first. seen: the
+   level + 1 for which `visible` is known. Reads tables and records to which other threads add. */
 KERNEL(records_asked,
        "centre f64[3]  scale f64  vertices f32[V,3]  triangles i32[T,3]  other i32[T]  flipped bool[T]  longest f32[T]  "
        "corner i32[T,3]  coarse f64  slots i32[s]  entered u64[q]  inverse f32[r]  nearest f32[r]  done bool[r]  M f64[r,3]  "
-       "mean f32[r,5,3]  open f32[r]  sectors u32[r,64]?  cell_slots i32[e]  cell_entered u64[f]  clear u8[c]  within f64  strict f64  fine f64  "
-       "end f64  last i64  enough f64  triangle i32[n]  P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]?  alpha f64[n]  "
+       "mean f32[r,5,3]  open f32[r]  sectors u32[r,64]?  cell_slots i32[e]  cell_entered u64[f]  clear u8[c]  within f64  "
+       "strict f64  fine f64  end f64  last i64  enough f64  triangle i32[n]  P f64[n,3]  Ng f64[n,3]  Ns f64[n,3]  way f64[n,3]?  alpha f64[n]?  "
        "level i32[n]!  share f64[n]!  light f64[n,3]!  sky f64[n]!  keys u64[n,3]!  "
        "number i32[n,3]!  weight f64[n,3]!  visible bool[n,3]  seen i32[n]  why u8[n]!  half u64[n]!  todo i32[n]!  "
        "state i64[2]!"
@@ -217,17 +218,17 @@ i64 records_asked(i64 V, i64 T, i64 s, i64 q, i64 r, i64 e, i64 f, i64 c, i64 n,
                   const f32 *vertices, const i32 *triangles, const i32 *other, const u8 *flipped, const f32 *longest,
                   const i32 *corner, f64 coarse, const i32 *slots, const u64 *entered, const f32 *inverse,
                   const f32 *nearest, const u8 *done, const f64 *M, const f32 *mean, const f32 *open,
-                  const u32 *sectors, const i32 *cell_slots, const u64 *cell_entered, const u8 *clear, f64 within, f64 strict, f64 fine,
-                  f64 end, i64 last, f64 enough, const i32 *triangle, const f64 *P, const f64 *Ng, const f64 *Ns,
-                  const f64 *way, const f64 *alpha, i32 *level, f64 *share, f64 *light, f64 *sky, u64 *keys, i32 *number, f64 *weight, const u8 *visible,
-                  const i32 *seen, u8 *why, u64 *half, i32 *todo, i64 *state) {
+                  const u32 *sectors, const i32 *cell_slots, const u64 *cell_entered, const u8 *clear, f64 within,
+                  f64 strict, f64 fine, f64 end, i64 last, f64 enough, const i32 *triangle, const f64 *P, const f64 *Ng, const f64 *Ns,
+                  const f64 *way, const f64 *alpha, i32 *level, f64 *share, f64 *light, f64 *sky, u64 *keys, i32 *number,
+                  f64 *weight, const u8 *visible, const i32 *seen, u8 *why, u64 *half, i32 *todo, i64 *state) {
     Records of = {centre, scale, coarse, vertices, longest, triangles, other, corner, flipped, slots, cell_slots, entered,
-                  cell_entered, s, q, r, e, f, c, inverse, nearest, mean, open, done, clear, sectors, M, within, strict, fine, end,
-                  last};
+                  cell_entered, s, q, r, e, f, c, inverse, nearest, mean, open, done, clear, sectors, M, within,
+                  strict, fine, end, last};
     Kept kept;
     Middles middles;
     (void)V, (void)T;
-    if (state[0] > n || (way && !sectors)) return OUTSIDE;
+    if (state[0] > n || (way && !(sectors && alpha))) return OUTSIDE;
     if (way) sectors_middles(&middles);
     state[1] = 0;
     for (int k = 0; k < FLATS; k++) kept.flat[k].t = -1;

@@ -25,11 +25,12 @@ class Light(NamedTuple):
 
 
 def light_of(seen: Seen, patches: Patches, bounces: int, glossy: bool, check: Check) -> Light:
-    """Return the light of the sky and of patches that rays find. glossy: for glossy surfaces, too."""
-    layers, more = seen.layers, None
+    """Return the light of the sky and of patches that rays find. glossy: for glossy surfaces, too, unless there are no
+    bounces at all.
+    """
+    layers, behind, more = seen.layers, list[NDArray[np.int32]](), None
     if bounces == 0 and patches.dark:  # all that they meet is black
-        number, patch = np.where(seen.distance > 0, np.int32(0), np.int32(-1)), np.zeros((1, 3))
-        behind = []
+        number, patch, layers = np.where(seen.distance > 0, np.int32(0), np.int32(-1)), np.zeros((1, 3)), []
     else:
         with patches.asked():
             number = patches.met(joined([seen.met, *(layer.met for layer in layers)]), bounces > 0, check)
@@ -40,7 +41,7 @@ def light_of(seen: Seen, patches: Patches, bounces: int, glossy: bool, check: Ch
 
     def extra(of: NDArray[np.float64]) -> NDArray[np.float64]:
         light = seen.light.copy()
-        for layer, met in zip(layers, behind, strict=bool(behind)):
+        for layer, met in zip(layers, behind, strict=True):
             light[layer.row] += layer.weight * of[met]
         return light
 

@@ -123,7 +123,7 @@ class Records:
                      np.empty((n, 3), np.int32), np.empty((n, 3)), np.ones((n, 3), np.bool_), np.zeros(n, np.int32),
                      np.zeros(n, np.uint8), np.zeros(n, np.uint64))
         todo, state = np.arange(n, dtype=np.int32), np.array([n, 0])
-        way, alpha = (None, np.zeros(n)) if lobe is None else lobe
+        way, alpha = lobe or (None, None)
         while state[0]:
             check()
             with stats.stage("gathered light: asked"):

@@ -6,7 +6,8 @@
 #define SECTORS 64
 #define RINGS 6
 #define TURN 6.28318530717958648
-#define BLUR 0.08  /* how much rougher lobes are taken, as sectors are wide: as α */
+#define BLUR 0.08   /* how much rougher lobes are taken, as sectors are wide: as α */
+#define FACING 0.04f  /* what a facet of plastic (an index of 1.5) reflects that faces the eye: its share grows with the angle */
 
 static const f64 RING_EDGES[RINGS + 1] = {0.0, 0.0585, 0.25, 0.5174, 0.75, 0.9045, 1.0};  /* sin² of 0, 14, 30, 46, 60, 72, 90° */
 static const int RING_BEGINS[RINGS + 1] = {0, 1, 7, 17, 31, 47, 64};                      /* their first sectors */
@@ -82,7 +83,7 @@ static inline void lobe_mean(const u32 *sectors, const Middles *at, const f64 *M
         d = d > 1e-6f ? d : 1e-6f;
         f32 facets = q / d, left = up / (up + sqrtf(aa + (1.0f - aa) * up * up));  /* √D but for a factor; G1 */
         f32 away = 1.0f - sqrtf(0.25f * q), twice = away * away;
-        weight[k] = c > 0.0f ? facets * facets * left * at->angle[k] * (0.04f + 0.96f * twice * twice * away) : 0.0f;
+        weight[k] = c > 0.0f ? facets * facets * left * at->angle[k] * (FACING + (1.0f - FACING) * twice * twice * away) : 0.0f;
     }
     f32 most = 1e-20f, all = 0.0f, sum[3] = {0};
     for (int k = 0; k < SECTORS; k++) most = weight[k] > most ? weight[k] : most;

@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..rays.geometry import Hits
-from ..rays.tracer import Tracer
 from ..scene.description import Scene, Settings
-from ..shadows.casters import casters
 from ..shadows.method import Check
-from ..shadows.registry import KINDS, NONE
+from ..shadows.registry import NONE
 from ..support.statistics import Statistics
 from ..surface import shading
 from . import automatic_step, everywhere
@@ -27,7 +25,7 @@ from .lighting import Lighting
 from .measured import Measured
 from .plan import Plan
 from .shadowing import shadowing
-from .world import World
+from .world import World, blockers
 
 PLANE = 1e-5  # catchers that are no thicker than this share of the scene's size cast no shadows on each other
 
@@ -83,10 +81,7 @@ def _catchers_only(world: World) -> World:
     scene: Scene = dataclasses.replace(world.scene, lights=tuple(lights), objects=tuple(
         o if o.shadow_catcher else dataclasses.replace(o, visible_diffuse=False, visible_shadow=False)
         for o in world.scene.objects))
-    settings, kind = scene.settings, KINDS[scene.settings.shadows]
-    bent = world.glass.bending & (settings.refraction == "FULL" and kind.bends)
-    who = casters(scene, world.surfaces, bent, kind.soft and settings.mode != "LOCAL", kind.lattice)
-    tracer = Tracer(scene, world.surfaces, world.glass.lets_through, bent, who.sets, world.tracer, world.glass.stacks)
+    who, tracer = blockers(scene, world.surfaces, world.glass, world.tracer)
     return dataclasses.replace(world, scene=scene, casters=who, tracer=tracer,
                                lights=shading.light_arrays(scene.lights))
 

@@ -126,14 +126,18 @@ def world(scene: Scene, camera: Camera, stats: Statistics, check: Callable[[], N
         glass = Interfaces(scene, surfaces, images, looks, whole)
     check()
     with stats.stage("accelerator"):
-        settings, kind = scene.settings, KINDS[scene.settings.shadows]
-        bent = glass.bending & (settings.refraction == "FULL" and kind.bends)
-        who = casters(scene, surfaces, bent, kind.soft and settings.mode != "LOCAL", kind.lattice)
-        tracer = Tracer(scene, surfaces, glass.lets_through, bent, who.sets,
-                        alike.tracer if alike else None, glass.stacks)
+        who, tracer = blockers(scene, surfaces, glass, alike.tracer if alike else None)
     check()
     return World(scene, camera, surfaces, lost, images, unread, glass, who, tracer, shading.light_arrays(scene.lights),
                  shading.material_arrays(scene.materials), looks, Lamps(scene, images, camera), sky)
+
+
+def blockers(scene: Scene, surfaces: Surfaces, glass: Interfaces, old: Tracer | None) -> tuple[Casters, Tracer]:
+    """Return which surfaces are in the way of which light, and what traces them. old: see `Tracer`."""
+    settings, kind = scene.settings, KINDS[scene.settings.shadows]
+    bent = glass.bending & (settings.refraction == "FULL" and kind.bends)
+    who = casters(scene, surfaces, bent, kind.soft and settings.mode != "LOCAL", kind.lattice)
+    return who, Tracer(scene, surfaces, glass.lets_through, bent, who.sets, old, glass.stacks)
 
 
 def _kept_surfaces(scene: Scene, camera: Camera, old: World | None) -> tuple[Surfaces, list[str]] | None:

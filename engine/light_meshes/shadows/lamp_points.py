@@ -23,18 +23,11 @@ from ..lights.registry import KINDS
 from ..rays.tracer import Targets
 from ..scene.description import Light
 from ..support.native import kernel
+from .lifts import Lift
 
 _points, _rays = kernel("lamp_points"), kernel("lamp_rays")
 _turns_of_nodes, _turns_of_points = kernel("lamp_turns_of_nodes"), kernel("lamp_turns_of_points")
 FREE, RECTANGLE, ELLIPSE, BALL = 0, 1, 2, 3  # the same in shapes.h
-
-
-class Lift(NamedTuple):
-    """Receivers on smooth surfaces that are made of facets, for shadow methods (see `terminator`)."""
-
-    above: NDArray[np.float64]  # (n,3) world: the vector from P to the smooth surface
-    side: NDArray[np.float64]  # (n,3) unit: the shading normal if P may be lifted, otherwise the geometric one
-    cutoff: NDArray[np.float64]  # (n,) the cosine to a light below which P is lifted; 0: never
 
 
 class Shapes(NamedTuple):

@@ -22,12 +22,12 @@ from ..support.rows import taken
 from ..support.statistics import Statistics
 from .casters import Casters
 from .lamp_points import Shapes
+from .lifts import Lift
 from .meshes.averaging import Classes
 from .meshes.certificate import Certificate
 from .meshes.lattice import Lattice
 from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
-from .terminator import Lift
 
 Check = Callable[[], None]  # raises if the render was cancelled
 Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from ..support.native import kernel
 from . import blocks
 from .casters import Group
-from .lamp_points import Lift, Patterns, points, turns_of_points
+from .lamp_points import Patterns, points, turns_of_points
 from .lamp_points import rays as traced
+from .lifts import Lift
 from .method import Check, Receivers, Setup, SharpMethod
 from .shares import Lamps
 from .sharp import Sharp
@@ -113,17 +114,17 @@ class PointRays:
         for i in range(0, len(some), step):
             check()
             part = some[i:i + step]
-            k, every = len(part), np.arange(len(part), dtype=np.int32)
-            before, of = whole[part], (row[part], light[part], every, first, count)
-            found, total = np.ascontiguousarray(clear[part, :1]), before.copy()
-            rays = self._traced(stops, aim, lift, *of, found, total)
-            free = before.copy().reshape(k, 1)
+            alone = (clear[part] == clear[part, :1]).all(1)
             if self._tracer.has(self._sheets, group.casters):
-                self._traced(sheets, aim, lift, *of, free, before)
-            else:
-                free[:, 0] = total
-            alone = (free[:, 0] == total) & (clear[part] == clear[part, :1]).all(1)
-            clear[part[alone]], whole[part[alone]], done[i:i + step] = found[alone], total[alone], alone
+                free, total = whole[part, None], whole[part]
+                self._traced(sheets, aim, lift, row[part], light[part], np.arange(len(part), dtype=np.int32), first,
+                             count, free, total)
+                alone &= free[:, 0] == total
+            part, done[i:i + step] = part[alone], alone
+            found, total = np.ascontiguousarray(clear[part, :1]), whole[part]
+            rays = self._traced(stops, aim, lift, row[part], light[part], np.arange(len(part), dtype=np.int32), first,
+                                count, found, total)
+            clear[part], whole[part] = found, total
             self._stats.add(shadow_rays=rays)
         return done
 

@@ -25,12 +25,13 @@ from ..support.native import kernel
 from . import blocks, lobe_points, pairs
 from .casters import union
 from .lamp_points import narrowest, reaches, shapes, turns_of_points
+from .lifts import Lift
 from .method import Check, Lobes, Method, Receivers, Setup
 from .point_rays import RAYS_AT_ONCE, Aim, PointRays, aimed
 from .ray_counts import FINE, RayCounts, Rays, many
 from .shares import HALF, POINTS, Groups, Lamps, Shares
 from .sharp import dim, sharp
-from .terminator import Lift, starts, touched
+from .terminator import starts, touched
 from .through import Straight
 
 LEVELS = 4  # lattices, each of twice the step of the one before

@@ -20,7 +20,8 @@ from ..rays.tracer import Targets
 from ..scene.description import Scene
 from ..support.native import kernel, needs_memory
 from ..support.rows import taken, where
-from .lamp_points import Lift, reaches, shapes
+from .lamp_points import reaches, shapes
+from .lifts import Lift
 
 _lift, _grazing, _starts = kernel("terminator_lift"), kernel("terminator_grazing"), kernel("terminator_starts")
 split, merge, _fade = kernel("terminator_split"), kernel("terminator_merge"), kernel("terminator_fade")

@@ -5,8 +5,9 @@ along: the points of Sobol's sequence in a disk, which Heitz's method makes micr
 them out, each the next few of the sequence, so that together they are spread as evenly as each alone. A ray that was
 spread out once goes on as one ray at the next rough surface, with a point of its own.
 
-Rays are for what is seen: where a rough surface reflects little (a matt plastic seen from above), none is sent, and the
-world's light is taken as if nothing stood before it.
+Rays are for what is seen: where a rough surface reflects little (a matt plastic seen from above), none is sent, and
+`left` says what the lobe would reflect. It gets what records know of its directions (gathered/sectors.h), or, without
+light from everywhere, the world's light as if nothing stood before it.
 """
 
 from __future__ import annotations
