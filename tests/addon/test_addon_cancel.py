@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from blender_scene import SCENE
+from faults import found
 
 pytestmark = pytest.mark.slow
 COMMAND = Path(sys.executable).with_name("light-meshes")
@@ -76,9 +77,9 @@ def _written(folder):
 
 
 PHASES = {
-    "starting": lambda run: list(run.temporary.glob("light-meshes-*")),
-    "reading": lambda run: list(run.temporary.glob("*/blender_*")),
-    "rendering": lambda run: list(run.temporary.glob("*/light-meshes-*/job-*/frame")),
+    "starting": lambda run: found(run.temporary, "light-meshes-*"),
+    "reading": lambda run: found(run.temporary, "*/blender_*"),
+    "rendering": lambda run: found(run.temporary, "*/light-meshes-*/job-*/frame"),
     "writing": lambda run: _written(run.out),
 }
 
@@ -111,7 +112,7 @@ def test_what_was_killed_is_swept_by_the_next_start(blend, tmp_path):
     one.wait(lambda: PHASES["rendering"](one))
     assert len(one.left()) == 5  # its own two, and the others
     two = Run(blend, tmp_path)
-    two.wait(lambda: list(two.temporary.glob(f"*-{two.process.pid}-*/blender_*")))
+    two.wait(lambda: found(two.temporary, f"*-{two.process.pid}-*/blender_*"))
     assert len(two.left()) == 7
     for run in (one, two):
         run.process.terminate()

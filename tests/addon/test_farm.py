@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blender_scene import read
+from faults import found
 from slurm import Cluster
 
 ROOT = Path(__file__).parents[2]
@@ -138,7 +139,7 @@ def test_a_task_that_is_cancelled_leaves_nothing(animation, tmp_path):
          "resolution=1920x1080", "--set", "samples=64"], text=True, stderr=subprocess.PIPE,
         env=os.environ | {"TMPDIR": str(tmp_path / "tmp")})
     try:
-        wait(lambda: list(tmp_path.glob("tmp/light-meshes-*/light-meshes-*/job-1/frame")))  # it renders
+        wait(lambda: found(tmp_path, "tmp/light-meshes-*/light-meshes-*/job-1/frame"))  # it renders
     finally:
         task.terminate()
     said = task.communicate(timeout=60)[1]

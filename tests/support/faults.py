@@ -85,6 +85,17 @@ def names(folder: Path) -> set[str]:
     return {p.name for p in folder.iterdir() if not p.name.startswith("blender_")}
 
 
+def found(folder: Path, pattern: str) -> list[Path]:
+    """Return what is in `folder` under names of `pattern`, for use in a loop that waits.
+
+    A folder on the way may be removed while it is looked into; the answer is then "nothing yet".
+    """
+    try:
+        return list(folder.glob(pattern))
+    except FileNotFoundError:
+        return []
+
+
 def running(folder: Path) -> list[int]:
     """Return the processes whose temporary files go to `folder`."""
     found = []
