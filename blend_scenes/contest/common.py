@@ -317,7 +317,7 @@ def flight(start, end, target_start, target_end, lens):
 
 def start(exposure=0.0, transform='AgX'):
     """Make an empty scene at 1920×1080 with a view transform and Cycles' bounces of an ordinary file."""
-    scene = clean_scene(1920, 1080, world_light='SKY', bounces=1)  # as in a new file
+    scene = clean_scene(1920, 1080, world_light='SKY', bounces=1, glass_shadows='SOLID')  # as in a new file
     scene.view_settings.view_transform, scene.view_settings.exposure = transform, exposure
     return scene
 
