@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from light_meshes import Camera, Material, Scene, Settings, Shape, box, rectangle
-from light_meshes.gathered.directions import directions, sectors
-from light_meshes.gathered.records import MORE, RAYS, Lobe
+from light_meshes.gathered.directions import nested
+from light_meshes.gathered.records import RAYS, Lobe
 from light_meshes.picture.render import Prepared, render_image
 
 WHITE, BLACK = Material("white", Od=(0.5, 0.5, 0.5)), Material("black", Od=(0, 0, 0))
@@ -14,9 +14,10 @@ POINT = np.array([-0.3, 0.0, 0.0])
 
 
 def test_each_sector_has_rays():
-    for _, first in RAYS:
-        for n in (first, MORE * first):
-            assert np.bincount(sectors(directions(n)), minlength=64).min() >= 1
+    for _, n in RAYS:
+        rays = nested(n)
+        for some in (rays.first, *rays.all.values()):
+            assert np.bincount(some.within, minlength=64).min() >= 1
 
 
 def beside_a_wall(wall=True, material=PLASTIC, **values):

@@ -16,7 +16,8 @@ class Light(NamedTuple):
     show it with one bounce more.
     """
 
-    number: NDArray[np.int32]  # (x,) of a patch; −1: the sky; from −2 down: 0 on of `extra`
+    distance: NDArray[np.float32]  # (r,d) to the first surface that is there; 0: none
+    number: NDArray[np.int32]  # (r,d) of a patch; −1: the sky; from −2 down: 0 on of `extra`
     patch: NDArray[np.float64]  # (m,3)
     extra: NDArray[np.float64]  # (e,3)
     glossy: NDArray[np.float64] | None  # (m,3); None: the same
@@ -24,9 +25,9 @@ class Light(NamedTuple):
     sky: NDArray[np.float64]  # (3,)
 
 
-def light_of(seen: Seen, patches: Patches, bounces: int, glossy: bool, check: Check) -> Light:
-    """Return the light of the sky and of patches that rays find. glossy: for glossy surfaces, too, unless there are no
-    bounces at all.
+def light_of(seen: Seen, each: int, patches: Patches, bounces: int, glossy: bool, check: Check) -> Light:
+    """Return the light of the sky and of patches that rays find, `each` of them from the same point. glossy: for glossy
+    surfaces, too, unless there are no bounces at all.
     """
     layers, behind, more = seen.layers, list[NDArray[np.int32]](), None
     if bounces == 0 and patches.dark:  # all that they meet is black
@@ -46,4 +47,18 @@ def light_of(seen: Seen, patches: Patches, bounces: int, glossy: bool, check: Ch
         return light
 
     number[seen.row] = -2 - np.arange(len(seen.row))
-    return Light(number, patch, extra(patch), more, None if more is None else extra(more), seen.sky)
+    return Light(seen.distance.reshape(-1, each), number.reshape(-1, each), patch, extra(patch), more,
+                 None if more is None else extra(more), seen.sky)
+
+
+def together(first: Light, rows: NDArray[np.int64], more: Light) -> Light:
+    """Return what is found by these rows (m,) of the first rays and by more rays from the same points (m,)."""
+    number = np.where(more.number < -1, more.number - len(first.extra), more.number)
+
+    def both(a: NDArray | None, b: NDArray | None) -> NDArray | None:
+        return None if a is None or b is None else np.concatenate([a, b])
+
+    return more._replace(distance=np.concatenate([first.distance[rows], more.distance], 1),
+                         number=np.concatenate([first.number[rows], number], 1),
+                         extra=np.concatenate([first.extra, more.extra]),
+                         glossy_extra=both(first.glossy_extra, more.glossy_extra))

@@ -1,9 +1,6 @@
 /* What the rays of records gather (records.py). */
 #include "sectors.h"
 
-#define BESIDE 21  /* the ray so many places on goes about the same way, */
-#define BELOW 34   /* and this one, too, as the spiral turns by the golden angle */
-
 /* The light that one ray found. */
 static inline const f64 *found_by(i64 of, const f64 *patch, const f64 *extra, const f64 *sky) {
     return of >= 0 ? patch + 3 * of : of == -1 ? sky : extra + 3 * (-2 - of);
@@ -30,13 +27,14 @@ static void sum_sectors(i64 d, const i32 *number, const f64 *patch, const f64 *e
    more. nearest: the shortest way; open: share of rays that hit nothing. noise: about how wrong the mean is, as a share of
    it, because the rays are few: within the part of the half-space for which a ray speaks, light varies about as much as
    between it and the rays beside it. sectors: None, or the light of each (sectors.h), of which `glossy` and `glossy_extra` tell, where there are;
-   in: the sector of each ray. */
+   in: the sector of each ray.
+   beside, below: the rays so many places on go about the same way as a ray. */
 KERNEL(records_sum,
-       "distance f32[r,d]  number i32[r,d]  patch f64[m,3]  extra f64[e,3]  glossy f64[w,3]?  glossy_extra f64[e,3]?  sky f64[3]  tilted f64[d,4]  in u8[d]  "
+       "distance f32[r,d]  number i32[r,d]  patch f64[m,3]  extra f64[e,3]  glossy f64[w,3]?  glossy_extra f64[e,3]?  sky f64[3]  tilted f64[d,4]  in u8[d]  beside i64  below i64  "
        "mean f32[r,5,3]!  inverse f32[r]!  nearest f32[r]!  open f32[r]!  noise f32[r]!  sectors u32[r,64]?!"
-       ";  -2-e<number<m  in<64")
+       ";  -2-e<number<m  in<64  0<=beside  0<=below")
 i64 records_sum(i64 r, i64 d, i64 m, i64 e, i64 w, const f32 *distance, const i32 *number, const f64 *patch,
-                const f64 *extra, const f64 *glossy, const f64 *glossy_extra, const f64 *sky, const f64 *tilted, const u8 *in, f32 *mean, f32 *inverse, f32 *nearest, f32 *open,
+                const f64 *extra, const f64 *glossy, const f64 *glossy_extra, const f64 *sky, const f64 *tilted, const u8 *in, i64 beside, i64 below, f32 *mean, f32 *inverse, f32 *nearest, f32 *open,
                 f32 *noise, u32 *sectors) {
     (void)e;
     if (glossy && (w < m || !glossy_extra)) return OUTSIDE;
@@ -54,8 +52,8 @@ i64 records_sum(i64 r, i64 d, i64 m, i64 e, i64 w, const f32 *distance, const i3
                 sum[0][j] += L[j];
                 for (int c = 0; c < 4; c++) sum[1 + c][j] += tilted[4 * i + c] * L[j];
             }
-            if (i + BELOW < d) {
-                const f64 *a = found_by(of[i + BESIDE], patch, extra, sky), *b = found_by(of[i + BELOW], patch, extra, sky);
+            if (i + beside < d && i + below < d) {
+                const f64 *a = found_by(of[i + beside], patch, extra, sky), *b = found_by(of[i + below], patch, extra, sky);
                 varies += square(grey - a[0] - a[1] - a[2]) + square(grey - b[0] - b[1] - b[2]);
             }
             all += grey;

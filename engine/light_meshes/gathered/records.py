@@ -11,6 +11,7 @@ that the records will not be trusted, they are not computed.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +21,9 @@ from ..rays.geometry import Hits
 from ..rays.tracer import points
 from ..support.native import kernel
 from ..support.statistics import Statistics
-from .directions import directions, sectors, tilted
+from .directions import Nested, Rays, nested
 from .grids import CORNER, INSET, LAST, Places
-from .light import light_of
+from .light import Light, light_of, together
 from .nearness import Nearness
 from .patches import Patches, SharedRecordsError
 from .rays import Check, Field, Gatherer
@@ -35,8 +36,8 @@ NEW, WANTED, CELL, SIGHT = 1, 2, 3, 4  # why a receiver waits, as in asked.c
 # Rays of a record at first, by how far apart records are, in finest distances: each record of a coarse grid counts for
 # a large part of a surface, and there are few.
 RAYS = ((6.0, 1024), (3.0, 512), (0.0, 256))
-NOISE = 0.025  # where its light is less certain, as a share of it, a record asks once more, with
-MORE = 4  # times as many rays
+NOISE = 0.025  # where its light is less certain, as a share of it, a record asks with more rays: with
+SPREAD = 0.75  # this power of whose number the error falls, at edges, twice or four times as many
 BATCH = 1 << 18  # rays at once
 WITHIN = 0.35  # records are trusted up to this share of the mean distance of what they see,
 STRICT = 0.2  # or up to this where they are far apart
@@ -78,8 +79,7 @@ class Records:
         self._field, self._gather, self._patches, self._nearness = field, gather, patches, nearness
         self._fine, self._bounces = fine, bounces
         self._glossy = glossy
-        self._local = {n: (local, tilted(local), sectors(local)) for _, first in RAYS for n in (first, MORE * first)
-                       for local in [directions(n)]}
+        self._nested = {n: nested(n) for _, n in RAYS}
         self._thinned = Thinned(field.grids, fine)
         self._table = Table()
         self._cells = Table()  # halves of cells; 1: all places there see each other; 2: perhaps not
@@ -261,16 +261,9 @@ class Records:
         for at_least, n in RAYS:
             rows = np.flatnonzero(left & (places.spacing >= at_least * self._fine))
             left[rows] = False
-            for rays, most in ((n, NOISE), (MORE * n, np.inf)):
-                step, noisy = BATCH // rays, [rows[:0]]
-                for i in range(0, len(rows), step):
-                    check()
-                    some = rows[i:i + step]
-                    found, noise = self._compute(Places._make(a[some] for a in places), rays, check)
-                    good = noise <= most
-                    self._store(new[some[good]], *(a[some[good]] for a in places[:3]), *(a[good] for a in found))
-                    noisy.append(some[~good])
-                rows = np.concatenate(noisy)
+            for some in _parts(rows, BATCH // n):
+                at = Places._make(a[some] for a in places)
+                self._store(new[some], *at[:3], *self._compute(at, self._nested[n], check))
 
     def _blend(self, new: NDArray[np.int32], keys: NDArray[np.uint64], check: Check) -> NDArray[np.bool_]:
         """Let records of small corners (n,) have what sources near them gather. Return those that see no source."""
@@ -312,16 +305,31 @@ class Records:
         sources.weight[row[blocked], at[blocked]] = 0
         self._field.stats.add(gathered_short_rays=len(of))
 
-    def _compute(self, places: Places, rays: int, check: Check) -> tuple[tuple[NDArray, ...], NDArray[np.float32]]:
-        """Return what the kernel `records_sum` makes of what so many rays of each record meet, and how noisy it is."""
-        stats, r, (local, tilts, within) = self._field.stats, len(places.P), self._local[rays]
-        with stats.stage("gathered light: rays"):
+    def _compute(self, places: Places, rays: Nested, check: Check) -> tuple[NDArray, ...]:
+        """Return what `_store` keeps of records. Where the first rays leave their light uncertain, they send more."""
+        first = self._ask(places, rays.first.local, check)
+        out, noise = self._summed(first, rays.first)
+        twice = noise <= NOISE * 2**SPREAD
+        for times, wanted in ((2, (noise > NOISE) & twice), (4, ~twice)):
+            for rows in _parts(np.flatnonzero(wanted), BATCH // len(rays.more[times])):
+                more = self._ask(Places._make(a[rows] for a in places), rays.more[times], check)
+                found, _ = self._summed(together(first, rows, more), rays.all[times])
+                for kept, values in zip(out, found, strict=True):
+                    kept[rows] = values
+        return out
+
+    def _ask(self, places: Places, local: NDArray[np.float64], check: Check) -> Light:
+        """Return the light that rays of records find along `local` (d,3) around their normals."""
+        check()
+        with self._field.stats.stage("gathered light: rays"):
             seen = self._gather(places.P, places.N, local)
-        with stats.stage("gathered light: patches"):
-            light = light_of(seen, self._patches, self._bounces, self._glossy, check)
-        out, noise = self._room(r), np.empty(r, np.float32)
-        _sum(seen.distance.reshape(r, -1), light.number.reshape(r, -1), *light[1:], tilts, within, *out[:-1], noise,
-             out[-1] if self._glossy else None)
+        with self._field.stats.stage("gathered light: patches"):
+            return light_of(seen, len(local), self._patches, self._bounces, self._glossy, check)
+
+    def _summed(self, light: Light, rays: Rays) -> tuple[tuple[NDArray, ...], NDArray[np.float32]]:
+        """Return what the kernel `records_sum` makes of the light that rays find, and how uncertain it is."""
+        out, noise = self._room(len(light.number)), np.empty(len(light.number), np.float32)
+        _sum(*light, rays.tilts, rays.within, *rays.beside, *out[:-1], noise, out[-1] if self._glossy else None)
         return out, noise
 
     def _room(self, n: int) -> tuple[NDArray, ...]:
@@ -340,6 +348,11 @@ class Records:
         with self._lock:  # again: other threads read without it, and see what was written before they see this
             self._done[new] = True
         self._field.stats.add(records=len(new))
+
+
+def _parts(rows: NDArray[np.int64], most: int) -> Iterator[NDArray[np.int64]]:
+    """Return these rows (n,) in parts of so many, or fewer."""
+    return (rows[i:i + most] for i in range(0, len(rows), most))
 
 
 def _corner(keys: NDArray[np.uint64]) -> NDArray[np.int64]:
