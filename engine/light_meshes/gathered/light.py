@@ -34,7 +34,7 @@ def light_of(seen: Seen, each: int, patches: Patches, bounces: int, glossy: bool
         number, patch, layers = np.where(seen.distance > 0, np.int32(0), np.int32(-1)), np.zeros((1, 3)), []
     else:
         with patches.asked():
-            number = patches.met(joined([seen.met, *(layer.met for layer in layers)]), bounces > 0, check)
+            number = patches.met(joined([seen.met, *(layer.met for layer in layers)]), check)
             patch = patches.radiance(number, bounces, check)
             if glossy and bounces > 0:
                 more = patches.radiance(number, bounces + 1, check)

@@ -27,6 +27,10 @@ WIDER = 3  # what a patch gathers is that of a patch whose edges are 2^WIDER tim
 BATCH = 4096  # patches at once
 FEW = 4  # lamps whose light is the mean of four points of a patch; more light it at one
 FEWER = 1.5  # how much larger the patches are for their rays, of which there are fewer than of records
+SHAPED, LOOKED, LIT = 1, 2, 3  # what is computed of a patch: its shape, then its colours, then the light of lamps on it
+CORNER = 16  # the bit of a patch whose points are those in a corner; the others are its free points
+_ARRAYS = ("_emission", "_albedo", "_direct", "_white", "_sky", "_shaped", "_looked", "_lit", "_claimed", "_traced",
+           "_covered", "_free", "_widened", "_widened_lit", "_divided", "_seen", "_begin", "_count")
 
 _gather, _met, _missing = kernel("patches_gather"), kernel("patches_met"), kernel("patches_missing")
 
@@ -59,12 +63,12 @@ class Patches:
         self._finest = finest
         self._table = Table()
         self._local = directions(RAYS)
-        self._emission = np.empty((0, 3))
-        self._albedo, self._direct, self._sky = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
+        self._emission, self._albedo, self._direct, self._sky = (np.empty((0, 3)) for _ in range(4))
         self._white = np.empty((0, 3))  # direct light, as a white surface would return it
-        self._looked, self._lit, self._traced, self._covered, self._divided, self._seen = (
-            np.empty(0, np.bool_) for _ in range(6))
-        self._claimed = np.empty(0, np.int8)  # a thread computes what it is: 1, and the lamps' light: 2
+        self._shaped, self._looked, self._lit, self._traced, self._covered, self._divided, self._seen = (
+            np.empty(0, np.bool_) for _ in range(7))
+        self._free = np.empty(0, np.uint8)  # the points that count, a bit each, and CORNER
+        self._claimed = np.empty(0, np.int8)  # a thread computes so much of it, or has done so
         # emission and albedo, or the lamps' light, are those of a wider patch where it is covered
         self._widened, self._widened_lit = np.empty(0, np.bool_), np.empty(0, np.bool_)
         self._bounced: list[tuple[NDArray, ...]] = []  # light and whether it is known, by bounces
@@ -80,7 +84,7 @@ class Patches:
 
     def again(self) -> None:
         """Get ready for another picture; the one before may have been cancelled."""
-        self._claimed = self._looked.astype(np.int8) + self._lit
+        self._claimed = self._shaped.astype(np.int8) + self._looked + self._lit
         self._arrived = [(light, known, known.copy()) for light, known, _ in self._arrived]
         self._broken = False
 
@@ -89,12 +93,9 @@ class Patches:
         """Return two radiances (n,3) that white surfaces would return where rays met patches: from the light of lamps;
         and from the sky, from emitters, and from light that has come `bounces` times, or less, from a surface.
         """
-        number = self.met(met, True, check)
+        number = self.met(met, check)
         self._know(number, True, check)
-        if self._gathers or bounces > 0:
-            around = self._incoming(number, bounces, check)
-        else:
-            around = np.zeros((len(number), 3))
+        around = self._incoming(number, bounces, check) if self._gathers or bounces else np.zeros((len(number), 3))
         return self._white[number], around
 
     @contextmanager
@@ -125,20 +126,20 @@ class Patches:
                 raise SharedRecordsError("another thread failed while it computed light that this one needs")
             self._lock.wait()
 
-    def met(self, met: Met, lit: bool, check: Check) -> NDArray[np.int32]:
+    def met(self, met: Met, check: Check) -> NDArray[np.int32]:
         """Return the patches (n,) that rays met; −1 and less: none. A patch that is divided, because something stands
-        on it, is replaced by a smaller one. lit: the lamps' light on them is needed too.
+        on it, is replaced by a smaller one.
         """
         g, n = self._field.grids, len(met.keys)
         number, todo, left = np.empty(n, np.int32), np.arange(n, dtype=np.int32), n
         while left:
             state = np.array([0, 0, left])
-            while _met(*g.shape[1:], g.other, g.top, int(LAST_KEY), self._lit if lit else self._looked, self._divided,
-                       *self._table.arrays, *met, todo, state, number):
+            while _met(*g.shape[1:], g.other, g.top, int(LAST_KEY), self._shaped, self._divided, *self._table.arrays,
+                       *met, todo, state, number):
                 self._table.grow()
             left = int(state[1])
             self._grow()
-            self._see(self._missing(number[todo[:left]], self._lit if lit else self._looked), lit, check)
+            self._shape(number[todo[:left]], check)
         return number
 
     def _wider(self, number: NDArray[np.int32], by: int) -> NDArray[np.uint64]:
@@ -160,8 +161,7 @@ class Patches:
         def longer(a: NDArray) -> NDArray:
             return np.concatenate([a, np.zeros((more, *a.shape[1:]), a.dtype)])
 
-        for name in ("_emission", "_albedo", "_direct", "_white", "_sky", "_looked", "_lit", "_claimed", "_traced",
-                     "_covered", "_widened", "_widened_lit", "_divided", "_seen", "_begin", "_count"):
+        for name in _ARRAYS:
             setattr(self, name, longer(getattr(self, name)))
         self._bounced = [tuple(map(longer, of)) for of in self._bounced]
         self._arrived = [tuple(map(longer, of)) for of in self._arrived]
@@ -194,7 +194,7 @@ class Patches:
         for by in range(WIDER, 0, -1):
             wider[left] = self._table.numbers(self._wider(number[left], by))
             self._grow()
-            self._see(self._missing(wider[left], self._looked), False, check)
+            self._shape(wider[left], check)
             # it is for both sides of something, or inside of it
             left = left[self._divided[wider[left]] | self._covered[wider[left]]]
             wider[left] = number[left]
@@ -217,25 +217,40 @@ class Patches:
 
     def _know(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
         """Make sure that the data of patches (n,) is known, with their direct light if `lit`."""
-        self._see(self._missing(number, self._lit if lit else self._looked), lit, check)
+        self._see(number, lit, check)
         covered = self._missing(number, self._widened_lit if lit else self._widened)
         self._uncover(covered, lit, check)
         (self._widened_lit if lit else self._widened)[covered] = True
 
-    def _see(self, new: NDArray[np.int32], lit: bool, check: Check) -> None:
-        """Compute the data of patches, with their direct light."""
-        mine = new[self._claimed[new] < 1 + lit]
-        self._claimed[mine] = 1 + lit
+    def _shape(self, number: NDArray[np.int32], check: Check) -> None:
+        """Find out whether patches (n,) are divided or covered, and which of their points count."""
+        new = self._missing(number, self._shaped)
+        mine = self._claim(new, SHAPED)
         for i in range(0, len(mine), BATCH):
             check()
             some = mine[i:i + BATCH]
             keys = self._table.keys[some]
             with self._computing():
-                emission, albedo, direct, white, covered, divided = self._look_at(keys, lit)
+                free, covered, divided = self._shape_of(keys)
+            self._free[some], self._covered[some], self._divided[some] = free, covered, divided
+            self._shaped[some] = True
+        if len(new):
+            self._wait(lambda: self._shaped, new)
+
+    def _see(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
+        """Compute the data of patches (n,), with their direct light if `lit`."""
+        self._shape(number, check)
+        new = self._missing(number, self._lit if lit else self._looked)
+        mine = self._claim(new, LIT if lit else LOOKED)
+        for i in range(0, len(mine), BATCH):
+            check()
+            some = mine[i:i + BATCH]
+            keys, free, covered = self._table.keys[some], self._free[some], self._covered[some]
+            with self._computing():
+                emission, albedo, direct, white = self._look_at(keys, free, lit)
             fresh = ~self._looked[some]  # what another thread has found is the same, and it may have widened it
             at = some[fresh]
-            self._emission[at], self._albedo[at] = emission[fresh], albedo[fresh]
-            self._covered[at], self._widened[at], self._divided[at] = covered[fresh], ~covered[fresh], divided[fresh]
+            self._emission[at], self._albedo[at], self._widened[at] = emission[fresh], albedo[fresh], ~covered[fresh]
             self._looked[at] = True
             if lit:
                 self._direct[some], self._white[some] = direct, white
@@ -243,26 +258,40 @@ class Patches:
         if len(new):
             self._wait(lambda: self._lit if lit else self._looked, new)
 
-    def _look_at(self, keys: NDArray[np.uint64], lit: bool) -> tuple[NDArray, ...]:
-        """Return the data of patches with these keys (n,): emission, albedo, the light of lamps that they return and
-        that a white patch would return, each (n,3); whether they are covered; and whether they are divided.
-        """
-        triangle, P, N = self._field.grids.inside(keys)
-        there, covered = self._there(P, N)
+    def _claim(self, new: NDArray[np.int32], level: int) -> NDArray[np.int32]:
+        """Return those of patches (n,) of which no other thread computes so much, and let this thread do it."""
+        mine = new[self._claimed[new] < level]
+        self._claimed[mine] = level
+        return mine
+
+    def _shape_of(self, keys: NDArray[np.uint64]) -> tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which points of patches with these keys (n,) count, and whether they are covered, and divided."""
+        _, P, N = self._field.grids.inside(keys)
+        free, covered = self._uncovered(P, N)
         divided = self._is_divided(keys, P, N)
         hidden = np.flatnonzero(covered)  # but a corner may look out, as rays that met the patch have come to it
         if len(hidden):
-            corner = self._field.grids.inside(keys[hidden], True)
-            there[hidden], covered[hidden] = self._there(*corner[1:])
-            at = (4 * hidden[:, None] + np.arange(4)).ravel()
-            triangle[at], P[at], N[at] = corner
+            free[hidden], covered[hidden] = self._uncovered(*self._field.grids.inside(keys[hidden], True)[1:])
+            free[hidden] |= CORNER
+        return free, covered, divided
+
+    def _look_at(self, keys: NDArray[np.uint64], free: NDArray[np.uint8], lit: bool) -> tuple[NDArray, ...]:
+        """Return the data of patches with these keys (n,) and free points: emission, albedo, the light of lamps that
+        they return and that a white patch would return, each (n,3).
+        """
+        triangle, P, N = self._field.grids.inside(keys)
+        corner = np.flatnonzero(free & CORNER)
+        if len(corner):
+            at = (4 * corner[:, None] + np.arange(4)).ravel()
+            triangle[at], P[at], N[at] = self._field.grids.inside(keys[corner], True)
+        counts = free[:, None] >> np.arange(4, dtype=np.uint8) & 1
+        weight = (counts / counts.sum(1, keepdims=True))[:, :, None]
         emission, albedo, direct = self._look(triangle, P, N, lit and not self._many)
         if lit and self._many:
-            one = 4 * np.arange(len(keys)) + (there[:, :, 0] > 0).argmax(1)
+            one = 4 * np.arange(len(keys)) + counts.argmax(1)
             direct = np.repeat(self._look(triangle[one], P[one], N[one], True)[2], 4, axis=0)
-        means = ((values.reshape(-1, 4, 3) * there).sum(1) for values in (
+        return tuple((values.reshape(-1, 4, 3) * weight).sum(1) for values in (
             emission, albedo, albedo * direct, direct))
-        return *means, covered, divided
 
     def _uncover(self, number: NDArray[np.int32], lit: bool, check: Check) -> None:
         """Let patches that are covered, except for a corner, take the data of the wider patches around them, unless
@@ -276,15 +305,15 @@ class Patches:
             if not len(number):
                 return
             self._grow()
-            self._see(self._missing(wider, self._lit if lit else self._looked), lit, check)
+            self._see(wider, lit, check)
             free = ~self._covered[wider]
             for kept in (self._emission, self._albedo, *((self._direct, self._white) if lit else ())):
                 kept[number[free]] = kept[wider[free]]
             number = number[~free]
 
-    def _there(self, P: NDArray, N: NDArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the weights (n,4,1) of the points of patches, and whether all points of a patch are covered (n,). A
-        point inside of something that stands there has a weight only if all points are covered.
+    def _uncovered(self, P: NDArray, N: NDArray) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+        """Return which of the four points of each patch count, a bit each, and whether all are covered (n,). A point
+        inside of something that stands there counts only if all points are covered.
         """
         f = self._field
         triangle, *_ = f.tracer.closest("diffuse", P, N, N)
@@ -294,9 +323,7 @@ class Patches:
         f.stats.add(gathered_rays=len(P))
         free = ~covered.reshape(-1, 4)
         none = ~free.any(1)
-        free |= none[:, None]
-        weight: NDArray[np.float64] = (free / free.sum(1, keepdims=True))[:, :, None]
-        return weight, none
+        return np.packbits(free | none[:, None], axis=1, bitorder="little")[:, 0], none
 
     def _is_divided(self, keys: NDArray[np.uint64], P: NDArray, N: NDArray) -> NDArray[np.bool_]:
         """Return whether something stands between the points of patches (n,), if these can be made smaller."""
@@ -329,7 +356,7 @@ class Patches:
         self._sky[new] = sky / RAYS
         if sky_only:  # they are asked again where others have light
             return
-        number = self.met(joined(several), False, check)
+        number = self.met(joined(several), check)
         there = np.flatnonzero(number >= 0)
         row = np.concatenate(rows)[there]
         there = there[np.argsort(row, kind="stable")]
