@@ -207,7 +207,11 @@ def look_at_fixture():
 
 @pytest.fixture(scope="session")
 def blender_environment(blender_path, tmp_path_factory):
-    """An environment in which a real Blender has this checkout's add-on enabled, and uses nothing of the user's."""
+    """An environment in which a real Blender has this checkout's add-on enabled, and uses nothing of the user's.
+
+    Without a graphics card most of the time of a window goes into the drawing of each of its pixels by the processor.
+    So Blender draws its own lines without anti-aliasing, and no splash screen; no test looks at them.
+    """
     import light_meshes_addon
 
     folder = tmp_path_factory.mktemp("blender")
@@ -224,6 +228,9 @@ def blender_environment(blender_path, tmp_path_factory):
         "repos = bpy.context.preferences.extensions.repos\n"
         f"repos.new(name='dev', module='dev', custom_directory={str(folder / 'extensions')!r}, remote_url='')\n"
         "assert addon_utils.enable('bl_ext.dev.light_meshes', default_set=True)\n"
+        "preferences = bpy.context.preferences\n"
+        "preferences.system.viewport_aa, preferences.view.show_splash = 'OFF', False\n"
+        "preferences.system.use_overlay_smooth_wire = preferences.system.use_edit_mode_smooth_wire = False\n"
         "bpy.ops.wm.save_userpref()\n"
     )
     done = subprocess.run([blender_path, "-b", "--python-exit-code", "3", "--python-expr", enable], env=environment,
@@ -274,8 +281,8 @@ def open_blender(blender_path, blender_environment, display, tmp_path):
 
 @pytest.fixture(scope="module")
 def play_story(blender_path, blender_environment, display, tmp_path_factory):
-    """(script) → the results that a script prints in a real Blender with a window, by title. It checks that no engine
-    outlives Blender.
+    """(script) → the results that a script prints in a real Blender with the smallest window that it opens, by title.
+    It checks that no engine outlives Blender.
     """
     def play(script):
         folder = tmp_path_factory.mktemp("story")
@@ -283,7 +290,7 @@ def play_story(blender_path, blender_environment, display, tmp_path_factory):
         environment.pop("WAYLAND_DISPLAY", None)
         log = folder / "log.txt"
         with log.open("w") as f:
-            process = subprocess.Popen([blender_path, "--window-geometry", "0", "0", "800", "560",
+            process = subprocess.Popen([blender_path, "--window-geometry", "0", "0", "640", "480",
                                         "-P", str(Path(__file__).parents[1] / "addon" / script)],
                                        env=environment, stdout=f, stderr=f)
             try:
