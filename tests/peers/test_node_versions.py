@@ -15,7 +15,7 @@ SUPPORT = Path(__file__).parents[1] / "support"
 PYTHONS = [sys.executable, *(p for p in os.environ.get("LIGHT_MESHES_BPY_PYTHONS", "").split(os.pathsep) if p)]
 pytestmark = pytest.mark.slow
 TREES = ["bumps", "others", "lamps", "suns", "area lamps", "worlds"]
-CATALOGUE = ["values", "images", "inputs", "muted", "structures", "sources"]
+CATALOGUE = [*(f"values {n}" for n in range(4)), "images", "inputs", "muted", "structures", "sources"]
 
 
 def picture(path):
@@ -49,9 +49,10 @@ def sheets(request, tmp_path_factory):
 @pytest.mark.parametrize("name", TREES)
 def test_a_sheet_of_trees(sheets, name):
     ours, theirs, _ = sheets(name)
-    for y in range(0, len(ours), 32):
-        for x in range(0, ours.shape[1], 32):
-            cell = np.s_[y:y + 32, x:x + 32]
+    size = 24 if name == "area lamps" else 32  # as in node_versions.py, which needs a bpy
+    for y in range(0, len(ours), size):
+        for x in range(0, ours.shape[1], size):
+            cell = np.s_[y:y + size, x:x + size]
             if theirs[cell].max() > 0:  # else the sheet's last row ends before
                 agree(ours[cell], theirs[cell])
 

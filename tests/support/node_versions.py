@@ -15,6 +15,8 @@ import node_sources
 from node_trees import Tree, World, exact, lamp_sheet, outputs_of_lamps, sheet
 
 CELL = 20  # pixels of a case of the catalogue
+LAMP_CELL = 24  # pixels of an area lamp's cell, to which Cycles needs many samples
+PARTS = 4  # sheets of the values: to make a tree takes Blender longer, the more of them there are
 
 
 def bumps():
@@ -82,6 +84,8 @@ def worlds(scene):
 
 SHEETS = {"bumps": bumps, "others": others}
 CATALOGUE = node_catalogue.SHEETS | node_groups.SHEETS | node_sources.SHEETS
+_values = CATALOGUE.pop("values")
+CATALOGUE |= {f"values {n}": lambda n=n: _values()[n::PARTS] for n in range(PARTS)}
 
 
 def draw(folder, name):
@@ -99,12 +103,12 @@ def draw(folder, name):
     elif name == "suns":  # apart, as Cycles links no more than 64 lamps to things of their own
         lamp_sheet(scene, outputs_of_lamps(['SUN']))
     elif name == "area lamps":
-        lamp_sheet(scene, outputs_of_lamps(['AREA']))
+        lamp_sheet(scene, outputs_of_lamps(['AREA']), LAMP_CELL)
         scene.cycles.samples = 64
     elif name in CATALOGUE:
         cases = CATALOGUE[name]()
         columns = node_catalogue.sheet(scene, cases, CELL)
-        if name == "values":  # 900 cells, and nothing in them is by chance
+        if name.startswith("values"):  # 900 cells, and nothing in them is by chance
             scene.cycles.samples = 1
         (folder / f"{name}.json").write_text(json.dumps([CELL, columns, [label for label, _ in cases]]))
     else:
