@@ -16,7 +16,7 @@ import numpy as np
 from mathutils import Vector
 
 COLUMNS = 12  # cells in a row; each material has two cells, side by side
-CELLS = {"lobes": 28, "mixes": 28, "bumps": 40}  # pixels of a cell's side; bumps are steep
+CELLS = {"lobes": 28, "mixes": 20, "bumps": 40}  # pixels of a side; bumps are steep, mixes take many samples
 LAMPS = {
     "point": ('POINT', {"energy": 4000.0, "shadow_soft_size": 0.0}, (3, 2, 7)),
     "sun": ('SUN', {"energy": 3.0, "angle": 0.0}, (-3, 4, 6)),
