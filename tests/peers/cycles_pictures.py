@@ -150,7 +150,7 @@ def prepare(scene):
     """Both engines: one ray through the middle of a pixel, direct light only, linear float EXR."""
     ours, cycles = scene.light_meshes, scene.cycles
     ours.shadows, ours.mode, ours.samples = 'SHARP', 'RAY_CASTING', 1
-    cycles.device, cycles.samples, cycles.use_adaptive_sampling = 'CPU', 16, False
+    cycles.device, cycles.samples, cycles.use_adaptive_sampling = 'CPU', 8, False
     cycles.use_denoising = False
     cycles.pixel_filter_type, cycles.filter_width = 'BOX', 0.01
     cycles.max_bounces = 0
