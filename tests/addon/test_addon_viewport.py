@@ -21,7 +21,7 @@ def test_first_picture(told):
         longest = {k: [round(s, 3) for s in v] for k, v in told[what]["longest"].items()}
         print(f"{what}: first picture after {told[what]['first']:.3f} s ({told[what]['engine']:.2f} s of the "
               f"processor), whole after {told[what]['whole']:.2f} s, Blender kept for [s, of the processor] {longest}")
-        assert told[what]["engine"] < 0.8  # all threads; the time that passes is as the machine's other work lets it
+        assert told[what]["engine"] < 1.0  # all threads; the time that passes is as the machine's other work lets it
         for seconds, busy in longest.values():
             assert busy < 0.1  # whatever else the machine does meanwhile
             assert seconds < 1
