@@ -61,7 +61,7 @@ def test_a_world_shows_its_colour(preview):
 
 
 def test_previews_take_less_than_a_second(preview):
-    """With an engine that is awake; 0.1 to 0.2 s on an idle machine."""
+    """With an engine that is awake; the first take longest."""
     preview(principled("First"))
     times = []
     for i in range(5):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ _GOLDEN = np.pi * (3 - np.sqrt(5))
 # The turn from one ray to the next where a part of the rays is asked first. It was found by a search: all rays, every
 # second and every fourth are about as evenly spread as by the golden angle, with which every fourth is not.
 NESTED = 2 * np.pi * 0.405014
+FAR = 100  # places on in the list of rays; neighbours are nearer
 LEAN = np.radians(30)  # of the four normals for which a record also gathers
 
 
@@ -39,8 +41,10 @@ class Nested(NamedTuple):
     all: dict[int, Rays]  # and both of them together
 
 
+@cache
 def nested(n: int) -> Nested:
-    """Return rays for surfaces that send n, 2n or 4n of them. Each set is evenly spread."""
+    """Return rays for surfaces that send n, 2n or 4n of them. Each set is evenly spread. They are made once a process.
+    """
     full = directions(4 * n, NESTED)
     first, second, others = (np.ascontiguousarray(a) for a in (full[2::4], full[::4], full[1::2]))
     more = {2: second, 4: np.concatenate([second, others])}
@@ -78,6 +82,6 @@ def sectors(local: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 def _beside(local: NDArray[np.float64]) -> tuple[int, int]:
     """Return the two distances in the list at which directions (n,3) are closest to each other, on two sides."""
-    far = [np.inf] + [float(np.square(local[j:, :2] - local[:-j, :2]).sum(1).mean()) for j in range(1, len(local) // 2)]
+    far = [np.inf] + [float(np.square(local[j:, :2] - local[:-j, :2]).sum(1).mean()) for j in range(1, FAR)]
     one, *others = np.argsort(far)
     return int(one), next(int(j) for j in others if j % one and one % j)
