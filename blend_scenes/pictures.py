@@ -195,6 +195,11 @@ def window(folder):
     return beside_cycles(folder, "window")
 
 
+def equal_time(folder):
+    """Return the contest's hall at night. Above: this engine. Below: Cycles with its denoiser, in equal time."""
+    return beside_cycles(folder, "equal_time")
+
+
 def beside_cycles(folder, script):
     """Run blend_scenes/SCRIPT.py, which renders with both engines; return its pictures, one above the other."""
     subprocess.run([sys.executable, str(HERE / f"{script}.py"), str(folder)], check=True)
@@ -203,7 +208,7 @@ def beside_cycles(folder, script):
 
 
 PICTURES = {f.__name__: f for f in (tabletop, parameters, weights, cylinder, lens, control, light_size, limits,
-                                   materials, lamp_nodes, shapes, window, panels)}
+                                   materials, lamp_nodes, shapes, window, equal_time, panels)}
 
 if __name__ == "__main__":
     PICTURES_FOLDER.mkdir(exist_ok=True)
