@@ -4,6 +4,7 @@ This engine renders with *Balanced*. Then Cycles renders, with the same bounces 
 can in the seconds that this took. The pictures become docs/pictures/equal-time.jpg (see pictures.py).
 """
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -19,12 +20,11 @@ SIZE = 832, 468
 FRAME = 10
 
 
-def render(engine, path, **request):
+def render(engine, path):
     """Render the open scene into a file, and return the seconds that it takes."""
     scene = bpy.context.scene
-    cell.prepare(scene, {"engine": engine, "width": SIZE[0], "height": SIZE[1], "threads": 0, "reference": False,
-                         "level": 'BALANCED', "denoise": True, "samples": 4096} | request)
-    scene.render.threads_mode = 'AUTO'
+    cell.prepare(scene, {"engine": engine, "width": SIZE[0], "height": SIZE[1], "threads": os.cpu_count(),
+                         "reference": False, "level": 'BALANCED', "denoise": True, "samples": 4096})
     scene.frame_set(FRAME)
     scene.render.image_settings.file_format, scene.render.filepath = 'PNG', str(path)
     began = time.perf_counter()

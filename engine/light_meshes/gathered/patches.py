@@ -28,7 +28,7 @@ BATCH = 4096  # patches at once
 FEW = 4  # lamps whose light is the mean of four points of a patch; more light it at one
 FEWER = 1.5  # how much larger the patches are for their rays, of which there are fewer than of records
 SHAPED, LOOKED, LIT = 1, 2, 3  # what is computed of a patch: its shape, then its colours, then the light of lamps on it
-CORNER = 16  # the bit of a patch whose points are those in a corner; the others are its free points
+IN_CORNER = 16  # the bit of a patch whose points are those in a corner; the others are its free points
 _ARRAYS = ("_emission", "_albedo", "_direct", "_white", "_sky", "_shaped", "_looked", "_lit", "_claimed", "_traced",
            "_covered", "_free", "_widened", "_widened_lit", "_divided", "_seen", "_begin", "_count")
 
@@ -67,7 +67,7 @@ class Patches:
         self._white = np.empty((0, 3))  # direct light, as a white surface would return it
         self._shaped, self._looked, self._lit, self._traced, self._covered, self._divided, self._seen = (
             np.empty(0, np.bool_) for _ in range(7))
-        self._free = np.empty(0, np.uint8)  # the points that count, a bit each, and CORNER
+        self._free = np.empty(0, np.uint8)  # the points that count, a bit each, and IN_CORNER
         self._claimed = np.empty(0, np.int8)  # a thread computes so much of it, or has done so
         # emission and albedo, or the lamps' light, are those of a wider patch where it is covered
         self._widened, self._widened_lit = np.empty(0, np.bool_), np.empty(0, np.bool_)
@@ -272,7 +272,7 @@ class Patches:
         hidden = np.flatnonzero(covered)  # but a corner may look out, as rays that met the patch have come to it
         if len(hidden):
             free[hidden], covered[hidden] = self._uncovered(*self._field.grids.inside(keys[hidden], True)[1:])
-            free[hidden] |= CORNER
+            free[hidden] |= IN_CORNER
         return free, covered, divided
 
     def _look_at(self, keys: NDArray[np.uint64], free: NDArray[np.uint8], lit: bool) -> tuple[NDArray, ...]:
@@ -280,7 +280,7 @@ class Patches:
         they return and that a white patch would return, each (n,3).
         """
         triangle, P, N = self._field.grids.inside(keys)
-        corner = np.flatnonzero(free & CORNER)
+        corner = np.flatnonzero(free & IN_CORNER)
         if len(corner):
             at = (4 * corner[:, None] + np.arange(4)).ravel()
             triangle[at], P[at], N[at] = self._field.grids.inside(keys[corner], True)
