@@ -1,11 +1,11 @@
 /* How far bodies of glass would turn a straight ray of light aside, from the normals where it crosses them (aside.py). */
-#include "../rays/triangles.h"
 #include "fresnel.h"
+#include "straight.h"
 
 /* Columns of a ray's state: the unit direction after the bends so far; that before the body in which the ray is; the
    sum of how far each body behind it makes the ray miss the lamp, as a vector; the longest way from a body to the lamp;
    in how many bodies the ray is; and what is left of the light by Fresnel's equations, 0 after a total reflection. */
-enum { BENT, BEFORE = 3, MISS = 6, FAR = 9, DEPTH, LEFT, STATE };
+enum { BENT, BEFORE = 3, MISS = 6, FAR = 9, DEPTH, LEFT };
 
 /* Turns the direction d at a surface with the unit normal N on its side. Returns 0 at total reflection. */
 static int turn(f64 *d, const f64 *N, f64 eta) {

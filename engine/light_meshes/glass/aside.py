@@ -33,6 +33,8 @@ class Aside:
         self._surfaces, self._bodies = surfaces, bodies
         self._ior, self._fresnel, self._radius = ior, fresnel, radius
         self._surface = surfacing(surfaces)
+        # what the kernel `straight_light` needs to know to do the same
+        self.arrays = bodies.of, bodies.inside_out, bodies.ior, ior, fresnel, radius, LEAST
 
     def begin(self, n: int) -> NDArray[np.float64]:
         """Return the states of n rays that have crossed nothing."""

@@ -2,6 +2,7 @@
 #include "../surface/texels.h"
 #include "../rays/triangles.h"
 #include "fresnel.h"
+#include "straight.h"
 
 /* Returns the body with the highest rank, −1 if there is none. */
 static i32 top(i64 count, const i32 *media, const i64 *rank) {

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..rays.geometry import Hits, Surfaces
 from ..rays.stacks import stacks
+from ..rays.tracer import Passing
 from ..scene.description import Scene, Settings
 from ..support.native import kernel
 from ..surface.looks import Looks
@@ -17,7 +18,7 @@ from .aside import Aside
 from .bodies import around, bodies, facets
 from .media import Media, closed
 
-_cross, _factor = kernel("interfaces_cross"), kernel("interfaces_factor")
+_cross, _factor, _straight = kernel("interfaces_cross"), kernel("interfaces_factor"), kernel("straight_light")
 MEDIA = 32  # the largest number of bodies that a ray can be in at once; further bodies are ignored
 
 
@@ -102,6 +103,14 @@ class Interfaces:
         if settings.glass_shadows != "SOLID" or settings.refraction != "VIEW" or not counts:
             return None
         return Aside(self._surfaces, self._bodies, self._ior, self._fresnel, radius)
+
+    def passing(self, aside: Aside | None) -> Passing:
+        """Return what surfaces let through of straight rays of light. aside: see `Interfaces.aside`."""
+        turning = (*(None,) * 6, 0.0) if aside is None else aside.arrays
+        first = None if self.stacks is None else self.stacks.first
+        kernel = _straight.of(*self._surfaces[3:], self._alpha, self._kt, self._image, self._asked, self._images, first,
+                              *turning)
+        return Passing(self.factor, aside, kernel)
 
     def _alpha_of(self, alpha: NDArray[np.float64], image: NDArray[np.int32],
                   uv: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -121,7 +121,7 @@ def _shadows(world: World, plan: Plan, settings: Settings, patch: float, stats: 
     if plan.shadows == NONE:
         return Unshadowed(len(lights))
     aside = world.glass.aside(settings, extents(lights))
-    through = Through(plan.channels, world.glass.factor, None, world.glass.cutouts, aside)
+    through = Through(plan.channels, world.glass.passing(aside), None, world.glass.cutouts)
     few = replace(settings, light_samples=_lamp_rays(lights, patch), light_threshold=PART)
     setup = Setup(lights, world.lights.targets(), world.tracer, stats, world.casters, few, {}, through, None)
     method = KINDS["AREA_SAMPLING"].make(setup)

@@ -100,7 +100,7 @@ def shadowing(world: World, settings: Settings, casters: Casters, plan: Plan, me
     targets = world.lights.targets()
     refraction = _refraction(world, settings, casters, targets, old) if plan.paths else None
     aside = world.glass.aside(settings, light_size.extents(world.scene.lights))
-    through = Through(plan.channels, world.glass.factor, refraction, world.glass.cutouts, aside)
+    through = Through(plan.channels, world.glass.passing(aside), refraction, world.glass.cutouts)
     certify = Certify(world, stats, old.certify if old else None)
     of_lattice: LatticeSetup | None = None
     radii: dict[int, float] = {}

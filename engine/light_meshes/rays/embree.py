@@ -54,6 +54,10 @@ class Accelerator(Protocol):
         cannot.
         """
 
+    @property
+    def closest_for_kernels(self) -> tuple[int, int]:
+        """Embree's function for the first triangle on a ray, and the scene, where `for_kernels` is not None."""
+
     def closest(self, o: NDArray[np.float32], d: NDArray[np.float32], t: NDArray[np.float32]) -> Met:
         """Return the first triangle on each of some ready-made rays; t becomes how far it is."""
 
@@ -102,6 +106,7 @@ class ByRun:
     """The accelerator by embreex's Python interface."""
 
     for_kernels: tuple[int, int, int] | None = None
+    closest_for_kernels = 0, 0
 
     def __init__(self, vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> None:
         self._scene = EmbreeScene()  # robust is its default
@@ -212,7 +217,7 @@ class Direct:
             raise MemoryError
         if error:
             raise RuntimeError(f"Embree cannot build its accelerator of {len(triangles):,} triangles: error {error}")
-        self._for_closest = device.closest, self._scene
+        self.closest_for_kernels = device.closest, self._scene
         self._for_pixels = device.closest, device.packets, self._scene
         self._for_occluded: tuple[int, int, int] = (*device.occluded, self._scene)
         self.for_kernels: tuple[int, int, int] | None = self._for_occluded
@@ -225,7 +230,7 @@ class Direct:
     def closest(self, o: NDArray[np.float32], d: NDArray[np.float32], t: NDArray[np.float32]) -> Met:
         """See Accelerator."""
         met = _nothing(len(t))
-        _closest(*self._for_closest, o, d, t, *met)
+        _closest(*self.closest_for_kernels, o, d, t, *met)
         return met
 
     def occluded(self, o: NDArray[np.float32], d: NDArray[np.float32], t: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -237,7 +242,7 @@ class Direct:
     def closest_of(self, *rays: Any) -> Met:
         """See Accelerator."""
         met = _nothing(len(rays[3]))
-        _closest_of(*self._for_closest, *rays, *met)
+        _closest_of(*self.closest_for_kernels, *rays, *met)
         return met
 
     def closest_of_pixels(self, *rays: Any) -> Met:
@@ -250,7 +255,7 @@ class Direct:
         """See Accelerator."""
         *_, P, _, _, local = rays
         met = _nothing(len(P) * len(local))
-        _around(*self._for_closest, *rays, *met)
+        _around(*self.closest_for_kernels, *rays, *met)
         return met
 
     def occluded_of(self, *segments: Any) -> NDArray[np.bool_]:

@@ -1,5 +1,5 @@
 /* Triangles in the world, and the surface at a hit (geometry.py). */
-#include "triangles.h"
+#include "geometry.h"
 
 KERNEL(geometry_place, "vertices f32[n,3]  matrix f64[4,4]  out f64[n,3]!")
 i64 geometry_place(i64 n, const f32 *vertices, const f64 *matrix, f64 *out) {

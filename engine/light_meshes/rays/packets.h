@@ -50,3 +50,7 @@ static inline u32 free_rays(const Field *f, Packet *p) {
     p->count = 0;
     return found;
 }
+
+/* Kernels of embree.c that other files call, too. */
+EXPORT i64 embree_closest(i64 n, u64 function, u64 scene, const f32 *o, const f32 *d, f32 *t, i32 *triangle, f32 *u, f32 *v);
+EXPORT i64 embree_occluded(i64 n, u64 function, i64 wide, u64 scene, const f32 *o, const f32 *d, const f32 *t, u8 *blocked);

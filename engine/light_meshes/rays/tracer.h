@@ -52,9 +52,12 @@ static inline f32 way_to(const f32 *start, const f64 *end, int directional, f64 
     return (f32)(square_of > 0.0 ? 1.0 + ULPS * at / sqrt(square_of) : 1.0);
 }
 
-/* Kernels of tracer.c that embree.c calls, too. */
+/* Kernels of tracer.c that other files call, too. */
 EXPORT i64 tracer_rays(i64 n, const f64 *centre, f64 scale, f64 reach, const f64 *origin, const f64 *direction,
                        const f64 *normal, const f64 *length, f32 *o, f32 *d, f32 *t);
 EXPORT i64 tracer_segments(i64 m, i64 n, i64 q, const f64 *centre, f64 scale, f64 reach, const f64 *origin,
                            const f64 *normal, const i32 *origin_of, const f64 *position, const u8 *directional,
                            const i32 *target_of, i64 closed, f32 *o, f32 *d, f32 *t);
+EXPORT i64 tracer_cross(i64 v, i64 t, i64 n, const f32 *vertices, const i32 *triangles, const i32 *instance,
+                        const i32 *triangle, const f64 *start, const f64 *end, f32 *o, f32 *d, f32 *length, f64 *passed,
+                        i32 *last, i32 *near, u8 *new, f64 *until);

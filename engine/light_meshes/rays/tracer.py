@@ -66,6 +66,15 @@ class Turning(Protocol):
         """Multiply `through` (n,3) of rays to lamps `light` (n,) by what counts of them."""
 
 
+class Passing(NamedTuple):
+    """What surfaces let through of straight rays of light."""
+
+    factor: Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
+    """Return the share of light (n,3) that a crossing of triangles (n,) at u, v lets through."""
+    turning: Turning | None
+    kernel: Callable[..., int]  # `glass/straight.c`, with all that it needs to know of surfaces
+
+
 class Tracer:
     """The triangles of a scene, ready to be traced. There is one Embree scene for each distinct set of visible objects.
 
@@ -215,19 +224,40 @@ class Tracer:
 
     def transmittance(
         self, origin: NDArray[np.float64], origin_of: NDArray[np.int32], targets: Targets,
-        target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool,
-        factor: Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]],
+        target_of: NDArray[np.int32], normal: NDArray[np.float64] | None, closed: bool, passing: Passing,
         unbent: bool = False, casters: int = 0, triangle: NDArray[np.int32] | None = None,
-        turning: Turning | None = None, light: NDArray[np.int32] | None = None,
+        light: NDArray[np.int32] | None = None,
     ) -> NDArray[np.float32]:
         """Return Π t (n,3) of the surfaces crossed on the straight segments of `occluded`; 0 behind an opaque one.
 
-        factor(triangle, u, v) -> (n,3) is the share of light that a crossing lets through. Each crossing counts once,
-        although Embree may report both triangles at an edge. `unbent`: a surface that would bend the ray stops it.
-        `triangle` (len(origin),): the triangles on which the origins lie; sheets on these count. `turning`: what glass
-        turns aside counts less; `light`: to which lamps the segments go, which it needs.
+        Each crossing counts once, although Embree may report both triangles at an edge. `unbent`: a surface that would
+        bend the ray stops it. `triangle` (len(origin),): the triangles on which the origins lie; sheets on these count.
+        `light` (n,): the lamps to which the segments go; what glass turns aside counts less then.
         """
-        stops, kind = ("stops", "sheets") if unbent else ("opaque", "glass")
+        kinds = ("stops", "sheets") if unbent else ("opaque", "glass")
+        light = None if passing.turning is None else light
+        segments = origin, normal, origin_of, *targets, target_of, closed, triangle, light
+        stops, (embree, original) = self.field(kinds[0], casters), self._embree[kinds[1], casters]
+        if stops is None:
+            return self._step_by_step(kinds, casters, passing, *segments)
+        through, left = np.empty((len(origin_of), 3), np.float32), np.empty(len(origin_of), np.bool_)
+        closest, sheets = embree.closest_for_kernels if self.has(kinds[1], casters) else (0, 0)
+        if passing.kernel(*stops[:3], closest, sheets, original, *self._frame, *segments, through, left):
+            rows = np.flatnonzero(left)
+            lights = None if light is None else light[rows]
+            through[rows] = self._step_by_step(kinds, casters, passing, origin, normal, origin_of[rows], *targets,
+                                               target_of[rows], closed, triangle, lights)
+        return through
+
+    def _step_by_step(
+        self, kinds: tuple[str, str], casters: int, passing: Passing, origin: NDArray[np.float64],
+        normal: NDArray[np.float64] | None, origin_of: NDArray[np.int32], position: NDArray[np.float64],
+        directional: NDArray[np.bool_], target_of: NDArray[np.int32], closed: bool,
+        triangle: NDArray[np.int32] | None, light: NDArray[np.int32] | None,
+    ) -> NDArray[np.float32]:
+        """Return the same as `transmittance`, for any surface."""
+        targets, (stops, kind), factor = Targets(position, directional), kinds, passing.factor
+        turning = None if light is None else passing.turning
         blocked = self.occluded(origin, origin_of, targets, target_of, normal, closed, kind=stops, casters=casters)
         through = np.repeat(~blocked[:, None], 3, axis=1).astype(np.float32)
         s, (embree, original) = self._surfaces, self._embree[kind, casters]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..glass.refraction import RefractedPaths
 from ..rays.geometry import Surfaces
-from ..rays.tracer import Targets, Tracer, Turning
+from ..rays.tracer import Passing, Targets, Tracer
 from ..scene.description import Light, Scalar, Settings
 from ..scene.values import checked_mapping
 from ..support.rows import taken
@@ -30,7 +30,6 @@ from .meshes.node_store import NodeStore
 from .meshes.path_table import PathTable
 
 Check = Callable[[], None]  # raises if the render was cancelled
-Factor = Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
 
 
 class Facet(NamedTuple):
@@ -156,10 +155,9 @@ class Through(NamedTuple):
     """What surfaces let through on the way of light."""
 
     channels: int  # of S: 0 if all surfaces are opaque (then S has one channel of 0 or 1), 1, or 3 for coloured glass
-    factor: Factor  # the factor of a crossing, `Interfaces.factor`
+    passing: Passing  # of straight rays; light that bodies of glass turn aside is missing where it went straight
     refraction: Refraction | None
     cutouts: bool  # whether some surfaces have holes
-    aside: Turning | None = None  # light that bodies of glass turn aside is missing where it went straight
 
 
 class LatticeSetup(NamedTuple):

@@ -36,7 +36,7 @@ class SemitransparentMeshes(LightMeshes):
         # If paths are stored separately, a node also has, for each light, the first row of its paths and their number.
         self._stride = through.channels + (2 if self._apart else 0)
         super().__init__(setup, nodes)
-        self._factor, self._cutouts = through.factor, through.cutouts
+        self._passing, self._cutouts = through.passing, through.cutouts
         self._bounded, self._dims = setup.settings.glass == "BOUNDED", setup.casters.dims
         self._long_rays = Straight(setup, setup.casters.soft)
 
@@ -95,7 +95,7 @@ class SemitransparentMeshes(LightMeshes):
             clear = ~self._tracer.occluded(*segment)
             return np.repeat(clear[:, None], self.channels, axis=1).astype(np.float32)
         dims = 0 if self._bounded else self._dims
-        through = self._tracer.transmittance(*segment, self._factor, casters=dims)
+        through = self._tracer.transmittance(*segment, self._passing, casters=dims)
         # a surface that lets all light through, such as a cut-out beside its leaf, does not end the neighbourhood
         if self._bounded:
             through = np.repeat((through == 1).all(1)[:, None], 3, axis=1).astype(np.float32)

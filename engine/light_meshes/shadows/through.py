@@ -41,8 +41,8 @@ class Straight:
     def __init__(self, setup: Setup, groups: tuple[Group, ...]) -> None:
         self._count, self._targets, self._tracer = len(setup.lights), setup.targets, setup.tracer
         self._stats, self._groups = setup.stats, groups
-        self._channels, self._factor = setup.through.channels, setup.through.factor
-        self._refraction, self._aside = setup.through.refraction, setup.through.aside
+        self._channels, self._passing = setup.through.channels, setup.through.passing
+        self._refraction = setup.through.refraction
         self._casting = union(groups, self._count)
 
     def whole(self, at: Receivers, check: Check) -> NDArray[np.float32]:
@@ -134,9 +134,8 @@ class Straight:
         """Return Π t (k,C) of straight segments from P[row], on triangle[row], to targets[target], points of lamps
         `light` (k,); None: `target` are the lamps.
         """
-        return self._tracer.transmittance(P, row, targets, target, N, False, self._factor,
-                                          unbent=self._refraction is not None, casters=casters,
-                                          triangle=triangle, turning=self._aside,
+        return self._tracer.transmittance(P, row, targets, target, N, False, self._passing,
+                                          unbent=self._refraction is not None, casters=casters, triangle=triangle,
                                           light=target if light is None else light)[:, :self._channels]
 
 
