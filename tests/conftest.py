@@ -14,6 +14,9 @@ import threading
 # Kernels are asked whether all that they declare holds, also what released engines leave out (docs/developers.md).
 os.environ.setdefault("LIGHT_MESHES_CHECKS", "all")
 
+# Engines keep what Python compiles; otherwise each of more than a thousand would compile all modules again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 import hypothesis
 import pytest
 from children import Child
