@@ -270,14 +270,16 @@ def display():
 
 @pytest.fixture
 def open_blender(blender_path, blender_environment, display, tmp_path):
-    """(arguments…) → the output of a real Blender with a window, after it has quit."""
-    def run(*arguments, timeout=600):
+    """(arguments…) → the output of a real Blender with a window, after it has quit: with the smallest one that it
+    opens, unless its size is given, as software draws each of its pixels.
+    """
+    def run(*arguments, size=("640", "480"), timeout=600):
         environment = blender_environment | {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(tmp_path)}
         environment.pop("WAYLAND_DISPLAY", None)
         # a file and not a pipe, because processes that Blender leaves behind could keep a pipe open
         log = tmp_path / "log.txt"
         with log.open("w") as f:
-            subprocess.run([blender_path, "--window-geometry", "0", "0", "1280", "1000", *map(str, arguments)],
+            subprocess.run([blender_path, "--window-geometry", "0", "0", *size, *map(str, arguments)],
                            env=environment, stdout=f, stderr=f, timeout=timeout)
         return log.read_text(errors="replace")
     return run
