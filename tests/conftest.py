@@ -14,6 +14,9 @@ import threading
 # Kernels are asked whether all that they declare holds, also what released engines leave out (docs/developers.md).
 os.environ.setdefault("LIGHT_MESHES_CHECKS", "all")
 
+# Engines keep what Python compiles; otherwise each of more than a thousand would compile all modules again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 import hypothesis
 import pytest
 from children import Child
@@ -31,8 +34,8 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default")
 # machine. Where Python cannot interrupt it, its process ends a minute later and tells where each thread is.
 MOST_SECONDS = 1800
 # Files that take longest, of those that have few tests. Those with a window do not stand side by side.
-LONGEST = ("addon_viewport_troubles", "node_versions", "addon_installed", "refraction_figures", "addon_viewport",
-           "ggx", "addon_jobs", "build", "addon_every_property", "addon_faults", "addon_headless", "addon_in_blender",
+LONGEST = ("addon_installed", "node_versions", "addon_every_property", "ggx", "addon_viewport_troubles", "build",
+           "refraction_figures", "addon_viewport", "addon_jobs", "addon_faults", "addon_headless", "addon_in_blender",
            "random_scenes", "reflections", "patched", "addon_kills", "addon_sized_pictures", "control_oracle", "farm",
            "addon_console", "current_folder", "shaders_random", "contest", "caustics", "addon_versions", "border",
            "claims")

@@ -18,7 +18,7 @@ scene = bpy.context.scene
 scene.render.engine = 'CYCLES'
 if hasattr(scene, "light_meshes"):
     scene.light_meshes.world_light, scene.light_meshes.bounces = 'AMBIENT', 0
-scene.render.resolution_x, scene.render.resolution_y = 48, 32
+scene.render.resolution_x, scene.render.resolution_y = 24, 16
 scene.frame_start, scene.frame_end = 3, 30
 def add(name, data, collection=scene.collection, **properties):
     ob = bpy.data.objects.new(name, data)

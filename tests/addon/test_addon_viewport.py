@@ -70,8 +70,8 @@ def test_nothing_leaks(told):
     print("children, files, engine's and Blender's megabytes:", early, late)
     assert early[0] == late[0] == 1
     assert late[1] <= early[1] + 5
-    # Nodes are kept, and so are Blender's buffers. In 75 updates: what leaks a megabyte in each would be seen.
-    assert late[2] < early[2] + 60 and late[3] < early[3] + 75
+    # Nodes are kept, and so are Blender's buffers. In 37 updates: what leaks a megabyte in each would be seen.
+    assert late[2] < early[2] + 30 and late[3] < early[3] + 37
 
 
 def test_a_view_takes_the_engine_that_waits(told):

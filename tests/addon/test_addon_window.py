@@ -14,7 +14,7 @@ def test_panels_and_buttons(open_blender, addon, tmp_path):
 
     folder = tmp_path / "kept"
     folder.mkdir()
-    said = open_blender("-P", Path(__file__).with_name("window_panels.py"), "--", folder)
+    said = open_blender("-P", Path(__file__).with_name("window_panels.py"), "--", folder, size=("1280", "1000"))
     assert "Traceback" not in said and "END" in said, said[-4000:]
     assert set(re.findall(r"^DREW (\S+)", said, re.M)) == {panel.__name__ for panel in ui._CLASSES}
     assert re.search(r"^SAW softness \['SIZE'\]$", said, re.M)

@@ -87,7 +87,7 @@ def slope(tree, low, high, seed, whole):
     """Return a number that goes over the cell between two bounds, along a direction by the seed; whole: by whole steps.
     """
     chosen = random.Random(seed)
-    x, y = tree.separate(tree.uv())[:2]
+    x, y = tree.place()
     a = chosen.uniform(0.2, 0.8)
     mix = tree.node('ShaderNodeMath', {0: x, 1: a * (high - low), 2: low}, operation='MULTIPLY_ADD').outputs[0]
     rise = (1 - a) * (high - low)

@@ -8,6 +8,8 @@ import bpy
 class Tree:
     """A material's node tree, written down quickly."""
 
+    _place = None
+
     def __init__(self, name="Material"):
         self.material = bpy.data.materials.new(name)
         if bpy.app.version < (5, 0):
@@ -31,6 +33,13 @@ class Tree:
 
     def uv(self):
         return self.node('ShaderNodeTexCoord').outputs["UV"]
+
+    def place(self):
+        """Return the sockets of the two UV coordinates: of one node, however often they are asked for, since Blender
+        takes long for each node.
+        """
+        self._place = self._place or tuple(self.separate(self.uv())[:2])
+        return self._place
 
     def separate(self, socket):
         return self.node('ShaderNodeSeparateXYZ', {0: socket}).outputs

@@ -104,7 +104,7 @@ def draw(folder, name):
         lamp_sheet(scene, outputs_of_lamps(['SUN']))
     elif name == "area lamps":
         lamp_sheet(scene, outputs_of_lamps(['AREA']), LAMP_CELL)
-        scene.cycles.samples = 64
+        scene.cycles.samples = 16
     elif name in CATALOGUE:
         cases = CATALOGUE[name]()
         columns = node_catalogue.sheet(scene, cases, CELL)

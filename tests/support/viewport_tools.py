@@ -212,7 +212,12 @@ def files_of_sessions():
 
 
 def play(story):
-    """Play a story in Blender's timers. The story yields seconds to wait, or a condition that must become true."""
+    """Play a story in Blender's timers. The story yields seconds to wait, or a condition that must become true.
+
+    Blender draws no grid, whose every pixel takes the processor long where there is no graphics card.
+    """
+    space().overlay.show_floor = space().overlay.show_axis_x = space().overlay.show_axis_y = False
+    space().show_gizmo = False
     steps = story()
     waits_for, since = None, 0.0
 
