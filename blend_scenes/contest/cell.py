@@ -69,7 +69,7 @@ def prepare(scene, request):
     render.resolution_x, render.resolution_y, render.resolution_percentage = request["width"], request["height"], 100
     render.threads_mode, render.threads = 'FIXED', request["threads"]
     render.use_border = render.use_compositing = render.use_sequencer = False
-    render.use_persistent_data = False
+    render.use_persistent_data = len(request["frames"]) > 1  # as for an animation
     if request["engine"] == 'LIGHT_MESHES':
         render.engine = 'LIGHT_MESHES'
         bpy.ops.light_meshes.preset(level=request["level"])

@@ -69,6 +69,41 @@ def single(tmp_path):
     return run
 
 
+def bumpy(image):
+    """A material with an image that is packed into the file, and with bumps."""
+    material = bpy.data.materials.new("Bumpy")
+    material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    shader = next(n for n in nodes if n.type == 'BSDF_PRINCIPLED')
+    picture, noise, bump = (nodes.new(f"ShaderNode{name}") for name in ("TexImage", "TexNoise", "Bump"))
+    picture.image = image
+    links.new(picture.outputs["Color"], shader.inputs["Base Color"])
+    links.new(noise.outputs[0], bump.inputs["Height"])
+    links.new(bump.outputs["Normal"], shader.inputs["Normal"])
+    return material
+
+
+def test_a_flight_keeps_the_light_on_packed_images_and_bumps(room, animation):
+    """Their files are written anew for each frame, and bumps depend on the camera; the light that is gathered does not.
+    """
+    scene, blocks, _ = room
+    image = bpy.data.images.new("Colours", 8, 8)
+    image.pixels.foreach_set(np.random.default_rng(1).random(256).astype(np.float32))
+    image.pack()
+    material = bumpy(image)
+    for block in blocks:
+        block.data.materials.append(material)
+    scene.light_meshes.world_light, scene.light_meshes.bounces = 'SKY', 1
+    fly(scene, 3)
+    pictures, statistics = animation(scene, True)
+    others, alone = animation(scene, False)
+    for picture, other in zip(pictures, others, strict=True):
+        np.testing.assert_array_equal(picture, other)
+    first, *later = (s["records"] for s in statistics)
+    assert max(later) < 0.5 * first
+    assert min(s["records"] for s in alone) > 0.9 * first
+
+
 def test_camera_flight(room, animation, single):
     """20 frames: the nodes of one serve the next, in pictures that are the same bit for bit."""
     scene = room[0]

@@ -79,7 +79,7 @@ def _alike(new: World, old: World) -> bool:
         return [(o.visible_diffuse, o.visible_shadow) for o in world.scene.objects]
 
     a, b = new.scene, old.scene
-    sees = any(m.program.sees_camera() for m in a.materials)
+    sees = any(m.program.sees_camera(m.program.without_normals) for m in a.materials)
     return (new.surfaces is old.surfaces and new.glass is old.glass and not sees and flags(new) == flags(old)
             and same(a.materials, b.materials) and same(a.lights, b.lights) and new.sky.alike(old.sky)
             and [t and t.key for t in new.textures] == [t and t.key for t in old.textures])
@@ -139,7 +139,7 @@ class Look:
     def __call__(self, triangle: NDArray[np.int32], P: NDArray[np.float64], N: NDArray[np.float64],
                  lit: bool) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return emission, albedo and direct light, each (n,3), at points P (n,3) of triangles (n,), seen from the side
-        of N (n,3).
+        of N (n,3). Bumps do not count: they depend on pixels and so on the camera, and patches are wider than they are.
         """
         world, n = self._world, len(P)
         material = np.empty(n, np.int32)
@@ -147,7 +147,7 @@ class Look:
                     np.empty(n, np.int32), np.empty(n, np.bool_), material, world.materials)
         zero = np.zeros(n, np.float32)
         world.surface(None, triangle, zero, zero, P + N * world.surfaces.scale, -N, hits)
-        hits = world.look(hits, -N, np.full(n, REFLECTED, np.int8))
+        hits = world.look(hits, -N, np.full(n, REFLECTED, np.int8), flat=True)
         m, row = hits.table, hits.row
         returned = albedo.mean(hits, world.textures)
         emission = m.emission[row].copy()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..rays.tracer import ULPS
 from ..scene.description import Material, Scene
+from ..scene.programs import LETS_THROUGH
 from .world import World
 
 BOXES = 64  # the largest number of boxes for changed casters; if there are more casters, one box holds all
@@ -66,7 +67,7 @@ def footprints(world: World, channels: int) -> Footprints:
 
 def _lets_through(material: Material) -> bool:
     """Return whether the material's program decides how much light passes for shadow rays."""
-    return not {"alpha", "kt"}.isdisjoint(material.program.values)
+    return not LETS_THROUGH.isdisjoint(material.program.values)
 
 
 def _program(world: World, material: Material) -> object:
@@ -75,7 +76,7 @@ def _program(world: World, material: Material) -> object:
         return None
     c = world.camera
     images = [texture and texture.key for i in sorted(material.program.images()) for texture in [world.textures[i]]]
-    where = (c.matrix.tobytes(), c.window, c.perspective) if material.program.sees_camera() else None
+    where = (c.matrix.tobytes(), c.window, c.perspective) if material.program.sees_camera(LETS_THROUGH) else None
     return material.program, images, where
 
 

@@ -17,6 +17,7 @@ from ..rays.camera import camera_rays
 from ..rays.geometry import Hits, Surfaces, flatten, same_frame, surfacing
 from ..rays.tracer import Pixels, Tracer
 from ..scene.description import Camera, Light, Scene, same
+from ..scene.programs import LETS_THROUGH
 from ..shadows.casters import Casters, casters
 from ..shadows.registry import KINDS
 from ..support import processors
@@ -53,11 +54,11 @@ class World:
     as_lamps: NDArray[np.bool_] | None = None  # (T,) triangles whose light comes from lamps in their place; None: none
     lamp_objects: tuple[int, ...] = ()  # the objects in whose place these lamps are, the last ones of `lights`
 
-    def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
+    def look(self, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8], flat: bool = False) -> Hits:
         """Return the hits of rays along `direction`, with what the programs of their materials say of them; see
         `Looks`.
         """
-        return self.looks(self.materials, hits, direction, ray)
+        return self.looks(self.materials, hits, direction, ray, flat)
 
     def owner(self, triangle: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return the objects (n,) to which triangles (n,) belong."""
@@ -169,5 +170,5 @@ def _interfaces_key(scene: Scene, images: list[textures.Texture | None], camera:
         [texture and texture.key for texture in images], scene.settings.refraction,
         [o.visible_shadow for o in scene.objects],
         [(camera.matrix.tobytes(), camera.window, camera.perspective, camera.width, camera.height)
-         for m in scene.materials if m.program.sees_camera()][:1],
+         for m in scene.materials if m.program.sees_camera(LETS_THROUGH)][:1],
     )

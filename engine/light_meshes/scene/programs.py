@@ -59,6 +59,8 @@ PARAMETERS: dict[str, tuple[int, float, float]] = {
     "coat_ior": (1, 1.0, 1000.0), "coat_tint": (3, 0.0, 1.0), "coat_normal": (3, -1e30, 1e30),
     "sheen_normal": (3, -1e30, 1e30), "sheen": (1, 0.0, 1e30),
     "sheen_roughness": (1, 0.0, 1.0), "sheen_tint": (3, 0.0, 1.0), "share": (1, 0.0, 1e30)}
+NORMALS = {"normal", "displaced", "coat_normal", "sheen_normal"}  # those of them that bend normals
+LETS_THROUGH = {"alpha", "kt"}  # and those that say how much light gets through
 # What a lamp's program sets: by how much its intensity is multiplied.
 OF_LIGHT = ("emission",)
 
@@ -120,10 +122,19 @@ class Program:
         """Return whether the program has an operation with one of these names."""
         return any(o.name in names for o in self.operations)
 
-    def sees_camera(self) -> bool:
-        """Return whether the results depend on where the camera is."""
-        return any(o.name in ("to_camera", "from_camera", "in_camera", "window") or (
-            o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0]) for o in self.operations)
+    @cached_property
+    def without_normals(self) -> frozenset[str]:
+        """Return the names of its parameters but for normals: what a surface is to light that is gathered."""
+        return frozenset(name for name in self.values if layer_of(name)[1] not in NORMALS)
+
+    def sees_camera(self, names: Collection[str] | None = None) -> bool:
+        """Return whether the parameters of these names depend on where the camera is; None: whether any does. Values
+        beside a point do: they are as far from it as pixels are from each other.
+        """
+        needed, _ = self.all_needed if names is None else self.needed(names)
+        return any(needs and (o.name in ("to_camera", "from_camera", "in_camera", "window") or (
+            o.name in SHIFTED and len(o.arguments) > OPERATIONS[o.name][0]))
+            for o, needs in zip(self.operations, needed, strict=True))
 
 
 NO_PROGRAM = Program()

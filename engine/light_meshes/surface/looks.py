@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from ..rays.geometry import Hits, Surfaces
 from ..scene.description import Camera, Scene
 from ..scene.material import Material
-from ..scene.programs import Program, layer_of
+from ..scene.programs import LETS_THROUGH, Program, layer_of
 from ..support.rows import taken
 from .points import SHADOW, Around, Points
 from .programs import run, unit
 from .shading import LEAST_SIGHT, Materials, sent_out
 from .textures import Texture
 
-_LETS_THROUGH = {"alpha", "kt"}
 # Normals that are only dimmed by: the columns for the cosines of the eye to them.
 _ON = {"coat_normal": "on_coat", "sheen_normal": "on_sheen"}
 
@@ -34,7 +33,7 @@ class Looks:
         self._surfaces, self._textures = surfaces, textures
         self._varies = np.array([bool(p) for p in self._programs], np.bool_)
         # (M,) whether a program says how much light gets through
-        self.cuts = np.array([bool(_LETS_THROUGH & set(p.values)) for p in self._programs], np.bool_)
+        self.cuts = np.array([bool(LETS_THROUGH & set(p.values)) for p in self._programs], np.bool_)
         self.any = bool(self._varies.any())
         # Materials with equal programs, and as many layers, are one group.
         groups: dict[tuple[Program, int], int] = {}
@@ -43,10 +42,12 @@ class Looks:
         if self.any:
             self._around = Around(scene, surfaces, camera)
 
-    def __call__(self, table: Materials, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8]) -> Hits:
+    def __call__(self, table: Materials, hits: Hits, direction: NDArray[np.float64], ray: NDArray[np.int8],
+                 flat: bool = False) -> Hits:
         """Return the hits of rays along `direction` (n,3) with rows of their own where their material has a program.
 
-        Its normal, if it says one, becomes the shading normal Ns. ray (n,): kinds of rays, as `points` has them.
+        Its normal, if it says one, becomes the shading normal Ns. ray (n,): kinds of rays, as `points` has them. flat:
+        surfaces are without bumps.
         """
         rows = np.flatnonzero(self._varies[hits.material]) if self.any else np.zeros(0, np.int64)
         if not len(rows):
@@ -57,7 +58,8 @@ class Looks:
         groups, longer = self._longer(table, h.material)
         for group, some, first in groups:
             own = points.at(some)
-            for name, values in run(self._groups[group], own, self._textures).items():
+            program = self._groups[group]
+            for name, values in run(program, own, self._textures, program.without_normals if flat else None).items():
                 layer, name = layer_of(name)
                 here = slice(first + layer * len(some), first + (layer + 1) * len(some))
                 if name in ("normal", "displaced") and not layer:
@@ -111,7 +113,7 @@ class Looks:
                         self._around)
         for m in np.unique(material[rows]):
             some = np.flatnonzero(material[rows] == m)
-            found = run(self._programs[m], points.at(some), self._textures, _LETS_THROUGH)
+            found = run(self._programs[m], points.at(some), self._textures, LETS_THROUGH)
             if "alpha" in found:
                 alpha[rows[some]] = found["alpha"]
             if "kt" in found:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import stat
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -64,7 +65,8 @@ class Texture:
         """`alpha`: whether its alpha is needed. cache: from which its texels come when they are needed; None: they are
         read now.
         """
-        self.key = _key(image, alpha)
+        self.file = _file_key(image, alpha)
+        self.key = self.file if cache else _content_key(image, alpha)
         with _opened(image) as source:
             layout = _layout(image, source, alpha)
             texels = None if cache else _read(source, layout)
@@ -229,8 +231,9 @@ def load(images: Sequence[Image], asked: Collection[int], threads: int,
 
     `asked`: see `alphas`. Of more than LIMIT bytes, those that are not small are read tile by tile.
     """
-    ready = {texture.key: texture for texture in old if texture}
-    new = any(_key(image, i in asked) not in ready for i, image in enumerate(images))
+    ready, known = ({of(texture): texture for texture in old if texture} for of in (
+        lambda texture: texture.file, lambda texture: texture.key))
+    new = any(_file_key(image, i in asked) not in ready for i, image in enumerate(images))
     sizes = {image: layout.bytes for image, layout in layouts(images, asked)} if new else {}
     caches = [texture.cache for texture in ready.values() if texture.cache]
     cache = (caches[0] if caches else Cache(LIMIT)) if sum(sizes.values()) > LIMIT else None
@@ -239,7 +242,10 @@ def load(images: Sequence[Image], asked: Collection[int], threads: int,
         image = images[i]
         try:
             tiled = cache if sizes.get(image, 0) > SMALL else None
-            texture = ready.get(_key(image, i in asked)) or Texture(image, i in asked, tiled)
+            texture = ready.get(_file_key(image, i in asked))
+            if not texture and not tiled and known:
+                texture = known.get(_content_key(image, i in asked))
+            texture = texture or Texture(image, i in asked, tiled)
             return texture, texture.warning
         except OSError as e:
             return None, (f"image '{image.name}' ({image.path}) cannot be read, it is shown magenta: "
@@ -352,13 +358,23 @@ def _converter(image: Image) -> Callable[[NDArray[np.float32]], NDArray[np.float
     return convert
 
 
-def _key(image: Image, alpha: bool) -> tuple:
-    """Return everything on which a texture depends."""
+def _file_key(image: Image, alpha: bool) -> tuple:
+    """Return everything on which a texture depends, if its file has not been made anew."""
     try:
         file = Path(image.path).stat()
     except (OSError, ValueError):  # reading the file will report any error
         return (object(),)  # equal to no other object
     return replace(image, name=""), alpha, file.st_mtime_ns, file.st_size
+
+
+def _content_key(image: Image, alpha: bool) -> tuple:
+    """Return everything on which a texture in memory depends: images that are packed into a .blend get a new file for
+    each picture.
+    """
+    _check_file(Path(image.path))
+    with Path(image.path).open("rb") as file:
+        content = hashlib.file_digest(file, "blake2b").digest()
+    return replace(image, name="", path=""), alpha, content
 
 
 def _srgb_to_linear(x: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float32]:
