@@ -31,8 +31,9 @@ ROOT = Path(__file__).parents[2]
 TESTS = ["psi", "node_store", "lights", "refraction", "terminator", "textures", "reuse", "shadow_rate",
          "glass_in_glass", "light_size", "semitransparent", "certificate", "layers", "procedural", "blurred", "worlds",
          "patched", "sized_toggles", "light_threshold"]
-# Kernels that take addresses in this process: of Embree's or Python's functions, of what another thread changes.
-NOT_AGAIN = ("embree_", "calls_", "lock_")
+# Kernels that take addresses in this process: of Python's functions, of what another thread changes; and those of
+# Embree's functions, which are numbers of this type and name.
+NOT_AGAIN, ADDRESSES = ("calls_", "lock_"), re.compile(r"\b(function|scene|occluded|closest) u64\b")
 MOST = 12  # calls of each kernel, and
 LARGEST = 4_000_000  # bytes of a call: what is left out is larger of the same
 # Kernel → how far a number may be from Linux's: Windows' C library has another atan2, sin, cos and exp. bodies_winding
@@ -51,7 +52,7 @@ class Recorder:
 
     def __enter__(self):
         self._file = self._path.open("wb")
-        self._call, self._of = native.Kernel.__call__, native.Kernel.of
+        self._call, self._of, self._together = native.Kernel.__call__, native.Kernel.of, native._TOGETHER
         recorder, call = self, self._call
 
         def recorded(kernel, *arguments):
@@ -59,11 +60,12 @@ class Recorder:
                 return recorder._record(kernel, arguments, lambda: call(kernel, *arguments))
 
         native.Kernel.__call__ = recorded
+        native._TOGETHER = 0  # kernels that are called together come one by one
         native.Kernel.of = lambda kernel, *first: lambda *rest: recorded(kernel, *first, *rest)
         return self
 
     def __exit__(self, *_):
-        native.Kernel.__call__, native.Kernel.of = self._call, self._of
+        native.Kernel.__call__, native.Kernel.of, native._TOGETHER = self._call, self._of, self._together
         self._file.close()
 
     @property
@@ -73,7 +75,7 @@ class Recorder:
 
     def _record(self, kernel, arguments, call) -> int:
         """Call a kernel, and write the call down if it is one of the first of its kind."""
-        if kernel.name.startswith(NOT_AGAIN):
+        if kernel.name.startswith(NOT_AGAIN) or ADDRESSES.search(kernel.takes):
             return call()
         seen = self._seen.setdefault(kernel.name, set())
         shapes = tuple(a.shape for a in arguments if isinstance(a, np.ndarray))
@@ -160,7 +162,8 @@ def native_names() -> set[str]:
     """
     data = (ROOT / "engine/light_meshes" / native.library(sys.platform)).read_bytes()
     names = {name.removesuffix(b"_takes").decode() for name in data.split(b"\0") if name.endswith(b"_takes")}
-    return {name for name in names if not name.startswith(NOT_AGAIN)}
+    names = {name for name in names if not name.startswith(NOT_AGAIN)}
+    return {name for name in names if not ADDRESSES.search(native.kernel(name).takes)}
 
 
 if __name__ == "__main__":
