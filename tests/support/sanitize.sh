@@ -35,7 +35,7 @@ if [ $# = 0 ]; then
   all=yes
   # Short files that call most kernels, and for each of the others one short test.
   for name in attributes border broken_scenes lamp_programs layers native procedural rows semitransparent \
-    sheets_in_one_place terminator textures tiles worlds; do
+    sheets_in_one_place straight_light terminator textures tiles worlds; do
     set -- "$@" "tests/engine/test_$name.py"
   done
   for name in bench.py::test_a_lock_that_is_held_is_told_from_one_that_is_not \
