@@ -24,7 +24,7 @@ def render(engine, path):
     """Render the open scene into a file, and return the seconds that it takes."""
     scene = bpy.context.scene
     cell.prepare(scene, {"engine": engine, "width": SIZE[0], "height": SIZE[1], "threads": os.cpu_count(),
-                         "reference": False, "level": 'BALANCED', "denoise": True, "samples": 4096})
+                         "frames": [FRAME], "reference": False, "level": 'BALANCED', "denoise": True, "samples": 4096})
     scene.frame_set(FRAME)
     scene.render.image_settings.file_format, scene.render.filepath = 'PNG', str(path)
     began = time.perf_counter()

@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from light_meshes import Image, Material, Scene, Shape, box, rectangle, rotate_x, sphere, translate
 from light_meshes.picture.render import prepare
 from light_meshes.rays.tracer import Targets
+from light_meshes.scene.programs import program
 from scenes import GREY, look_down, point, settings
 
 GLASS = Material("glass", kd=0.0, kt=(0.9, 0.7, 0.5), ior=1.5, fresnel=True)
@@ -82,9 +84,6 @@ def test_light_that_is_not_turned_aside_has_the_same_bits():
 
 
 def test_cut_outs_are_looked_up_in_the_kernel(tmp_path):
-    """By 8 bits, and by an image of which Python has to ask; the bits are the same."""
-    import OpenImageIO as oiio
-
     path = tmp_path / "leaf.png"
     pixels = np.random.default_rng(5).integers(0, 256, (6, 8, 4)).astype(np.uint8)
     assert oiio.ImageBuf(pixels).write(str(path))
@@ -94,6 +93,14 @@ def test_cut_outs_are_looked_up_in_the_kernel(tmp_path):
     found, left = compared(through("SOLID", shapes=shapes, images=images), 3)
     assert left == 0
     assert len(np.unique(found[:, 0])) > 100
+
+
+def test_segments_past_a_program_that_cuts_are_left_to_the_steps():
+    cut = program({"operations": [["position"], ["sine", [0]], ["absolute", [3]]], "values": {"alpha": [[4]]}}, "here")
+    shapes = [Shape(rectangle((-2, -2), (0, 2), 1.3), Material("leaf", kd=0.5, alpha=0.5, program=cut), "leaf")]
+    found, left = compared(through("SOLID", shapes=shapes), 5)
+    assert 100 < left < 3000
+    assert len(np.unique(found[:, 0])) > 400
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-7])

@@ -69,9 +69,9 @@ class Turning(Protocol):
 class Passing(NamedTuple):
     """What surfaces let through of straight rays of light."""
 
+    # (triangle, u, v) → the share of light (n,3) that a crossing lets through
     factor: Callable[[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
-    """Return the share of light (n,3) that a crossing of triangles (n,) at u, v lets through."""
-    turning: Turning | None
+    turning: Turning | None  # None: glass turns nothing aside
     kernel: Callable[..., int]  # `glass/straight.c`, with all that it needs to know of surfaces
 
 

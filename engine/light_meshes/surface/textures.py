@@ -61,12 +61,11 @@ class Layout(NamedTuple):
 class Texture:
     """One image: its texels as in the file (8 or 16 bits, or float32), and the conversion to linear light."""
 
-    def __init__(self, image: Image, alpha: bool = True, cache: Cache | None = None) -> None:
+    def __init__(self, image: Image, alpha: bool = True, cache: Cache | None = None, key: tuple | None = None) -> None:
         """`alpha`: whether its alpha is needed. cache: from which its texels come when they are needed; None: they are
-        read now.
+        read now. key: its key, if it is known; see `_key`.
         """
-        self.file = _file_key(image, alpha)
-        self.key = self.file if cache else _content_key(image, alpha)
+        self.file, self.key = _file_key(image, alpha), key or _key(image, alpha, cache)
         with _opened(image) as source:
             layout = _layout(image, source, alpha)
             texels = None if cache else _read(source, layout)
@@ -243,9 +242,9 @@ def load(images: Sequence[Image], asked: Collection[int], threads: int,
         try:
             tiled = cache if sizes.get(image, 0) > SMALL else None
             texture = ready.get(_file_key(image, i in asked))
-            if not texture and not tiled and known:
-                texture = known.get(_content_key(image, i in asked))
-            texture = texture or Texture(image, i in asked, tiled)
+            if not texture:
+                key = _key(image, i in asked, tiled)
+                texture = known.get(key) or Texture(image, i in asked, tiled, key)
             return texture, texture.warning
         except OSError as e:
             return None, (f"image '{image.name}' ({image.path}) cannot be read, it is shown magenta: "
@@ -367,10 +366,12 @@ def _file_key(image: Image, alpha: bool) -> tuple:
     return replace(image, name=""), alpha, file.st_mtime_ns, file.st_size
 
 
-def _content_key(image: Image, alpha: bool) -> tuple:
-    """Return everything on which a texture in memory depends: images that are packed into a .blend get a new file for
-    each picture.
+def _key(image: Image, alpha: bool, cache: Cache | None) -> tuple:
+    """Return everything on which a texture depends, of one in memory by what its file contains: images that are packed
+    into a .blend get a new file for each picture.
     """
+    if cache:
+        return _file_key(image, alpha)
     _check_file(Path(image.path))
     with Path(image.path).open("rb") as file:
         content = hashlib.file_digest(file, "blake2b").digest()
