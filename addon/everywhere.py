@@ -1,5 +1,5 @@
 """Settings whose values in files of earlier releases stay as they were: the world's light, bounces, the limit of
-reflections, shadows of glass.
+reflections, shadows of glass, samples that pixels share.
 
 Blender saves only values that were set. So a scene in which such a setting was not set comes from an earlier release if
 its `release` says so, or if it uses Light Meshes and has no `release`. When a file is saved, all values with which its
@@ -12,7 +12,8 @@ from bpy.app.handlers import persistent
 from .softness import NOW, is_used, stamps
 
 # value in earlier files, and the value of LightMeshesScene.release from which on files have the default
-EARLIER = {"world_light": ('AMBIENT', 3), "bounces": (0, 3), "clamp_indirect": (0.0, 3), "glass_shadows": ('CLEAR', 4)}
+EARLIER = {"world_light": ('AMBIENT', 3), "bounces": (0, 3), "clamp_indirect": (0.0, 3), "glass_shadows": ('CLEAR', 4),
+           "share_samples": (False, 5)}
 
 
 def of(scene) -> dict:

@@ -183,6 +183,13 @@ class LightMeshesScene(bpy.types.PropertyGroup):
         description="Rough surfaces show matt ones as these light others, with highlights spread out",
         default=True, update=_changed,
     )
+    share_samples: BoolProperty(
+        name="Share Samples",
+        description="Pixels take the samples of those around, too, weighted by the pixel filter: edges are as smooth "
+                    "as with twice as many samples, in the same time. Not with one sample, nor where the filter is "
+                    "smaller than 1 pixel or larger than 2.5",
+        default=True, update=_changed,
+    )
     clamp_indirect: FloatProperty(
         name="Clamp Indirect",
         description="Light that mirrors, rough surfaces and glass show is at most so bright. 0: no limit",

@@ -8,8 +8,9 @@ come from an earlier release if a scene in them uses Light Meshes or has any of 
 import bpy
 from bpy.app.handlers import persistent
 
-# values of LightMeshesScene.release; 2: lamps as now, but ambient light; 3: but clear shadows of glass (`everywhere`)
-EARLIER, NOW = 1, 4
+# values of LightMeshesScene.release; 2: lamps as now, but ambient light; 3: but clear shadows of glass; 4: but pixels
+# do not share their samples (`everywhere`)
+EARLIER, NOW = 1, 5
 _OF_ANY_FILE = {"rna_type", "name", "release", "measure_frame"}  # the last is set when any file is loaded
 
 

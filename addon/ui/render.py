@@ -104,6 +104,7 @@ class LIGHT_MESHES_PT_film(LightMeshesPanel, bpy.types.Panel):
 
     def fill(self, layout, context):
         layout.prop(context.scene.render, "filter_size")
+        layout.prop(context.scene.light_meshes, "share_samples")
         layout.prop(context.scene.render, "film_transparent", text="Transparent")
 
 

@@ -34,6 +34,7 @@ from property_scenes import (
     rough_ground,
     sampled,
     silhouette,
+    silhouette_of_samples,
     sized,
     slab,
     slab_in_air,
@@ -71,6 +72,10 @@ def edge(picture):
 
 def more_levels(before, after):
     return len(np.unique(after.round(3))) > 2 * len(np.unique(before.round(3)))
+
+
+def fewer_levels(before, after):
+    return more_levels(after, before)
 
 
 def less_noisy(before, after):
@@ -135,6 +140,7 @@ ROWS = [
     Row("scene", "caustics", 'PAPER', dimmer_spot, lens),
     Row("scene", "leak_free", True, darker, below_a_table),
     Row("scene", "samples", 32, more_levels, silhouette),
+    Row("scene", "share_samples", False, fewer_levels, silhouette_of_samples),
     Row("scene", "light_samples", 256, less_noisy, sampled),
     Row("scene", "max_depth", 0, darker, mirror),
     Row("scene", "fast_reflections", False, near, rough_ground),

@@ -127,6 +127,12 @@ def silhouette():
     bpy.context.scene.light_meshes.samples = 1
 
 
+def silhouette_of_samples():
+    """The same with some samples."""
+    silhouette()
+    bpy.context.scene.light_meshes.samples = 4
+
+
 def under_a_lamp():
     """Light that differs from place to place, and shadow edges many pixels wide."""
     lamp = bpy.data.lights["Sun"]

@@ -12,7 +12,7 @@ from ..scene.description import Scene
 from ..scene.errors import SceneError
 from ..support.native import kernel
 from ..support.text import quoted
-from .mattes import KINDS, Mattes
+from .mattes import KINDS, Mattes, Ranked
 
 _sum, _means = kernel("passes_add"), kernel("passes_means")
 
@@ -52,7 +52,7 @@ LIGHT = ("Diffuse", "Diffuse Indirect", "Glossy", "Emission", "Ambient", "Transm
 DEBUG = tuple(name for name in PASSES if name.startswith("Debug "))
 # Passes whose values have no mean take the sample nearest to the pixel's centre. Cycles does so too, but averages UV
 # and Normal.
-_CENTRE = ("Depth", "Position", "Object Index", "Material Index")
+CENTRE = ("Depth", "Position", "Object Index", "Material Index")
 DIRECT, REFLECTED, TRANSMITTED = range(3)  # how the camera sees the surface that a ray hits: the ray's "part"
 
 
@@ -97,6 +97,7 @@ class Tile:
         # whether rays must know how the camera sees what they hit
         self.parts = any(name in self.samples for name in (*LIGHT, "Ambient Occlusion"))
         self.seen = np.zeros(n, np.bool_)  # which samples have hit their first surface
+        self._ranked: dict[str, Ranked] = {}
         self._debug = any(name in self.samples for name in DEBUG)
 
     def add_light(self, pixel: NDArray[np.int64], part: NDArray[np.int8] | None, weight: NDArray, colour: NDArray,
@@ -144,10 +145,13 @@ class Tile:
         sample next to its centre.
         """
         if name.startswith(KINDS):
-            found = self.mattes.developed(name, len(self.seen) // per_pixel, per_pixel)
+            kind = name[:-2]
+            if kind not in self._ranked:
+                self._ranked[kind] = self.mattes.seen(kind).own(per_pixel)
+            found = self._ranked[kind].values(name, len(self.seen) // per_pixel)
             return found.reshape(box[3] - box[1], box[2] - box[0], -1)
         samples = self.samples[name]
-        if name in _CENTRE:
+        if name in CENTRE:
             means = samples[::per_pixel]
         else:
             means = np.empty((len(samples) // per_pixel, samples.shape[1]))

@@ -26,7 +26,7 @@ Child → parent:
     {"event": "started", "id": 1, "width": w, "height": h, "passes": {"Combined": 4, "Depth": 1}}
         the framebuffer files PASS.npy exist now: float32 (h, w, channels), rows bottom-up, zero where not done
     {"event": "progress", "id": 1, "fraction": 0.25, "stage": "Rendering, 12 of 48 tiles done"}
-    {"event": "tile", "id": 1, "box": [x0, y0, x1, y1]}      these pixels are final
+    {"event": "tile", "id": 1, "box": [x0, y0, x1, y1]}      these pixels are drawn
     {"event": "picture", "id": 7, "step": 0, "width": w, "height": h, "passes": {"Combined": 4}}
         a step of a view is done; its passes are FRAMEBUFFER/STEP/PASS.npy. Steps are counted from 0, those of direct
         light, too. A coarser picture shows exactly the same view as the full one; its sides are rounded up

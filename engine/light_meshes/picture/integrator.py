@@ -38,9 +38,9 @@ _AT_FIRST: dict[str, Callable[[Prepared, Hits], NDArray]] = {
 }
 
 
-def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, NDArray]:
-    """Return all passes of the tile `box` (x0, y0, x1, y1), each (height, width, channels)."""
-    scene, asked, samples = ready.scene, box, len(ready.offsets)
+def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> tuple[Tile, Box]:
+    """Return the samples of the pixels `box` (x0, y0, x1, y1), perhaps with some around, and which pixels they are."""
+    scene, samples = ready.scene, len(ready.offsets)
     if ready.plan.blocks:
         box = blocks.whole(box, scene.camera.width, scene.camera.height, samples)
     with ready.stats.stage("camera rays"):
@@ -84,8 +84,7 @@ def radiance(ready: Prepared, box: Box, check: Callable[[], None]) -> dict[str, 
                     ready.stats.add(secondary_rays=len(child.pixel))
             reach = first = None
         waves = {kind: joined(children) for kind, children in next_waves.items()}
-    part = np.s_[asked[1] - box[1]:asked[3] - box[1], asked[0] - box[0]:asked[2] - box[0]]
-    return {name: tile.developed(name, box, samples)[part] for name in ready.passes}
+    return tile, box
 
 
 def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: Box | None,

@@ -26,6 +26,7 @@ from ..shadows.sized import LEVELS
 from ..support.bits import has
 from ..surface import clusters
 
+SHARED = (1.0, 2.5)  # sizes of the pixel filter with which pixels share samples
 MANY_LAMPS = 128  # from so many on the plan proposes the light threshold
 LAMP_RAYS = 16  # that a lamp with a size takes where no certificate says that nodes may answer
 
@@ -56,6 +57,7 @@ class Plan:
     holdouts: bool = False  # the camera sees some objects as holes
     catchers: bool = False  # the camera sees some surfaces only by the shadows on them
     patches: bool = False  # rays of rough surfaces see the patches of gathered light
+    shares_samples: bool = False  # pixels take the samples of those around, too
     gathers: bool = False  # light comes from everywhere: from the sky with occlusion, or from surface to surface
     reasons: dict[str, str] = field(default_factory=dict)
 
@@ -112,6 +114,7 @@ def plan(scene: Scene, glass: Interfaces, casters: Casters, passes: tuple[str, .
     if len(lights) < len(scene.lights):
         p.decide("dark lights", len(scene.lights) - len(lights), "no energy: never traced")
     _holes(p, scene)
+    _samples(p, scene)
     if any(name.startswith("Shadow") for name in passes) and p.shadows == NONE:
         p.decide("shadow passes", "lit sides", "nothing casts a shadow")
     if any(name in passes for name in DEBUG) and not p.kind.counts:
@@ -305,6 +308,19 @@ def _holes(p: Plan, scene: Scene) -> None:
         p.decide("holdouts", holdouts, "camera rays end there")
     if catchers:
         p.decide("shadow catchers", catchers, "camera rays pass them, dimmed by the shadows there")
+
+
+def _samples(p: Plan, scene: Scene) -> None:
+    """Decide whether pixels share their samples."""
+    s = scene.settings
+    if not s.share_samples:
+        return
+    why_not = ("one sample is in the pixel's centre" if s.samples == 1 else
+               "the filter hardly reaches other pixels" if s.filter_size < SHARED[0] else
+               "the filter reaches over many pixels" if s.filter_size > SHARED[1] else "")
+    p.shares_samples = not why_not
+    p.decide("samples", "of each pixel alone" if why_not else "shared", why_not or
+             f"a pixel takes those up to {s.filter_size:g} pixels away, weighted by the filter")
 
 
 def _everywhere(p: Plan, scene: Scene, materials: list[Material], lights: list[Light]) -> None:

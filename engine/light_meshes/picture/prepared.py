@@ -88,7 +88,7 @@ class Prepared:
         self.everywhere: Everywhere | None = None
         self.alone: Alone | None = None  # the shadow catchers
         self._gather(measured, sharp, stats, previous)
-        self.offsets = filter_offsets(settings.samples, settings.filter_size)
+        self.offsets = filter_offsets(settings.samples, settings.filter_size, self.plan.shares_samples)
         small = bool(scene.lights) and bool(self.world.materials.ggx.any())  # highlights may be smaller than samples
         self.curved = curvature(self.world.surfaces) if small else None
         self.lamps = SeenLamps(scene.lights, self.world.lamps)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..film.images import Framebuffer, crop_of
+from ..film.shared import Film, SharedFilm
 from ..gathered.patches import SharedRecordsError
 from ..scene.description import Camera, Scene
 from ..shadows import blocks
@@ -21,7 +22,7 @@ from ..support import processors
 from ..support.rows import even
 from ..support.statistics import peak_memory
 from . import everywhere, reuse
-from .integrator import radiance
+from .integrator import Box, radiance
 from .memory import BATCH, SPREAD, rays_of_tile
 from .prepared import Before, Prepared
 
@@ -54,7 +55,7 @@ class Result:
         return self.frame.passes
 
 
-def _tiles(crop: tuple[int, int, int, int], size: int, step: int = 1) -> list[tuple[int, int, int, int]]:
+def _tiles(crop: Box, size: int, step: int = 1) -> list[Box]:
     """Return the fewest tiles of at most size × size pixels, almost equally large, top rows first, that begin at
     multiples of `step` inside the crop. size is a multiple of `step`.
     """
@@ -71,6 +72,14 @@ def _tile_size(pixels: int, samples: int, threads: int, rays: int = BATCH) -> in
     """
     batch = min(rays / samples, pixels / (4 * threads))
     return int(np.clip(8 * np.round(np.sqrt(batch) / 8), 8, 256))
+
+
+def film_of(ready: Prepared, crop: Box, tiles: Sequence[Box]) -> Film:
+    """Return the film of a picture whose crop is drawn in tiles."""
+    s, camera = ready.scene.settings, ready.scene.camera
+    if not ready.plan.shares_samples:
+        return Film(ready.passes, s.samples)
+    return SharedFilm(ready.passes, ready.offsets, s.filter_size, (camera.width, camera.height), crop, tiles)
 
 
 def prepare(scene: Scene, passes: Sequence[str], cancelled: Callable[[], bool] = lambda: False,
@@ -94,7 +103,7 @@ def prepare(scene: Scene, passes: Sequence[str], cancelled: Callable[[], bool] =
 def render(
     scene: Scene, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
     cancelled: Callable[[], bool] = lambda: False, progress: Progress = lambda f, s: None,
-    tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
+    tile: Callable[[Box], None] = lambda box: None,
 ) -> Result:
     """Prepare and draw `scene`; see `draw`."""
     ready = prepare(scene, tuple(frame.passes), cancelled, progress=progress)
@@ -104,7 +113,7 @@ def render(
 def draw(
     ready: Prepared, frame: Framebuffer, *, threads: int | None = None, tile_size: int | None = None,
     cancelled: Callable[[], bool] = lambda: False, progress: Progress = lambda f, s: None,
-    tile: Callable[[tuple[int, int, int, int]], None] = lambda box: None,
+    tile: Callable[[Box], None] = lambda box: None,
 ) -> Result:
     """Draw a prepared scene into `frame`.
 
@@ -128,18 +137,18 @@ def draw(
         tile_size = _tile_size(frame.width * frame.height, ready.scene.settings.samples, threads, batch)
     step = 2 * blocks.edge(ready.scene.settings.samples) if ready.plan.blocks else 1  # no block is drawn twice
     tiles = _tiles(crop, max(step, tile_size - tile_size % step), step)
+    film = film_of(ready, crop, tiles)
     lock, done, left, saying = threading.Lock(), 0, iter(tiles), Saying(ready, len(tiles), progress)
 
-    def work(box: tuple[int, int, int, int]) -> None:
+    def work(box: Box) -> None:
         nonlocal done
         check()
-        passes = radiance(ready, box, check)
-        x0, y0, x1, y1 = box[0] - crop[0], box[1] - crop[1], box[2] - crop[0], box[3] - crop[1]
-        for name, pixels in passes.items():
-            frame.passes[name][y0:y1, x0:x1] = pixels
+        for part, passes in film.developed(*radiance(ready, film.needs(box), check), box):
+            for name, pixels in passes.items():
+                frame.passes[name][part[1] - crop[1]:part[3] - crop[1], part[0] - crop[0]:part[2] - crop[0]] = pixels
         with lock:
             done += 1
-            tile((x0, y0, x1, y1))
+            tile((box[0] - crop[0], box[1] - crop[1], box[2] - crop[0], box[3] - crop[1]))
             saying(done)
 
     def work_on() -> None:

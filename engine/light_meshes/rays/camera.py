@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +25,20 @@ def coarser(camera: Camera, divisor: int) -> Camera:
         window=(left + wide * x0, left + wide * x1, bottom + high * y0, bottom + high * y1))
 
 
-def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
+def blackman_harris(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the Blackman-Harris filter at places x of its window, which goes from −.5 to .5."""
+    a = 2 * np.pi * (x + 0.5)
+    return 0.35875 - 0.48829 * np.cos(a) + 0.14128 * np.cos(2 * a) - 0.01168 * np.cos(3 * a)
+
+
+def filter_offsets(samples: int, filter_size: float, shared: bool = False) -> NDArray[np.float64]:
     """Return offsets (n,2) from a pixel's centre, in pixels, distributed as a Blackman-Harris filter of that size.
 
     As in Cycles the filter ends `filter_size` from the centre: its window is twice as wide. Every pixel has the same n
     offsets, so the picture has no noise; for n = 1 it is the centre. The offsets are Latin hypercube strata (in van der
     Corput's order), mapped by the inverse distribution of the filter. All samples have the same weight, as in Cycles.
-    The first sample is the one nearest to the centre.
+    The first sample is the one nearest to the centre. With `shared` the strata are spread evenly over the pixel
+    instead, because the film weights the samples by the filter (`film/shared.py`).
     """
     stratum = (np.arange(samples) + 0.5) / samples
     corput = np.zeros(samples)
@@ -38,13 +46,53 @@ def filter_offsets(samples: int, filter_size: float) -> NDArray[np.float64]:
         corput += (np.arange(samples) >> bit & 1) * 0.5 ** (bit + 1)
     order = np.argsort(np.argsort(corput, kind="stable"), kind="stable")
     x = np.linspace(-0.5, 0.5, 4097)
-    a = 2 * np.pi * (x + 0.5)
-    density = 0.35875 - 0.48829 * np.cos(a) + 0.14128 * np.cos(2 * a) - 0.01168 * np.cos(3 * a)
+    density = blackman_harris(x)
     share = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)])
     inverse = np.interp(stratum, share / share[-1], x)
     inverse = (inverse - inverse[::-1]) / 2  # the filter is symmetric, so make the table symmetric to the last bit
     offsets = 2 * filter_size * np.stack([inverse, inverse[order]], axis=1)
+    if shared:
+        offsets = np.stack([stratum, stratum[order]], axis=1) - 0.5
     return offsets[np.argsort((offsets**2).sum(1), kind="stable")]
+
+
+class Taps(NamedTuple):
+    """The samples that a pixel takes if it shares them with those around, in the order in which they are added: arrays
+    (t,). Those that are in one pixel follow each other.
+    """
+
+    up: NDArray[np.int64]  # so many pixels away from the one that takes them
+    right: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    weight: NDArray[np.float64]
+
+    @property
+    def reach(self) -> int:
+        """Return how many pixels away the farthest one is."""
+        return int(max(np.abs(self.up).max(), np.abs(self.right).max()))
+
+    def by_pixel(self) -> list[Taps]:
+        """Return the taps in each pixel."""
+        ends = np.cumsum(self.counts())[:-1]
+        return [Taps(*parts) for parts in zip(*(np.split(a, ends) for a in self), strict=True)]
+
+    def counts(self) -> NDArray[np.int64]:
+        """Return how many taps are in each pixel."""
+        first = np.flatnonzero(np.append(1, np.diff(self.up) | np.diff(self.right)))
+        return np.diff(np.append(first, len(self.up)))
+
+
+def filter_taps(offsets: NDArray[np.float64], filter_size: float) -> Taps:
+    """Return the samples that a Blackman-Harris filter reaches from a pixel's centre, where each pixel has samples at
+    `offsets` (n,2), with their weights in the filter.
+    """
+    reach = int(np.ceil(filter_size + 0.5)) - 1
+    around = np.arange(-reach, reach + 1)
+    up, right, sample = (a.reshape(-1) for a in np.meshgrid(around, around, np.arange(len(offsets)), indexing="ij"))
+    x, y = right + offsets[sample, 0], up + offsets[sample, 1]
+    weight = blackman_harris(x / (2 * filter_size)) * blackman_harris(y / (2 * filter_size))
+    inside = (np.abs(x) < filter_size) & (np.abs(y) < filter_size) & (weight > 0)
+    return Taps(up[inside], right[inside], sample[inside], weight[inside])
 
 
 _rays = kernel("camera_rays_of")

@@ -65,6 +65,7 @@ class Settings:
     world_light: str = "AMBIENT"  # how the world lights: AMBIENT, the paper's Ia·ka, or SKY, from all around
     bounces: int = 0  # how often diffuse light goes on from surface to surface
     filter_size: float = 1.5  # size of the Blackman-Harris pixel filter: it ends this many pixels from the centre
+    share_samples: bool = False  # pixels take the samples of those around, too, weighted by the filter
     refraction: str = "VIEW"  # which rays glass bends: M1 NONE, M2 VIEW rays, M3 FULL: shadow paths too (eq. 6)
     glass: str = "BOUNDED"  # nodes behind glass: BOUNDED drops them, PAPER weights them as in eq. (7)
     caustics: str = "PAPER"  # energy of refracted paths: Σ Π t, or FOCUS: Σ Π t·J
