@@ -267,3 +267,23 @@ def test_a_surface_that_is_met_at_once_again_and_again_ends_soon():
             break
     assert 10 < steps < 50
     assert (np.diff(ahead[:8]) < 2 * tracing.ULPS).all()  # the first steps are as short as ever
+
+
+@pytest.mark.parametrize("far", [100, 1000])
+def test_rays_meet_surfaces_that_cross_only_once(far):
+    """A large floor makes the steps larger by which rays leave surfaces. Where two cut-outs cross, rays went back and
+    forth between them, up to a thousand times.
+    """
+    rng = np.random.default_rng(3)
+    corners = (0.3 * rng.uniform(-1, 1, (60, 1, 3)) + rng.uniform(-1, 1, (60, 3, 3))).reshape(-1, 3)
+    leaves = Mesh(corners, np.arange(180).reshape(-1, 3))
+    clear = Material("clear", alpha=0.0)
+    camera = Camera.look_at((0.1, -5, 0.3), (0, 0, 0), 30, 64, 64)
+
+    def seen(size):
+        shapes = [Shape(leaves, clear, "leaves"), Shape(rectangle((-size, -size), (size, size), -4.0), GREY, "floor")]
+        return render_image(Scene.from_shapes(shapes, camera, [sun((0, 0, -1))], settings(samples=4))).statistics
+
+    near = seen(1)
+    assert near["secondary_rays"] > 2 * near["camera_rays"]
+    assert seen(far)["secondary_rays"] == near["secondary_rays"]

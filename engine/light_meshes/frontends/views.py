@@ -99,7 +99,8 @@ def _direct(kept: Kept, scene: Scene, camera: Camera, passes: Sequence[str],
         ready = render.prepare(quick, passes, cancelled, kept.before, coarser(camera, divisor), quick=True)
         kept.direct = ready
         began = time.monotonic()
-        done = render.draw(ready, Framebuffer.create(ready.scene, passes), tile_size=TILE, cancelled=cancelled)
+        tile = TILE * (2 if ready.plan.transparent else 1)  # cut-outs take many waves of rays, each with its calls
+        done = render.draw(ready, Framebuffer.create(ready.scene, passes), tile_size=tile, cancelled=cancelled)
         took = time.monotonic() - began
         yield divisor, done
         if divisor == 1:

@@ -99,12 +99,14 @@ def _wave(ready: Prepared, kind: str, rays: Rays, reach: NDArray | None, first: 
         hit, hits = ready.world.closest(kind, rays.origin, rays.direction, rays.normal, reach, passed=passed,
                                         pixels=pixels)
     _add_lamps(ready, kind, rays, hit, hits, tile)
-    origin = rays.origin
+    origin, leaves = rays.origin, rays.normal is not None
     if len(hits.P) < len(hit):
         _missed(ready, kind, rays.at(where(hit, False)), tile)
         rays = rays.met(where(hit), hits.P)
     else:
         rays = rays.met(None, hits.P)
+    if plan.transparent and leaves:
+        rays = rays.not_back(origin[hit])
     with ready.stats.stage("programs"):
         hits = ready.world.look(hits, rays.direction, _kinds(kind, rays))
     if plan.patches and rays.blur is not None and kind == "reflection":

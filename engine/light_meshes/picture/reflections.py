@@ -117,7 +117,10 @@ def going(ready: Prepared, kind: str, rays: Rays, hits: Hits, weight: NDArray, d
     if not len(on):
         return []
     P, triangle, weight, Ng, direction = (taken(a, on) for a in (hits.P, hits.triangle, weight, hits.Ng, direction))
-    return [(kind, leaving(rays.at(on), P, triangle, weight, -Ng, direction, step))]
+    some, normal = rays.at(on), -Ng
+    if step == 0 and some.behind is not None:  # beyond both surfaces
+        P, normal = (np.where(some.behind[:, None], a, b) for a, b in ((some.origin, P), (direction, normal)))
+    return [(kind, leaving(some, P, triangle, weight, normal, direction, step))]
 
 
 def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: NDArray, direction: NDArray,
@@ -126,7 +129,8 @@ def leaving(rays: Rays, P: NDArray, triangle: NDArray, weight: NDArray, normal: 
     if rays.start is not None:
         straight = (direction == rays.direction).all(1, keepdims=True)
         rays = rays._replace(start=np.where(straight, rays.start, P), last=triangle)
-    return rays._replace(weight=weight, origin=P, normal=normal, direction=direction, depth=rays.depth + np.int16(step))
+    return rays._replace(weight=weight, origin=P, normal=normal, direction=direction, depth=rays.depth + np.int16(step),
+                         behind=None)
 
 
 def softened(ready: Prepared, rays: Rays, hits: Hits, seen: bool) -> Hits:

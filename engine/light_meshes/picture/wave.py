@@ -32,6 +32,8 @@ class Rays(NamedTuple):
     # Where surfaces lie in one place:
     start: NDArray[np.float64] | None = None  # (n,3) where it began to go straight on
     last: NDArray[np.int32] | None = None  # (n,) the triangle that it met last, −1: none
+    # (n,) whether what it met is behind the place from which it came, by rounding; None: of no ray
+    behind: NDArray[np.bool_] | None = None
     # Where a pass asks:
     part: NDArray[np.int8] | None = None  # (n,) how the camera sees what it meets: passes.DIRECT, …
     left: NDArray[np.float64] | None = None  # (n,) of the sample, after what it saw so far and saw through
@@ -47,6 +49,17 @@ class Rays(NamedTuple):
         if rows is None:
             return rays
         return Rays._make(a if a is None or a is P else taken(a, rows) for a in rays)
+
+    def not_back(self, origin: NDArray[np.float64]) -> Rays:
+        """Return rays that met something. Those that came from `origin` (n,3) and met what is behind it stay there.
+
+        Rays leave a surface along its normal, by a little (`tracer.h`). Where two surfaces cross, this may be on the
+        wrong side of the other one, and straight rays would meet both again and again.
+        """
+        behind = np.einsum("ni,ni->n", self.origin - origin, self.direction) <= 0
+        if not behind.any():
+            return self
+        return self._replace(origin=np.where(behind[:, None], origin, self.origin), behind=behind)
 
     def pieces(self, most: int) -> list[Rays]:
         """Return these rays, about `most` of them at a time, but all of a sample at once: what they find is added up in
