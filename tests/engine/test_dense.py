@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from light_meshes import Light, Material, Mesh, Shape, box, sphere, translate
-from light_meshes.gathered import thinned
+from light_meshes.gathered import cards, thinned
 from light_meshes.picture.render import render_image
 from test_everywhere import BLACK, WHITE, close, scene, seen
 
@@ -60,3 +60,52 @@ def test_few_corners_of_a_dense_ball_gather_for_all(monkeypatch, smooth):
     assert 0 < np.median(error) < 0.01
     assert np.percentile(error, 95) < 0.05
     assert rays[1] < 0.6 * rays[0]
+
+
+def crown(n, size, seed=5):
+    """Cards of two triangles, turned at random, in a ball of radius 1 around the origin."""
+    rng = np.random.default_rng(seed)
+    middle = rng.normal(size=(n, 3))
+    middle *= (rng.uniform(0, 1, (n, 1)) ** (1 / 3)) / np.linalg.norm(middle, axis=1, keepdims=True)
+    turn = np.linalg.qr(rng.normal(size=(n, 3, 3)))[0] * size / 2
+    corners = middle[:, None] + np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) @ turn[:, :2]
+    first = 4 * np.arange(n)[:, None]
+    return Mesh(corners.reshape(-1, 3), np.concatenate([first + np.array([(0, 1, 2)]), first + np.array([(0, 2, 3)])]))
+
+
+def both_ways(monkeypatch, of):
+    """The light from everywhere, places and statistics, without cards and with them."""
+    found = []
+    for largest in (0.0, cards.CARD):
+        monkeypatch.setattr(cards, "CARD", largest)
+        done = render_image(of, ("Combined", "Diffuse Indirect", "Position"))
+        found.append((done.passes["Diffuse Indirect"][..., 0], done.passes["Position"], done.statistics))
+    return found
+
+
+def test_leaves_gather_at_their_corners_only(monkeypatch):
+    """Nearly the same light as with records at all corners and between them, with far fewer rays."""
+    leaf, grey = Material("leaf", Od=(0.3, 0.6, 0.2), alpha=0.7), Material("grey", Od=(0.7, 0.7, 0.7))
+    shapes = [Shape(crown(300, 0.25), leaf, matrices=[translate(0, 0, 1.4)]), Shape(sheet((-3, -3), (3, 3), 4), grey)]
+    sun = Light("sun", "SUN", (2.0, 2.0, 2.0), direction=(0.4, 0.3, -0.8))
+    of = scene(shapes, (0, -4, 1.8), (0, 0, 1.2), 48, [sun], (0.5, 0.6, 0.8), bounces=1, shadows="SHARP", auto_h=False,
+               h=0.1)
+    (slow, P, before), (fast, _, after) = both_ways(monkeypatch, of)
+    leaves, floor = (P[..., 2] > 0.3), (np.abs(P[..., 2]) < 1e-3) & (np.abs(P[..., 0]) > 1.5)
+    assert leaves.sum() > 400 and floor.sum() > 200
+    error = np.abs(fast - slow)[leaves] / slow[leaves].mean()
+    mean, rays = fast[leaves].mean() / slow[leaves].mean(), after["gathered_rays"] / before["gathered_rays"]
+    middle, most = np.percentile(error, (50, 95))
+    print(f"leaves: median {middle:.3f}, 95 % {most:.3f}, mean {mean:.3f}, rays {rays:.2f}")
+    assert 0 < middle < 0.04 and most < 0.2
+    assert abs(mean - 1) < 0.02 and rays < 0.4
+    np.testing.assert_array_equal(fast[floor], slow[floor])
+
+
+def test_a_large_sheet_with_cut_outs_is_no_card(monkeypatch):
+    """Its triangles are as small as leaves, but they hang together."""
+    veil = Material("veil", Od=(0.5, 0.5, 0.5), alpha=0.9)
+    of = scene([Shape(sheet((-2, -2), (2, 2), 20), veil), Shape(box((0.2, 0.2, 0), (0.6, 0.6, 0.5)), WHITE)],
+               (0, -3, 2), (0, 0, 0), 40, bounces=1, auto_h=False, h=0.1)
+    (slow, *_), (fast, *_) = both_ways(monkeypatch, of)
+    np.testing.assert_array_equal(fast, slow)

@@ -142,6 +142,7 @@ def low_sun(scene, add, add_light, diffuse, render, look_at):
         ours.samples, ours.mode, ours.bounces, cycles.samples, cycles.max_bounces = 16, 'RAY_CASTING', 0, 64, 0
         cycles.use_denoising = cycles.use_adaptive_sampling = False
         cycles.sample_clamp_direct, cycles.pixel_filter_type, cycles.filter_width = 0, 'BOX', 1
+        ours.share_samples = False  # which would filter the square, too
 
         def picture(engine, shadows="SHARP", h=0.0):
             ours.shadows, ours.auto_h = shadows, not h
@@ -202,6 +203,7 @@ def whole_lamp(scene, add, add_light, diffuse, render, look_at):
         ours.mode, ours.shadows, ours.light_samples, ours.bounces, cycles.max_bounces = 'RAY_CASTING', shadows, 16, 0, 0
         cycles.use_denoising = cycles.use_adaptive_sampling = False
         cycles.sample_clamp_direct, cycles.pixel_filter_type, cycles.filter_width = 0, 'BOX', 1
+        ours.share_samples = False  # which would filter the square, too
 
         def picture(engine, samples):
             ours.samples = cycles.samples = samples

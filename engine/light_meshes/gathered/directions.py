@@ -82,6 +82,7 @@ def sectors(local: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 def _beside(local: NDArray[np.float64]) -> tuple[int, int]:
     """Return the two distances in the list at which directions (n,3) are closest to each other, on two sides."""
-    far = [np.inf] + [float(np.square(local[j:, :2] - local[:-j, :2]).sum(1).mean()) for j in range(1, FAR)]
+    far = [np.inf] + [float(np.square(local[j:, :2] - local[:-j, :2]).sum(1).mean())
+                      for j in range(1, min(FAR, len(local)))]
     one, *others = np.argsort(far)
     return int(one), next(int(j) for j in others if j % one and one % j)

@@ -21,6 +21,8 @@ from ..rays.geometry import Hits
 from ..rays.tracer import points
 from ..support.native import kernel
 from ..support.statistics import Statistics
+from .cards import RAYS as CARD_RAYS
+from .cards import cards
 from .directions import Nested, Rays, nested
 from .grids import CORNER, INSET, LAST, Places
 from .light import Light, light_of, together
@@ -80,7 +82,11 @@ class Records:
         self._fine, self._bounces = fine, bounces
         self._glossy = glossy
         self._nested = {n: nested(n) for _, n in RAYS}
-        self._thinned = Thinned(field.grids, fine)
+        self._nested[CARD_RAYS] = nested(CARD_RAYS)
+        g = field.grids
+        card, self._card = cards(field.glass.cut, g.longest, g.corner, g.corners.P, fine)
+        self._longest = np.where(card, np.minimum(g.longest, np.float32(fine)), g.longest)  # so that they are trusted
+        self._thinned = Thinned(g, fine)
         self._table = Table()
         self._cells = Table()  # halves of cells; 1: all places there see each other; 2: perhaps not
         self._clear = np.zeros(0, np.uint8)
@@ -127,7 +133,7 @@ class Records:
         while state[0]:
             check()
             with stats.stage("gathered light: asked"):
-                _asked(*g.shape, g.other, g.flipped, g.longest, g.corner, g.coarse, *self._known(), WITHIN, STRICT,
+                _asked(*g.shape, g.other, g.flipped, self._longest, g.corner, g.coarse, *self._known(), WITHIN, STRICT,
                        self._fine, self._fine / 2**BEYOND, LAST, ENOUGH, hits.triangle, hits.P, hits.Ng, hits.Ns, way,
                        alpha, *ask, todo, state)
                 state[0] = state[1]
@@ -204,6 +210,7 @@ class Records:
         """Find out how near edges are to new records."""
         places = self._field.grids.places(self._table.keys[new])
         near = self._nearness(places.P, places.N, places.spacing, places.own)
+        near[self._is_card(self._table.keys[new])] = np.inf  # they are seen from all of the card
         self._inverse[new], self._nearest[new] = WITHIN / (APART * np.maximum(near, 1e-30)), near
         self._placed[new] = True
 
@@ -256,14 +263,24 @@ class Records:
             alone = self._blend(new[small], keys[small], check)
             small[np.flatnonzero(small)[alone]] = False
             new, keys = new[~small], keys[~small]
-        places = self._field.grids.places(keys)
-        left = np.ones(len(new), np.bool_)
+        places, card = self._field.grids.places(keys), self._is_card(keys)
+        for some in _parts(np.flatnonzero(card), BATCH // CARD_RAYS):
+            at, rays = Places._make(a[some] for a in places), self._nested[CARD_RAYS].first
+            mean, _, _, free, found = self._summed(self._ask(at, rays.local, check), rays)[0]
+            self._store(new[some], *at[:3], mean, self._inverse[new[some]], self._nearest[new[some]], free, found)
+        left = ~card
         for at_least, n in RAYS:
             rows = np.flatnonzero(left & (places.spacing >= at_least * self._fine))
             left[rows] = False
             for some in _parts(rows, BATCH // n):
                 at = Places._make(a[some] for a in places)
                 self._store(new[some], *at[:3], *self._compute(at, self._nested[n], check))
+
+    def _is_card(self, keys: NDArray[np.uint64]) -> NDArray[np.bool_]:
+        """Return which records with these keys (n,) are those of cards."""
+        found = (keys & CORNER) != 0
+        found[found] = self._card[_corner(keys[found])]
+        return found
 
     def _blend(self, new: NDArray[np.int32], keys: NDArray[np.uint64], check: Check) -> NDArray[np.bool_]:
         """Let records of small corners (n,) have what sources near them gather. Return those that see no source."""

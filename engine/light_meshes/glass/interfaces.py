@@ -83,7 +83,8 @@ class Interfaces:
         self._dims_shadows = bool((self._in_shadow_paths & (self.dims > 0)).any())
         self.stacks = stacks(surfaces, self.passes, self.bending) if whole else None
         self.transparent = bool(self.passes.any())
-        self.cutouts = bool(cut[material].any())
+        self.cut = cut[material]  # (T,) triangles of which parts may be missing
+        self.cutouts = bool(self.cut.any())
         self.coloured = bool((self._kt[:, :1] != self._kt)[material].any())
 
     def media(self, casters: NDArray[np.bool_]) -> Media:
