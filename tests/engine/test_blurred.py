@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from light_meshes import Camera, Scene, Shape, box, rectangle, sphere, translate
+from light_meshes.picture import reflections
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Material
@@ -115,6 +116,33 @@ def test_tiles_and_threads_give_the_same_bits(still_life, monkeypatch):
     total = sum(first.passes[name] for name in PASSES[1:])
     np.testing.assert_allclose(total, first.passes["Combined"][..., :3], atol=1e-5)
     assert first.statistics["plan"]["rough reflections"].startswith("rays")
+
+
+def test_fewer_rays_show_the_same_less_evenly(still_life):
+    """What `reflection_rays` saves, and what it costs: the picture is the same in the mean, and near it everywhere."""
+    many, few = (render_image(still_life.with_settings(reflection_rays=n)) for n in (128, 24))
+    assert few.statistics["secondary_rays"] < 0.4 * many.statistics["secondary_rays"]
+    a, b = (r.passes["Combined"][..., :3] for r in (many, few))
+    assert b.mean() == pytest.approx(a.mean(), rel=0.01)
+    assert 0 < np.percentile(abs(a - b), 95) < 0.1 * a.mean()
+
+
+def test_hits_whose_lobes_are_widened_alike_share_a_row(still_life):
+    """And those that have a row of their own already, of a program, keep it: tables of many columns cost time."""
+    m = Prepared(still_life).world.materials
+    row, rows = np.array([0, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1], np.int32), np.arange(1, 12)
+    m = type(m)._make(column[:3] for column in m)
+    dark = np.zeros(11, np.bool_)
+    table, own, at = reflections._own_rows(m, row, rows, np.full(11, 0.5), dark)
+    assert len(table.ka) == 3 + 2 and own[0] == 0 and np.array_equal(own[rows], at)
+    for name, column in zip(m._fields, m, strict=True):
+        np.testing.assert_array_equal(getattr(table, name)[own], column[row], err_msg=name)
+    apart, _, at = reflections._own_rows(m, row, rows, None, dark)
+    assert len(apart.ka) == 3 + 11 and len(np.unique(at)) == 11
+    alone, own, at = reflections._own_rows(m, np.arange(3, dtype=np.int32), np.array([0, 2]), None, dark[:2])
+    assert len(alone.ka) == 3 and at.tolist() == [0, 2]
+    alone.roughness[at] = 0.77
+    assert not (m.roughness == 0.77).any()
 
 
 def test_matt_surfaces_and_mirrors_send_no_more_rays():

@@ -22,7 +22,7 @@ _each = kernel("shading_each")
 _reflecting = kernel("shading_reflecting")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
-_last = threading.local()  # the table of materials that each thread's kernels were given last
+_last = threading.local()  # the two tables of materials that each thread's kernels were given last
 LEAST_SIGHT = 1e-3  # the same there
 SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
 TABLES = 32 * 32 + 32 + 16**3  # numbers of the tables in ggx.h
@@ -125,11 +125,13 @@ class Materials(NamedTuple):
         """Return what the kernels want to know of GGX, a row (37,) a material, and its tables; (None, None): none has
         it.
         """
-        if getattr(_last, "table", None) is not self:  # one table serves many kernels, one after the other
-            some = self.ggx.any() or self.diffuse_roughness.any() or not self.facet_bumps.all()
-            _last.facets = (np.column_stack(self[19:]), _facet_tables()) if some else (None, None)
-            _last.table = self
-        found: tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None] = _last.facets
+        kept: list[tuple[Materials, tuple]] = getattr(_last, "tables", [])  # a table serves many kernels
+        for table, found in kept:
+            if table is self:
+                return found
+        some = self.ggx.any() or self.diffuse_roughness.any() or not self.facet_bumps.all()
+        found = (np.column_stack(self[19:]), _facet_tables()) if some else (None, None)
+        _last.tables = [(self, found), *kept[:1]]
         return found
 
     def behind(self) -> Materials:
