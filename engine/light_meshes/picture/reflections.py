@@ -160,6 +160,9 @@ def softened(ready: Prepared, rays: Rays, hits: Hits, seen: bool) -> Hits:
         return hits
     blur = rays.blur[rows] if turns is None and rays.blur is not None else None
     table, own, at = _own_rows(m, row, rows, blur, dark[rows])
+    if turns is not None:  # of the camera's rays: lobes as smooth as mirrors still show lamps as they are
+        base, coat = (r[row] < shading.SMOOTHEST for r in (m.roughness, m.coat_roughness))
+        table.mirroring[at] = (base + 2 * coat)[rows]
     table.roughness[at], table.coat_roughness[at] = new[0][rows], new[1][rows]
     table.emission[at[dark[rows]]] = 0.0
     return hits._replace(row=own, table=table)
@@ -176,7 +179,7 @@ def _own_rows(m: Materials, row: NDArray[np.int32], rows: NDArray[np.int64], blu
     own, count = row[rows].astype(np.int64), len(m.ka)
     if (np.bincount(row, minlength=count)[own] == 1).all():  # they have already, of a program
         return m._replace(roughness=m.roughness.copy(), coat_roughness=m.coat_roughness.copy(),
-                          emission=m.emission.copy()), row, own
+                          mirroring=m.mirroring.copy(), emission=m.emission.copy()), row, own
     index, number = own, np.arange(len(own))
     if blur is not None and 2 * len(values := np.unique(blur)) * count < len(own):
         key = (2 * np.searchsorted(values, blur) + dark) * count + own
