@@ -167,7 +167,7 @@ def outputs_of_lamps(kinds):
     """Cases for `lamp_sheet`: all that nodes ask of lamps, of these types."""
     asked = {'ShaderNodeNewGeometry': ("Position", "Normal", "True Normal", "Incoming", "Parametric", "Backfacing"),
              'ShaderNodeTexCoord': ("Generated", "Normal", "UV", "Object", "Camera", "Window", "Reflection"),
-             'ShaderNodeLightPath': ("Is Camera Ray", "Ray Depth"),
+             'ShaderNodeLightPath': ("Ray Depth",),
              'ShaderNodeObjectInfo': ("Location", "Color", "Alpha", "Object Index", "Random"),
              'ShaderNodeLightFalloff': ("Quadratic", "Linear", "Constant"),
              'ShaderNodeAttribute': ("Fac", "Alpha", "Color"),
