@@ -12,7 +12,7 @@ from light_meshes.picture import reflections
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Material
-from scenes import four_lights, point, settings, tabletop
+from scenes import combined, four_lights, point, settings, tabletop
 
 WHITE = (1.0, 1.0, 1.0)
 PASSES = ("Combined", "Glossy", "Ambient", "Environment", "Diffuse", "Emission", "Transmission")
@@ -170,3 +170,7 @@ def test_a_lamps_stand_in_is_not_seen_twice():
     assert ready.world.as_lamps is not None and ready.world.as_lamps.any()
     by_lamp = render_image(scene.with_settings(bounces=1, shadows="SHARP")).passes["Combined"][..., :3].mean()
     assert by_lamp == pytest.approx(by_rays, rel=0.25)
+    smooth, mirror = metal(roughness=0.0), replace(glowing, emission=(0.0,) * 3, mirror=WHITE)
+    seen = [combined(replace(scene, materials=(m, *scene.materials[1:])).with_settings(bounces=1))
+            for m in (smooth, mirror)]
+    np.testing.assert_allclose(*seen, rtol=1e-4, atol=1e-6)

@@ -47,7 +47,7 @@ class Lighting:
         self._world, self._plan, self._method, self._stats = world, plan, method, stats
         self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
         self._kernels = shading.kernels(world.lights, world.materials)
-        shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
+        shown = _shown_by_mirrors(world)
         self.usual = 0.0  # the light of a usual pixel, where it was measured
         self._shown = shown if plan.reflections and shown.any() else None
         self.everywhere: Records | None = None  # light from everywhere, where the scene has it
@@ -294,6 +294,16 @@ class Lighting:
         shading.reaching(lit, False, active)
         light = shading.each(lit, active).sum(1, dtype=np.float64)
         self.usual = float(np.median(light[light > 0])) if light.any() else 0.0
+
+
+def _shown_by_mirrors(world: World) -> NDArray[np.bool_]:
+    """Return which lamps (L,) smooth surfaces show as they are: those that rays see, and those that stand for suns of
+    the world and for surfaces that give light, which rays see.
+    """
+    shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
+    others = len(world.lamp_objects) + (len(world.sky.suns) if world.sky.varies else 0)
+    shown[len(shown) - others:] = True
+    return shown
 
 
 def _larger(hits: Hits) -> NDArray[np.float64]:
