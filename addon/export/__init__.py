@@ -43,7 +43,7 @@ def export(engine, depsgraph, folder: Path, check: Callable[[], None], overrides
         light |= overrides["sized lights"].get(which, {}) if sized else {}
     report.mattes = cryptomatte.add_numbers(description, view_layer)
     if engine.is_preview:
-        preview.adapt(description["objects"], description["materials"], description["lights"])
+        preview.adapt(description)
     write(folder, geometry.arrays(), description)
     return report
 

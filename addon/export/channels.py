@@ -46,6 +46,25 @@ class Asked:
         return v.operation("instance", float(self._channels.instances.setdefault(key, len(self._channels.instances))))
 
 
+class Elsewhere(Asked):
+    """The values for what is no surface, a world or a lamp: no mesh has any there."""
+
+    def __init__(self, depsgraph: Any) -> None:
+        super().__init__()
+        self._depsgraph = depsgraph
+
+    def corner(self, *key: Any) -> Value:
+        """Return what an attribute has that does not exist."""
+        return float(key[0] == "attribute" and key[2] == 3)
+
+    def instance(self, *key: Any) -> Value:
+        """Return a number of the view layer, or what an object has that does not exist."""
+        if key[0] != "property":
+            return 0.0
+        _, kind, _, component = key
+        return instance_value(key, None, None, None, self._depsgraph) if kind == 'VIEW_LAYER' else float(component == 3)
+
+
 def instance_value(key: Key, instance: Any, ob: Any, source: Any, depsgraph: Any) -> float:
     """Return the value of a channel for an instance of `ob`."""
     what, *rest = key

@@ -12,7 +12,7 @@ import numpy as np
 
 from . import left_out
 from . import values as v
-from .channels import instance_value
+from .channels import Elsewhere, instance_value
 from .materials import Materials
 from .node_bumps import normal_map
 from .node_ies import profile
@@ -28,20 +28,17 @@ _FAR_SUNS = bpy.app.version < (4, 4)  # then Light Falloff takes suns for lamps 
 _FAR = 3.4e38
 
 
-class OfLamp:
-    """The values for which a lamp's nodes ask: none at corners, and numbers of its object; as `Asked` for surfaces."""
+class OfLamp(Elsewhere):
+    """The values for which a lamp's nodes ask: none at corners, and numbers of its object."""
 
     def __init__(self, instance: Any, ob: Any, depsgraph: Any) -> None:
-        self._instance, self._ob, self._depsgraph = instance, ob, depsgraph
-
-    def corner(self, *key: Any) -> Value:
-        """Return the value for "no such attribute": a lamp has none."""
-        return 0.0
+        super().__init__(depsgraph)
+        self._instance, self._ob = instance, ob
 
     def instance(self, *key: Any) -> Value:
         """Return a number of the lamp's object."""
         if not _OBJECTS and key[0] in ("property", "instancer"):
-            return 0.0
+            return super().instance(*key)
         return instance_value(key, self._instance, self._ob, self._ob, self._depsgraph)
 
 
@@ -54,6 +51,7 @@ class LampNodes(Nodes):
         super().__init__(lamp.node_tree, "Light", lamp.name, report,
                          lambda node, tile: materials.image(node, report, tile), asked)
         self.uv_map = ""  # other maps are not there
+        self.homeless = not _OBJECTS
         self.own, self.matrix, self.type, self.profiles = _OWN, matrix, lamp.type, materials.profiles
 
 

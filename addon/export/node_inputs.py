@@ -22,6 +22,13 @@ def generated() -> Triple:
     return v.outputs("generated", 3)  # type: ignore[return-value]
 
 
+def usual(nodes) -> Triple:
+    """Return where textures are that have no Vector: Generated, or the place in the world for what has no space of its
+    own.
+    """
+    return position() if nodes.homeless else generated()
+
+
 def position() -> Triple:
     """Return the place in the world."""
     return v.outputs("position", 3)  # type: ignore[return-value]
@@ -65,8 +72,8 @@ def texture_coordinates(nodes, node, socket) -> Triple | None:
         n, away = normal(), incoming()
         twice = v.dot(n, away) * 2.0
         return tuple(a * twice - b for a, b in zip(n, away, strict=True))  # type: ignore[return-value]
-    if name == "Camera":
-        return _in_camera()
+    if name == "Camera":  # what the camera sees of the world are directions
+        return v.outputs("in_camera", 3, *position(), 0.0) if nodes.kind == "World" else _in_camera()
     if name == "Window":
         across, up = v.outputs("window", 2)
         return across, up, 0.0
@@ -207,7 +214,7 @@ def light_path(nodes, node, socket) -> Value | None:
             "Glossy Depth": (_REFLECTED,), "Transmission Depth": (_TRANSMITTED,), "Transparent Depth": ()}.get(name)
     if rays is None:
         return None
-    found: Value = 0.0
+    found: Value = float(nodes.kind == "World" and name == "Ray Depth")  # it is behind all surfaces
     for kind in rays:
         found = found + v.operation("ray", kind)
     return found

@@ -263,6 +263,8 @@ def _turned(a: Triple, angles: Triple, inverse: bool = False) -> Triple:
 def mapping_node(nodes, node, socket) -> Triple:
     """Translate the Mapping node."""
     vector, rotation, scale = (nodes.vector(node, name) for name in ("Vector", "Rotation", "Scale"))
+    if v.is_constant(*scale) and not any(scale):
+        return 0.0, 0.0, 0.0  # Cycles overlooks the location then
     kind = node.vector_type
     location: Triple = nodes.vector(node, "Location") if kind in ('POINT', 'TEXTURE') else (0.0, 0.0, 0.0)
     if kind == 'TEXTURE':

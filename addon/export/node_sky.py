@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from . import values as v
-from .node_inputs import generated
+from .node_inputs import usual
 from .node_spectra import from_light
 from .report import shown
 from .values import Triple
@@ -17,7 +17,7 @@ _MODELS = {'NISHITA': 0.0, 'SINGLE_SCATTERING': 0.0, 'MULTIPLE_SCATTERING': 1.0,
 
 def sky(nodes: Any, node: Any, socket: Any) -> Triple:
     """Translate the Sky Texture node."""
-    place = nodes.vector(node, "Vector") if nodes.link(node, "Vector") else generated()
+    place = nodes.vector(node, "Vector") if nodes.link(node, "Vector") else usual(nodes)
     kind, model = node.sky_type, _MODELS.get(node.sky_type)
     if model is None:
         name = node.bl_rna.properties["sky_type"].enum_items[kind].name

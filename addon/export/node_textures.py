@@ -10,15 +10,19 @@ from typing import Any
 import bpy
 
 from . import values as v
-from .node_inputs import generated, position, uv
+from .node_inputs import position, usual, uv
 from .node_math import floor, modulo, scaled
 from .nodes import UNREAD
 from .values import Triple, Value
 
 
-def _place(nodes, node, otherwise) -> Triple:
-    """Return the place of a point on the texture: what is linked to Vector, or Blender's default."""
-    return nodes.vector(node, "Vector") if nodes.link(node, "Vector") else otherwise()
+def _place(nodes, node, otherwise: Callable[[], Triple] | None = None) -> Triple:
+    """Return the place of a point on the texture: what is linked to Vector, or Blender's default, Generated if no
+    other.
+    """
+    if nodes.link(node, "Vector"):
+        return nodes.vector(node, "Vector")
+    return otherwise() if otherwise else usual(nodes)
 
 
 def image(nodes, node, socket) -> Triple | Value | None:
@@ -111,7 +115,7 @@ def _single(x: Value) -> Value:
 
 def checker(nodes, node, socket) -> Triple | Value:
     """Translate the Checker Texture node."""
-    place = scaled(_place(nodes, node, generated), nodes.value(node, "Scale"))
+    place = scaled(_place(nodes, node), nodes.value(node, "Scale"))
     # As Blender, in single precision: what lies on the edge of a cell is of the cell above.
     cells = [v.unary("absolute", abs, floor(_single(_single(_single(p) + 1e-6) * 0.999999))) for p in place]
     odd = [c - floor(c * 0.5) * 2.0 for c in cells]
@@ -125,7 +129,7 @@ def checker(nodes, node, socket) -> Triple | Value:
 
 def gradient(nodes, node, socket) -> Triple | Value:
     """Translate the Gradient Texture node."""
-    x, y, z = _place(nodes, node, generated)
+    x, y, z = _place(nodes, node)
     kind = node.gradient_type
     if kind == 'LINEAR':
         found = x
@@ -149,7 +153,7 @@ def gradient(nodes, node, socket) -> Triple | Value:
 def magic(nodes, node, socket) -> Triple | Value:
     """Translate the Magic Texture node."""
     scale, distortion = nodes.value(node, "Scale"), nodes.value(node, "Distortion")
-    place = _place(nodes, node, generated)
+    place = _place(nodes, node)
     if bpy.app.version < (5, 2):  # there Cycles' pattern repeats whatever its scale is
         place = tuple(modulo(p, 2 * math.pi) for p in place)  # type: ignore[assignment]
     found = v.outputs("magic", 3, *scaled(place, scale), distortion, float(node.turbulence_depth))
@@ -161,7 +165,7 @@ def magic(nodes, node, socket) -> Triple | Value:
 def _dimensions(nodes, node) -> tuple[float, Triple, Value]:
     """Return how many dimensions a texture has, and where on it a point is: x, y, z, and w."""
     count = float(node.noise_dimensions[0])
-    place = _place(nodes, node, generated) if count > 1 else (0.0, 0.0, 0.0)
+    place = _place(nodes, node) if count > 1 else (0.0, 0.0, 0.0)
     return count, place, nodes.value(node, "W") if count in (1.0, 4.0) else 0.0
 
 
@@ -191,7 +195,7 @@ def wave(nodes, node, socket) -> Triple | Value:
     """Translate the Wave Texture node."""
     scale = nodes.value(node, "Scale")
     # Blender moves the place a little, so that a wave's edge does not lie in a plane through the origin.
-    x, y, z = place = tuple((p + 0.000001) * 0.999999 for p in scaled(_place(nodes, node, generated), scale))
+    x, y, z = place = tuple((p + 0.000001) * 0.999999 for p in scaled(_place(nodes, node), scale))
     if node.wave_type == 'BANDS':
         n = {'X': lambda: x * 20.0, 'Y': lambda: y * 20.0, 'Z': lambda: z * 20.0,
              'DIAGONAL': lambda: (x + y + z) * 10.0}[node.bands_direction]()
@@ -215,7 +219,7 @@ def wave(nodes, node, socket) -> Triple | Value:
 
 def brick(nodes, node, socket) -> Triple | Value:
     """Translate the Brick Texture node."""
-    x, y, _ = scaled(_place(nodes, node, generated), nodes.value(node, "Scale"))
+    x, y, _ = scaled(_place(nodes, node), nodes.value(node, "Scale"))
     how = [nodes.value(node, name) for name in ("Mortar Size", "Mortar Smooth", "Bias", "Brick Width", "Row Height")]
     tint, mortar = v.outputs("brick", 2, node.offset, float(node.offset_frequency), node.squash,
                              float(node.squash_frequency), x, y, *how)
@@ -239,7 +243,7 @@ def voronoi_hash() -> float:
 def voronoi(nodes, node, socket) -> Triple | Value:
     """Translate the Voronoi Texture node."""
     dimensions = float(node.voronoi_dimensions[0])
-    place = _place(nodes, node, generated) if dimensions > 1 else (0.0, 0.0, 0.0)
+    place = _place(nodes, node) if dimensions > 1 else (0.0, 0.0, 0.0)
     w = nodes.value(node, "W") if dimensions in (1.0, 4.0) else 0.0
     scale = nodes.value(node, "Scale")
     x, y, z = scaled(place, scale)

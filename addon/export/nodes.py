@@ -76,6 +76,7 @@ class Nodes:
         self.pass_index, self.displacement_method = 0, 'BUMP'  # of the material
         self.profiles = Profiles()  # those of the snapshot are put here, if there is one
         self.own: dict[str, Callable[..., Any]] = {}  # nodes that mean something else here, as in lamps
+        self.homeless = False  # what has the tree has no space of its own
         self.displaced: Triple | None = None  # its normal by its displacement, which is shown as bumps
         self._values: dict[tuple, Any] = {}  # of outputs that were asked for before
         self._open: set[tuple] = set()  # outputs that are being computed

@@ -246,7 +246,7 @@ def unshifted(value: Value) -> Value:
 
 # What operations about surfaces give for a direction of the world, where there is none: other outputs, or 0.
 _OUTSIDE = {"generated": "position", "object": "position", "object_normal": "normal", "corner_normal": "normal"}
-_NOWHERE = {"uv", "attribute", "instance", "object_location", "parametric"}
+_NOWHERE = {"uv", "attribute", "instance", "object_location"}
 
 
 def outside(results: Sequence[Value]) -> tuple[Value, ...]:
@@ -257,6 +257,8 @@ def outside(results: Sequence[Value]) -> tuple[Value, ...]:
         arguments = [made[a] if isinstance(a, Expression) else a for a in e.arguments]
         if e.name in _NOWHERE:
             made[e] = 0.0
+        elif e.name == "parametric":
+            made[e] = 1.0 - e.output
         elif e.name in _OUTSIDE:
             made[e] = operation(_OUTSIDE[e.name], output=e.output)
         elif e.name == "bump":

@@ -54,7 +54,7 @@ class Walk:
         self._geometry.links.link(self._lamps, self._geometry.objects, self._geometry.owners)
         background = world.described(
             shown_world, self._report, lambda node, tile: self._materials.image(node, self._report, tile),
-            self._materials.profiles)
+            self._materials.profiles, depsgraph)
         return {
             "camera": camera,
             "lights": self._lamps,

@@ -7,6 +7,7 @@ from typing import Any
 
 from . import left_out, values
 from . import values as v
+from .channels import Elsewhere
 from .ies import Profiles
 from .nodes import Nodes, uses_nodes
 from .report import Report
@@ -18,13 +19,14 @@ _VISIBILITY = {"camera": 0.0, "glossy": 2.0, "transmission": 3.0, "diffuse": 4.0
 
 
 def described(world: Any, report: Report, image: Callable[[Any, int], int],
-              profiles: Profiles) -> dict[str, Any]:
+              profiles: Profiles, depsgraph: Any) -> dict[str, Any]:
     """Return the entries of the snapshot for the world: `world_color`, and `world` if it is not the same in all
-    directions. image: as `Nodes` takes it. profiles: of IES files. Without a world it is black.
+    directions. image: as `Nodes` takes it. profiles: of IES files. Without a world it is
+    black.
     """
     if world is None:
         return {"world_color": list(BLACK)}
-    radiance = _radiance(world, report, image, profiles)
+    radiance = _radiance(world, report, image, profiles, depsgraph)
     for name, kind in _VISIBILITY.items():
         if not getattr(getattr(world, "cycles_visibility", None), name, True):
             hidden = v.operation("ray", kind)
@@ -38,10 +40,11 @@ def described(world: Any, report: Report, image: Callable[[Any, int], int],
     return {"world_color": list(BLACK), "world": {"operations": operations, "values": results}}
 
 
-def _radiance(world: Any, report: Report, image: Callable[[Any, int], int], profiles: Profiles) -> Triple:
+def _radiance(world: Any, report: Report, image: Callable[[Any, int], int], profiles: Profiles,
+              depsgraph: Any) -> Triple:
     if not uses_nodes(world):
         return tuple(world.color)  # type: ignore[return-value]
-    nodes = Nodes(world.node_tree, "World", world.name, report, image)
+    nodes = Nodes(world.node_tree, "World", world.name, report, image, Elsewhere(depsgraph))
     nodes.profiles = profiles
     output = nodes.output('ShaderNodeOutputWorld')
     volume = nodes.source(output, "Volume")

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from light_meshes import Camera, Scene, Shape, box, rectangle, sphere, translate
+from light_meshes.picture import reflections
 from light_meshes.picture.prepared import Prepared
 from light_meshes.picture.render import render_image
 from light_meshes.scene.description import Material
-from scenes import four_lights, point, settings, tabletop
+from scenes import combined, four_lights, point, settings, tabletop
 
 WHITE = (1.0, 1.0, 1.0)
 PASSES = ("Combined", "Glossy", "Ambient", "Environment", "Diffuse", "Emission", "Transmission")
@@ -117,6 +118,33 @@ def test_tiles_and_threads_give_the_same_bits(still_life, monkeypatch):
     assert first.statistics["plan"]["rough reflections"].startswith("rays")
 
 
+def test_fewer_rays_show_the_same_less_evenly(still_life):
+    """What `reflection_rays` saves, and what it costs: the picture is the same in the mean, and near it everywhere."""
+    many, few = (render_image(still_life.with_settings(reflection_rays=n)) for n in (128, 24))
+    assert few.statistics["secondary_rays"] < 0.4 * many.statistics["secondary_rays"]
+    a, b = (r.passes["Combined"][..., :3] for r in (many, few))
+    assert b.mean() == pytest.approx(a.mean(), rel=0.01)
+    assert 0 < np.percentile(abs(a - b), 95) < 0.1 * a.mean()
+
+
+def test_hits_whose_lobes_are_widened_alike_share_a_row(still_life):
+    """And those that have a row of their own already, of a program, keep it: tables of many columns cost time."""
+    m = Prepared(still_life).world.materials
+    row, rows = np.array([0, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 1], np.int32), np.arange(1, 12)
+    m = type(m)._make(column[:3] for column in m)
+    dark = np.zeros(11, np.bool_)
+    table, own, at = reflections._own_rows(m, row, rows, np.full(11, 0.5), dark)
+    assert len(table.ka) == 3 + 2 and own[0] == 0 and np.array_equal(own[rows], at)
+    for name, column in zip(m._fields, m, strict=True):
+        np.testing.assert_array_equal(getattr(table, name)[own], column[row], err_msg=name)
+    apart, _, at = reflections._own_rows(m, row, rows, None, dark)
+    assert len(apart.ka) == 3 + 11 and len(np.unique(at)) == 11
+    alone, own, at = reflections._own_rows(m, np.arange(3, dtype=np.int32), np.array([0, 2]), None, dark[:2])
+    assert len(alone.ka) == 3 and at.tolist() == [0, 2]
+    alone.roughness[at] = 0.77
+    assert not (m.roughness == 0.77).any()
+
+
 def test_matt_surfaces_and_mirrors_send_no_more_rays():
     scene = tabletop(32)
     assert not Prepared(scene).plan.blurred
@@ -142,3 +170,7 @@ def test_a_lamps_stand_in_is_not_seen_twice():
     assert ready.world.as_lamps is not None and ready.world.as_lamps.any()
     by_lamp = render_image(scene.with_settings(bounces=1, shadows="SHARP")).passes["Combined"][..., :3].mean()
     assert by_lamp == pytest.approx(by_rays, rel=0.25)
+    smooth, mirror = metal(roughness=0.0), replace(glowing, emission=(0.0,) * 3, mirror=WHITE)
+    seen = [combined(replace(scene, materials=(m, *scene.materials[1:])).with_settings(bounces=1))
+            for m in (smooth, mirror)]
+    np.testing.assert_allclose(*seen, rtol=1e-4, atol=1e-6)

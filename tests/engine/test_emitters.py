@@ -229,3 +229,18 @@ def test_lamps_have_the_links_of_their_objects() -> None:
     first, *others = Prepared(of).scene.lights
     assert (first.name, first.receivers, first.blockers) == ("bulb (emission)", (2,), (0,))
     assert others and all(lamp.receivers is None and lamp.blockers is None for lamp in others)
+
+
+@pytest.mark.parametrize("faces", [8, 32])
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_ball_that_glows_does_not_light_itself(smooth: bool, faces: int) -> None:
+    """It is matt, too, as Blender's Principled is by default: once its lamp made it nearly twice as bright, but for the
+    corners of its faces, which were dark dots.
+    """
+    ball = Shape(sphere(0.5, faces, faces // 2, smooth), replace(GLOWS, Od=(0.8, 0.8, 0.8)), "ball")
+    alone = Scene.from_shapes([ball], look_down(0, 0, SIZE, PIXELS), [], scene("ball").settings)
+    assert [light.type for light in Prepared(alone).world.scene.lights] == ["POINT"]
+    seen = render_image(alone).passes["Combined"][..., :3]
+    there = seen[..., 0] > 0
+    assert there.sum() > 20
+    np.testing.assert_allclose(seen[there], np.tile(GLOWS.emission, (there.sum(), 1)), rtol=1e-5)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from light_meshes import Camera, Light, Material, Scene, Shape, box, rectangle
+from light_meshes import Camera, Light, Material, Scene, Shape, box, rectangle, sphere
 from light_meshes.picture.render import render_image
 from scenes import combined, settings
 from sized_lamps import rmse
@@ -63,3 +63,24 @@ def test_a_matt_floor_has_no_such_rays_and_a_rough_one_few():
     rough = replace(scene, materials=tuple(replace(m, roughness=1.0) for m in scene.materials))
     counts = [render_image(one).statistics["shadow_rays"] for one in (matt, rough, scene)]
     assert counts[0] < counts[1] < counts[2] and counts[1] < 1.05 * counts[0]
+
+
+def test_a_ball_of_chrome_shows_a_lamp_once():
+    """Highlights of curved surfaces are widened where samples would miss them, but not those of lamps that a smooth
+    surface mirrors as they are: these were seen twice. A coat is such a surface, too.
+    """
+    lamp = replace(WINDOW, position=(1.0, -3.0, 2.0), direction=(-0.3, 0.8, -0.5), seen_in_mirrors=True)
+    black = Material("black", Od=(0.0,) * 3, kd=0.0, ka=0.0)
+    facets = replace(black, highlight="GGX", blurred=True, roughness=0.0)
+
+    def seen(material, pixels):
+        scene = Scene.from_shapes([Shape(sphere(0.5, 96, 48), material, "ball")],
+                                  Camera.look_at((0, -4, 0.5), (0, 0, 0), 20, pixels, pixels), [lamp],
+                                  settings(mode="WHITTED", shadows="LIGHT_MESHES", samples=4, filter_size=1.5))
+        return combined(scene)
+
+    mirrored = seen(replace(black, mirror=(1.0,) * 3), 16)
+    np.testing.assert_allclose(seen(replace(facets, metal=1.0), 16), mirrored, rtol=1e-3, atol=1e-6)
+    coated = seen(replace(facets, coat=1.0), 16)
+    assert coated.max() == pytest.approx(0.04 * mirrored.max(), rel=0.1)
+    assert seen(replace(facets, roughness=0.2, metal=1.0), 16).max() > 0.2 * mirrored.max()  # no mirror: a highlight

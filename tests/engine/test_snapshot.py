@@ -55,7 +55,8 @@ lights = st.builds(Light, name, st.sampled_from(LIGHT_TYPES), triple, position=t
 chosen = st.builds(
     Settings, mode=st.sampled_from(MODES), shadows=st.sampled_from(SHADOWS), h=st.floats(1e-9, 1e9),
     kI=st.floats(0.5, 8), auto_h=st.booleans(), samples=st.integers(1, 4096), max_depth=st.integers(0, 64),
-    cutoff=st.floats(0, 1), ambient=positive, filter_size=st.floats(0, 10), refraction=st.sampled_from(REFRACTIONS),
+    reflection_rays=st.integers(1, 1024), cutoff=st.floats(0, 1), ambient=positive, filter_size=st.floats(0, 10),
+    refraction=st.sampled_from(REFRACTIONS),
     glass=st.sampled_from(GLASS), caustics=st.sampled_from(CAUSTICS), leak_free=st.booleans(),
     light_samples=st.integers(1, 65536), seed=st.integers(0, 2**31 - 1), film_transparent=st.booleans(),
     lattice_rotation=st.booleans(), lattice_origin=triple, uniform_skip=st.booleans())

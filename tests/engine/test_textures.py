@@ -9,6 +9,7 @@ import pytest
 from light_meshes import Scene, Shape, rectangle
 from light_meshes.picture.render import prepare, render_image
 from light_meshes.scene.description import IDENTITY, Image, Material
+from light_meshes.surface import textures
 from light_meshes.surface.textures import Texture
 from scenes import look_down, settings
 
@@ -158,6 +159,19 @@ def test_a_colour_space_of_a_configuration(tmp_path):
     np.testing.assert_allclose(result.passes["Combined"][..., :3], np.repeat(np.repeat(TEXELS[::-1], 3, 0), 2, 1) / 510,
                                atol=1e-5)
     assert not result.warnings
+
+
+def test_a_configuration_is_read_once_and_again_when_its_file_has_changed(tmp_path):
+    file, path = tmp_path / "config.ocio", saved(tmp_path)
+    file.write_text(CONFIG)
+    before = textures._configuration.cache_info()
+    for _ in range(2):
+        assert not shown(path, 6, colorspace="halved", ocio=str(file)).warnings
+    after = textures._configuration.cache_info()
+    assert (after.misses - before.misses, after.hits - before.hits) == (1, 1)
+    file.write_text(CONFIG.replace("halved", "other than before"))
+    (warning,) = shown(path, 6, colorspace="halved", ocio=str(file)).warnings
+    assert "no such conversion" in warning
 
 
 @pytest.mark.parametrize(("config", "space"), [(CONFIG, "unknown"), ("no configuration", "halved"), (None, "halved"),

@@ -80,12 +80,14 @@ def far(ours, theirs):
     return (np.median(difference[smooth]), np.quantile(difference[smooth], 0.99)) if smooth.mean() > 0.2 else (0, 0)
 
 
-# What such trees have shown to be wrong before: bumps of what they do not move, hues of dark colours, an empty range.
+# What such trees have shown to be wrong before: bumps of what they do not move, hues of dark colours, an empty range, a
+# mapping to one place.
 FOUND = [
     ('SeparateColor', (('Bump', (('NewGeometry', (), 331), ('Tangent', (), 598), ('CameraData', (), 144)), 545),
                        ('TexCoord', (), 514), ('RGB', (), 832)), 344),
     ('SeparateColor', (('Tangent', (), 158),), 243),
     ('MapRange', (('Attribute', (), 400), ('Attribute', (), 261)), 563),
+    ('Mapping', (('TexCoord', (), 665), ('Value', (), 83827), ('UVMap', (), 6078)), 28922),
     ('LayerWeight', (('CameraData', (), 757), ('CameraData', (), 30), ('UVMap', (), 530)), 453)]
 
 

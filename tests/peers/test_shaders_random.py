@@ -109,9 +109,15 @@ def sheet(scene, specs, add_light):
 
 # Fifty shaders that Hypothesis made, two sheets of them: what it makes anew depends on the modules that are loaded.
 FIFTY = [ast.literal_eval(line) for line in Path(__file__).with_name("random_shaders.txt").read_text().splitlines()]
-# A Sheen with bumps and a Translucent without were once one layer without bumps.
+# A Sheen with bumps and a Translucent without were once one layer without bumps. Beside an Emission of a colour that is
+# no number, the Principled's own was lost.
 FOUND = [('AddShader', (('Translucent', (('Mapping', (('RGB', (), 145),), 161),), 634), ('Sheen', (), 8),
-                        ('LayerWeight', (('TexCoord', (), 446),), 233)), 311)]
+                        ('LayerWeight', (('TexCoord', (), 446),), 233)), 311),
+         ('AddShader', (('Emission', (
+             ('TexVoronoi', (('Mapping', (('Tangent', (), 49582), ('CameraData', (), 42504)), 77331),
+                             ('Normal', (('ObjectInfo', (), 77911),), 80410), ('Value', (), 91054)), 57134),
+             ('TexCoord', (), 72993)), 72243),
+                        ('Principled', (), 98754), ('ObjectInfo', (), 12574)), 69138)]
 
 
 def compare(scene, render, add_light, specs):

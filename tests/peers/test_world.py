@@ -74,13 +74,34 @@ def test_texture_coordinates(wide, render, output):
     compare(wide, render)
 
 
-@pytest.mark.parametrize("output", ["Position", "Normal", "True Normal", "Incoming", "Backfacing"])
+@pytest.mark.parametrize("output", ["Position", "Normal", "True Normal", "Incoming", "Backfacing", "Parametric"])
 def test_geometry(wide, render, output):
     tree = World(wide)
     place = tree.node('ShaderNodeNewGeometry').outputs[output]
     shown = tree.node('ShaderNodeVectorMath', {0: place, 1: (0.2, 0.2, 0.2), 2: (0.5, 0.5, 0.5)},
                       operation='MULTIPLY_ADD').outputs[0]
     tree.shine(tree.background(shown))
+    compare(wide, render)
+
+
+def test_what_only_surfaces_have_and_places_for_cameras(wide, render):
+    """Attributes of the view layer, the alpha of one that is not there, the depth of rays; and the camera looks at a
+    direction as at a place, as Cycles has it.
+    """
+    tree = World(wide)
+    wide["glow"] = 0.7
+    glow = tree.node('ShaderNodeAttribute', attribute_type='VIEW_LAYER', attribute_name="glow").outputs["Vector"]
+    alpha = tree.node('ShaderNodeAttribute', attribute_name="nothing").outputs["Alpha"]
+    depth = tree.node('ShaderNodeLightPath').outputs["Ray Depth"]
+    data = tree.node('ShaderNodeCameraData').outputs
+    place = tree.node('ShaderNodeVectorTransform', {0: tree.node('ShaderNodeNewGeometry').outputs["Position"]},
+                      vector_type='POINT', convert_from='WORLD', convert_to='CAMERA').outputs[0]
+    numbers = tree.node('ShaderNodeCombineXYZ', {0: alpha, 1: depth, 2: data["View Distance"]}).outputs[0]
+    found = glow
+    for more, factor in (numbers, 0.1), (data["View Vector"], 0.5), (place, 0.05):
+        found = tree.node('ShaderNodeVectorMath', {0: more, 1: (factor,) * 3, 2: found},
+                          operation='MULTIPLY_ADD').outputs[0]
+    tree.shine(tree.background(found))
     compare(wide, render)
 
 

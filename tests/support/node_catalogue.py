@@ -30,7 +30,7 @@ BETWEEN = {
                           "Detail Scale": (0.5, 1.5), "Detail Roughness": (0.1, 0.9), "Phase Offset": (-1.0, 4.0)},
     'ShaderNodeTexMagic': {"Scale": (0.2, 0.7), "Distortion": (0.5, 1.5)},
     'ShaderNodeTexChecker': {"Scale": (2.0, 2.5)},
-    'ShaderNodeTexBrick': {"Scale": (2.0, 2.1), "Mortar Size": (0.02, 0.1), "Mortar Smooth": (0.0, 1.0),
+    'ShaderNodeTexBrick': {"Scale": (2.0, 2.1), "Mortar Size": (0.02, 0.1), "Mortar Smooth": (-0.3, 1.0),
                            "Bias": (-0.5, 0.5), "Brick Width": (0.4, 0.5), "Row Height": (0.2, 0.3)},
     'ShaderNodeLayerWeight': {"Blend": SHARE},
     'ShaderNodeCombineColor': {0: (-0.3, 1.4), 1: (-0.1, 1.2), 2: (-0.1, 1.3)},

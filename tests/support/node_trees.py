@@ -167,18 +167,21 @@ def outputs_of_lamps(kinds):
     """Cases for `lamp_sheet`: all that nodes ask of lamps, of these types."""
     asked = {'ShaderNodeNewGeometry': ("Position", "Normal", "True Normal", "Incoming", "Parametric", "Backfacing"),
              'ShaderNodeTexCoord': ("Generated", "Normal", "UV", "Object", "Camera", "Window", "Reflection"),
-             'ShaderNodeLightPath': ("Is Camera Ray", "Is Shadow Ray", "Is Diffuse Ray", "Ray Depth"),
+             'ShaderNodeLightPath': ("Ray Depth",),
              'ShaderNodeObjectInfo': ("Location", "Color", "Alpha", "Object Index", "Random"),
-             'ShaderNodeLightFalloff': ("Quadratic", "Linear", "Constant"), 'ShaderNodeAttribute': ("Fac",),
+             'ShaderNodeLightFalloff': ("Quadratic", "Linear", "Constant"),
+             'ShaderNodeAttribute': ("Fac", "Alpha", "Color"),
              'ShaderNodeCameraData': ("View Vector", "View Z Depth", "View Distance"), 'ShaderNodeTangent': (0,),
-             'ShaderNodeNormalMap': (0,)}
-    given = {'ShaderNodeAttribute': {"attribute_type": 'OBJECT', "attribute_name": "energy"},
-             'ShaderNodeNormalMap': {"space": 'OBJECT'}}
+             'ShaderNodeNormalMap': (0,), 'ShaderNodeTexWave': (1,)}
+    given = {('ShaderNodeAttribute', "Fac"): {"attribute_type": 'OBJECT', "attribute_name": "energy"},
+             ('ShaderNodeAttribute', "Alpha"): {"attribute_name": "nothing"},
+             ('ShaderNodeAttribute', "Color"): {"attribute_type": 'VIEW_LAYER', "attribute_name": "frame_current"},
+             ('ShaderNodeNormalMap', 0): {"space": 'OBJECT'}}
     inputs = {"Linear": {"Strength": 3.0, "Smooth": 0.2}, 0: {"Color": (0.9, 0.3, 0.6, 1.0)}}
 
     def output(idname, name):
         return lambda tree: tree.node(idname, inputs.get(name, {}) if idname != 'ShaderNodeTangent' else {},
-                                      **given.get(idname, {})).outputs[name]
+                                      **given.get((idname, name), {})).outputs[name]
     return [(kind, output(idname, name), (0.2, 0.1, 0.4)) for kind in kinds for idname, names in asked.items()
             for name in names]
 

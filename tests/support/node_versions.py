@@ -70,6 +70,9 @@ def worlds(scene):
     place = tree.node('ShaderNodeTexCoord').outputs["Generated"]
     turned = tree.node('ShaderNodeMapping', {"Vector": place, "Rotation": (0.2, 0.4, 1.1)}).outputs[0]
     around = tree.node('ShaderNodeTexEnvironment', {0: turned}, image=image).outputs[0]
+    for one in (tree.node('ShaderNodeAttribute').outputs["Alpha"], tree.node('ShaderNodeAttribute', attribute_name=(
+            "frame_current"), attribute_type='VIEW_LAYER').outputs["Vector"]):  # 1 each
+        around = tree.node('ShaderNodeVectorMath', {0: around, 1: one}, operation='MULTIPLY').outputs[0]
     sky = tree.node('ShaderNodeTexSky')  # of the release's first kind
     sky.sun_disc, sky.altitude = False, 100.0
     path = tree.node('ShaderNodeLightPath').outputs["Is Camera Ray"]

@@ -100,7 +100,9 @@ def parts(of: Emitting, most: int) -> list[Emitting]:
 
 
 def ball(of: Emitting) -> tuple[NDArray[np.float64], float] | None:
-    """Return the centre and radius of the sphere with the area of these triangles, if they are nearly a sphere."""
+    """Return the centre and radius of the largest sphere within these triangles, if they are nearly a sphere: it is
+    below the horizon everywhere on them, so that the lamp does not light what it stands for.
+    """
     points = of.corners.reshape(-1, 3)
     centre = (points.min(0) + points.max(0)) / 2
     away = np.linalg.norm(points - centre, axis=1)
@@ -108,7 +110,8 @@ def ball(of: Emitting) -> tuple[NDArray[np.float64], float] | None:
     outward = np.einsum("ni,ni->n", middle, of.normal) > 0.85 * np.linalg.norm(middle, axis=1)
     if len(of.area) < 20 or away.max() - away.min() > 0.05 * away.max() or not outward.all():
         return None
-    return centre, float(np.sqrt(of.area.sum() / (4 * np.pi)))
+    depth = np.einsum("ni,ni->n", of.corners[:, 0] - centre, of.normal)
+    return centre, float(depth.min()) * (1 - 1e-6)
 
 
 def divided(of: Emitting, most: int) -> list[Face]:

@@ -29,7 +29,7 @@ def frosted(ready: Prepared, rays: Rays, through: Rays, hits: Hits, share: NDArr
     if not len(rough):
         return []
     found = facets(roughness[rough], hits.at(rough), rays.direction[rough], rays.fan[rough], rays.depth[rough],
-                   upwards(ready), len(ready.offsets))
+                   upwards(ready), len(ready.offsets), ready.scene.settings.reflection_rays)
     rows = rough[found.hit]
     at = hits.at(rows)._replace(Ns=found.normal)
     own = ready.glass.interface(at, rays.direction[rows], rays.media[rows])

@@ -15,6 +15,7 @@ from ..shadows import blocks, grouped, pairs
 from ..shadows.method import Check, Lobes, Method, Receivers
 from ..shadows.registry import NONE
 from ..shadows.terminator import Terminator
+from ..support.bits import mask_of
 from ..support.rows import even
 from ..support.statistics import Statistics
 from ..surface import clusters, colours, shading
@@ -46,7 +47,7 @@ class Lighting:
         self._world, self._plan, self._method, self._stats = world, plan, method, stats
         self._targets, self._linked = world.lights.targets(), shading.linked(world.scene)
         self._kernels = shading.kernels(world.lights, world.materials)
-        shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
+        shown = _shown_by_mirrors(world)
         self.usual = 0.0  # the light of a usual pixel, where it was measured
         self._shown = shown if plan.reflections and shown.any() else None
         self.everywhere: Records | None = None  # light from everywhere, where the scene has it
@@ -220,7 +221,7 @@ class Lighting:
                 facing = some if lift is None else some._replace(Ng=lift.side)
                 asked = None if together is None else together(lit, facing.Ng, method.threshold * _larger(some))
                 if asked is None:
-                    shading.reaching(lit._replace(hits=facing), unlit, active)
+                    self._reaching(lit._replace(hits=facing), unlit, active)
                 else:
                     lit, active = lit._replace(groups=asked.groups), asked.active
                     if visibility is None:
@@ -228,7 +229,7 @@ class Lighting:
                 for own in (layer.at(part) for layer in layers):
                     more, at = np.empty((len(own.rows), active.shape[1]), np.uint64), own.hits
                     at = at if lift is None else at._replace(Ng=lift.side[own.rows])
-                    shading.reaching(self._surfaces(at, own.direction, own.Od), False, more)
+                    self._reaching(self._surfaces(at, own.direction, own.Od), False, more)
                     active[own.rows] |= more
                 if self._linked is not None:
                     shading.unlink(self._linked, self._world.owner(some.triangle), active)
@@ -248,6 +249,19 @@ class Lighting:
                 lit = lit._replace(highlights=method.highlights(receivers, S, lobes, check))
             self.terminator.fade(some, self._targets, S)
             yield part, lit, active, S
+
+    def _reaching(self, lit: shading.Lit, unlit: bool, active: NDArray[np.uint64]) -> None:
+        """Do the same as `shading.reaching`, but for lamps that smooth surfaces show as they are: where these have no
+        highlights of such a lamp, and are not matt, nobody needs to know whether it is visible.
+        """
+        shading.reaching(lit, unlit, active)
+        if unlit or lit.shown is None:
+            return
+        rough = shading.rough_only(lit.materials, lit.hits.row)
+        if rough is not None:
+            returned, shown = np.empty_like(active), mask_of(np.flatnonzero(lit.shown), len(lit.shown))
+            shading.reaching(lit._replace(materials=rough, kernels=None), False, returned)
+            active &= returned | ~shown
 
     def _weights(self, lit: shading.Lit, active: NDArray[np.uint64], always: bool,
                  asked: clusters.Asked | None) -> tuple[NDArray[np.float32] | None, NDArray[np.float64] | None]:
@@ -280,6 +294,16 @@ class Lighting:
         shading.reaching(lit, False, active)
         light = shading.each(lit, active).sum(1, dtype=np.float64)
         self.usual = float(np.median(light[light > 0])) if light.any() else 0.0
+
+
+def _shown_by_mirrors(world: World) -> NDArray[np.bool_]:
+    """Return which lamps (L,) smooth surfaces show as they are: those that rays see, and those that stand for suns of
+    the world and for surfaces that give light, which rays see.
+    """
+    shown = np.array([seen_in_mirrors(light) for light in world.scene.lights], np.bool_)
+    others = len(world.lamp_objects) + (len(world.sky.suns) if world.sky.varies else 0)
+    shown[len(shown) - others:] = True
+    return shown
 
 
 def _larger(hits: Hits) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from ..rays.geometry import Hits
 from ..support.rows import taken, where
 from ..surface import curvature, shading
 from ..surface.blurred import spread
+from ..surface.shading import Materials
 from .lighting import FAN
 from .prepared import Prepared
 from .wave import Rays, brightest
@@ -75,21 +76,23 @@ def _blurred(ready: Prepared, rays: Rays, hits: Hits, weight: NDArray, may: NDAr
     hits = hits._replace(Ns=shading.mirroring(hits, rays.direction))
     assert rays.fan is not None and rays.blur is not None
     found = spread(hits, rays.direction, weight, rays.fan, rays.depth, may, upwards(ready), len(ready.offsets),
-                   settings.cutoff, settings.cutoff / FAN)
+                   settings.reflection_rays, settings.cutoff, settings.cutoff / FAN)
     rest = np.flatnonzero(found.left.any(1))
     if len(rest):
         light = found.left[rest] * _around(ready, hits.at(rest), rays.direction[rest], found.rough[rest])
         name = "Ambient" if ready.lighting.everywhere is None else "Glossy"
         part = None if rays.part is None else rays.part[rest]
         tile.add_light(rays.pixel[rest], part, weight[rest], light, {name: light})
-    rows = found.hit[found.weight.max(axis=1, initial=0) > 0]
-    if not len(rows):
+    sent = where(brightest(found.weight) > 0)
+    if not len(sent):
         return []
-    sent = found.weight.max(axis=1) > 0
-    children = _once_more(rays.seen_as(REFLECTED).at(rows)._replace(
-        fan=found.fan[sent], blur=np.maximum(rays.blur[rows], found.blur[sent])))
-    return [("reflection", leaving(children, hits.P[rows], hits.triangle[rows], found.weight[sent], hits.Ng[rows],
-                                   found.direction[sent], 1))]
+    rows, fan, blur, weight, turned = (taken(a, sent) for a in (
+        found.hit, found.fan, found.blur, found.weight, found.direction))
+    children = _once_more(rays.seen_as(REFLECTED).at(rows))
+    assert children.blur is not None
+    children = children._replace(fan=fan, blur=np.maximum(children.blur, blur))
+    P, triangle, Ng = (taken(a, rows) for a in (hits.P, hits.triangle, hits.Ng))
+    return [("reflection", leaving(children, P, triangle, weight, Ng, turned, 1))]
 
 
 def _around(ready: Prepared, hits: Hits, direction: NDArray, roughness: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -152,20 +155,44 @@ def softened(ready: Prepared, rays: Rays, hits: Hits, seen: bool) -> Hits:
         new = [curvature.widened(r, turns) for r in new]
     if rays.blur is not None:
         new = [np.maximum(r, rays.blur) for r in new]
-    wider = m.ggx[row] & ((new[0] != m.roughness[row]) | (new[1] != m.coat_roughness[row]))
+    wider = m.ggx[row] & ((new[0] != m.roughness[row]) | ((new[1] != m.coat_roughness[row]) & (m.coat > 0)[row]))
     dark = np.zeros(len(row), np.bool_)
     if ready.world.as_lamps is not None and rays.blur is not None:
         dark = (rays.blur > 0) & ready.world.as_lamps[hits.triangle]
     rows = np.flatnonzero(wider | dark)
     if not len(rows):
         return hits
-    own = shading.Materials._make(column[row[rows]] for column in m)
-    own.roughness[:], own.coat_roughness[:] = new[0][rows], new[1][rows]
-    own.emission[dark[rows]] = 0.0
-    row = row.copy()
-    row[rows] = len(m.ka) + np.arange(len(rows), dtype=np.int32)
-    return hits._replace(row=row, table=shading.Materials._make(
-        np.concatenate([a, b]) for a, b in zip(m, own, strict=True)))
+    blur = rays.blur[rows] if turns is None and rays.blur is not None else None
+    table, own, at = _own_rows(m, row, rows, blur, dark[rows])
+    if turns is not None:  # of the camera's rays: lobes as smooth as mirrors still show lamps as they are
+        base, coat = (r[row] < shading.SMOOTHEST for r in (m.roughness, m.coat_roughness))
+        table.mirroring[at] = (base + 2 * coat)[rows]
+    table.roughness[at], table.coat_roughness[at] = new[0][rows], new[1][rows]
+    table.emission[at[dark[rows]]] = 0.0
+    return hits._replace(row=own, table=table)
+
+
+def _own_rows(m: Materials, row: NDArray[np.int32], rows: NDArray[np.int64], blur: NDArray[np.float64] | None,
+              dark: NDArray[np.bool_]) -> tuple[Materials, NDArray[np.int32], NDArray[np.int64]]:
+    """Return a table of materials in which these of the hits (k,), which have the rows `row` (n,) of m, have rows that
+    others do not use, which they may change; the rows (n,) of all hits there, and those of the chosen (k,).
+
+    blur and dark (k,): hits of one material that agree in both are changed alike, and may share a row; no blur: none
+    do. The table is small, as far as that goes: copying its many columns takes longer than most that is done with it.
+    """
+    own, count = row[rows].astype(np.int64), len(m.ka)
+    if (np.bincount(row, minlength=count)[own] == 1).all():  # they have already, of a program
+        return m._replace(roughness=m.roughness.copy(), coat_roughness=m.coat_roughness.copy(),
+                          mirroring=m.mirroring.copy(), emission=m.emission.copy()), row, own
+    index, number = own, np.arange(len(own))
+    if blur is not None and 2 * len(values := np.unique(blur)) * count < len(own):
+        key = (2 * np.searchsorted(values, blur) + dark) * count + own
+        there = np.zeros(2 * len(values) * count, np.bool_)
+        there[key] = True
+        index, number = np.flatnonzero(there) % count, (np.cumsum(there) - 1)[key]
+    of, at, row = np.concatenate([np.arange(count), index]), count + number, row.copy()
+    row[rows] = at
+    return Materials._make(taken(column, of) for column in m), row, at
 
 
 def background(ready: Prepared, rays: Rays, ray: NDArray[np.int8]) -> NDArray[np.float64]:

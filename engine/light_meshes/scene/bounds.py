@@ -61,6 +61,7 @@ RANGES = {
     (Settings, "samples"): (1, 4096),
     (Settings, "max_depth"): (0, 64),
     (Settings, "bounces"): (0, 16),
+    (Settings, "reflection_rays"): (1, 1024),
     (Settings, "cutoff"): (0.0, 1.0),
     (Settings, "ambient"): (0.0, 1e6),
     (Settings, "filter_size"): (0.0, 10.0),

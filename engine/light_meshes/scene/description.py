@@ -59,6 +59,7 @@ class Settings:
     samples: int = 4  # camera rays per pixel
     max_depth: int = 4  # how many mirror reflections follow the first hit
     fast_reflections: bool = False  # rough surfaces show matt ones by the light of patches that is gathered
+    reflection_rays: int = 128  # about so many rays of a pixel follow a wide rough reflection, or go into rough glass
     clamp_indirect: float = 0.0  # light that mirrors and glass show is at most so bright, as Cycles has it; 0: no limit
     cutoff: float = 1e-3  # a reflected ray that can add less than this share of its light is not traced
     ambient: float = 1.0  # factor on Ia = world colour

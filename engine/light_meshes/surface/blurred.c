@@ -6,8 +6,6 @@
 /* Highlights that such rays see are not smaller than those of this roughness. */
 #define LEAST_SEEN 0.2
 enum { LEAST_RAYS = 4, MOST_RAYS = 32 };  /* of one camera ray at a lobe that is wide and bright */
-/* How many there should be of all samples of a pixel. */
-#define RAYS_OF_A_PIXEL 128.0
 
 /* One lobe at one hit: its material's row, what gets to it through a coat, and its roughness. */
 typedef struct {
@@ -53,9 +51,10 @@ static f64 followed(f64 roughness, f64 albedo, f64 matt, int again) {
     return least > 0.0 ? held((albedo - least) / least, 0.0, 1.0) : 1.0;
 }
 
-/* How many rays of one sample follow it, of `samples` in a pixel: a power of 2. Narrow and faint lobes need fewer. */
-static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
-    f64 wanted = fmax(RAYS_OF_A_PIXEL / (f64)samples, LEAST_RAYS) * held(2.5 * roughness, 0.0, 1.0) * held(2.0 * albedo, 0.15, 1.0);
+/* How many rays of one sample follow it, of `samples` in a pixel, all of which together have `rays`: a power of 2. Narrow
+   and faint lobes need fewer. */
+static i32 rays_of(f64 roughness, f64 albedo, i64 samples, i64 rays) {
+    f64 wanted = fmax((f64)rays / (f64)samples, LEAST_RAYS) * held(2.5 * roughness, 0.0, 1.0) * held(2.0 * albedo, 0.15, 1.0);
     i32 count = 1;
     while (count < MOST_RAYS && count < wanted) count *= 2;
     return roughness < 0.02 ? 1 : count;
@@ -66,11 +65,11 @@ static i32 rays_of(f64 roughness, f64 albedo, i64 samples) {
    not spread out yet, which may be. may: whether rays may go on from there. matt: what
    of the light the surface scatters. weight: what of the light counts. rough: how rough what is left is, a mean. */
 KERNEL(blurred_count, "ggx f64[M,37]  tables f64[T]  blurred bool[M]  way f64[n,3]  Ns f64[n,3]  material i32[n]  "
-       "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  later f64  samples i64  count i32[n,2]!  left f64[n,3]!  "
+       "fan i32[n]  may bool[n]  matt f64[n]  weight f64[n,3]  cutoff f64  later f64  samples i64  rays i64  count i32[n,2]!  left f64[n,3]!  "
        "rough f64[n]!"
        ";  T=5152  0<=material<M  0<samples")
 i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const u8 *blurred, const f64 *way, const f64 *Ns,
-                  const i32 *material, const i32 *fan, const u8 *may, const f64 *matt, const f64 *weight, f64 cutoff, f64 later, i64 samples,
+                  const i32 *material, const i32 *fan, const u8 *may, const f64 *matt, const f64 *weight, f64 cutoff, f64 later, i64 samples, i64 rays,
                   i32 *count, f64 *left, f64 *rough) {
     (void)M, (void)T;
     for (i64 p = 0; p < n; p++) {
@@ -88,7 +87,7 @@ i64 blurred_count(i64 M, i64 T, i64 n, const f64 *ggx, const f64 *tables, const 
             if (!lobe_of(m, tables, facing, which, &lobe)) continue;
             f64 most = albedo_of(&lobe, tables, facing, albedo), share = followed(lobe.roughness, most, matt[p], fan[p] >= 0);
             if (!may[p] || most * share * brightest <= (fan[p] < 0 ? cutoff : later)) share = 0.0;
-            if (share > 0.0) count[2 * p + which] = fan[p] < 0 ? rays_of(lobe.roughness, most, samples) : 1;
+            if (share > 0.0) count[2 * p + which] = fan[p] < 0 ? rays_of(lobe.roughness, most, samples, rays) : 1;
             for (int j = 0; j < 3; j++) {
                 f64 more = (1.0 - share) * albedo[j];
                 left[3 * p + j] += more, all += more, sum += more * lobe.roughness;
@@ -216,10 +215,10 @@ i64 blurred_rays(i64 M, i64 T, i64 n, i64 most, const f64 *ggx, const f64 *table
 }
 
 /* How many rays go on through each rough surface of glass, and come back from it. */
-KERNEL(blurred_glass_count, "roughness f64[n]  fan i32[n]  samples i64  count i32[n]!"
+KERNEL(blurred_glass_count, "roughness f64[n]  fan i32[n]  samples i64  rays i64  count i32[n]!"
        ";  0<samples")
-i64 blurred_glass_count(i64 n, const f64 *roughness, const i32 *fan, i64 samples, i32 *count) {
-    for (i64 p = 0; p < n; p++) count[p] = fan[p] < 0 ? rays_of(held(roughness[p], 0.0, 1.0), 1.0, samples) : 1;
+i64 blurred_glass_count(i64 n, const f64 *roughness, const i32 *fan, i64 samples, i64 rays, i32 *count) {
+    for (i64 p = 0; p < n; p++) count[p] = fan[p] < 0 ? rays_of(held(roughness[p], 0.0, 1.0), 1.0, samples, rays) : 1;
     return 0;
 }
 

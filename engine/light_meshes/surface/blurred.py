@@ -38,12 +38,13 @@ class Spread(NamedTuple):
 
 def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float64], fan: NDArray[np.int32],
               depth: NDArray[np.integer], may: NDArray[np.bool_], up: NDArray[np.float64], samples: int,
-              cutoff: float, later: float) -> Spread:
+              rays: int, cutoff: float, later: float) -> Spread:
     """Return what surfaces reflect of their surroundings whose material is `blurred`; nothing at all others.
 
     direction (n,3): of the rays that hit them, which count with weight (n,3), have met `depth` (n,) lobes before, and
-    are those of `fan` (n,). may (n,): which may go on. up (3,): the camera's, unit. samples: of a pixel. Rays with
-    less weight than cutoff are not sent, nor with less than `later` those of rays that were spread out before.
+    are those of `fan` (n,). may (n,): which may go on. up (3,): the camera's, unit. samples: of a pixel, and how many
+    rays should follow a wide lobe from all of them. Rays with less weight than cutoff are not sent, nor with less than
+    `later` those of rays that were spread out before.
     """
     ggx, tables = hits.table.facets()
     n, m = len(hits.P), hits.table
@@ -51,11 +52,11 @@ def spread(hits: Hits, direction: NDArray[np.float64], weight: NDArray[np.float6
     count, left, rough = np.zeros((n, 2), np.int32), np.zeros((n, 3)), np.ones(n)
     if ggx is not None:
         _count(ggx, tables, hits.table.blurred, direction, hits.Ns, hits.row, fan, may, matt, weight, cutoff, later,
-               samples, count, left, rough)
-    rays = int(count.sum())
-    found = Spread(np.empty(rays, np.int64), np.empty((rays, 3)), np.empty((rays, 3)), np.empty(rays, np.int32),
-                   np.empty(rays), left, rough)
-    if rays:
+               samples, rays, count, left, rough)
+    sent = int(count.sum())
+    found = Spread(np.empty(sent, np.int64), np.empty((sent, 3)), np.empty((sent, 3)), np.empty(sent, np.int32),
+                   np.empty(sent), left, rough)
+    if sent:
         _rays(ggx, tables, direction, hits.Ng, hits.Ns, hits.row, fan, depth.astype(np.int32), matt, weight, up,
               samples, count, *found[:5])
     return found
@@ -67,7 +68,7 @@ def albedo(hits: Hits, direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     n = len(hits.P)
     fan, never, some = np.full(n, -1, np.int32), np.zeros(n, np.bool_), np.ones((n, 3))
-    return spread(hits, direction, some, fan, fan, never, some[0], 1, 0.0, 0.0).left
+    return spread(hits, direction, some, fan, fan, never, some[0], 1, 1, 0.0, 0.0).left
 
 
 class Facets(NamedTuple):
@@ -81,13 +82,14 @@ class Facets(NamedTuple):
 
 
 def facets(roughness: NDArray[np.float64], hits: Hits, direction: NDArray[np.float64], fan: NDArray[np.int32],
-           depth: NDArray[np.integer], up: NDArray[np.float64], samples: int) -> Facets:
+           depth: NDArray[np.integer], up: NDArray[np.float64], samples: int,
+           rays: int) -> Facets:
     """Return the microfacets that rays of `direction` (n,3) meet at glass of this roughness (n,); see `spread`.
 
     All have the same share of a ray's light: what one masks others send on.
     """
     count = np.empty(len(fan), np.int32)
-    _glass_count(roughness, fan, samples, count)
+    _glass_count(roughness, fan, samples, rays, count)
     m = int(count.sum())
     hit, normal, number, blur = np.empty(m, np.int64), np.empty((m, 3)), np.empty(m, np.int32), np.empty(m)
     _glass(direction, hits.Ns, roughness, fan, depth.astype(np.int32), up, samples, count, hit, normal, number, blur)

@@ -29,6 +29,7 @@ class Around:
         self.to_generated = self.to_object * scale[:, :, None]  # (I,3,4) world to the texture space of its mesh
         self.to_generated[:, :, 3] += 0.5 - place * scale
         self.camera, self.to_camera = camera, np.linalg.inv(camera.matrix)[:3]
+        self.eye = np.zeros(3)  # from where points are seen that are directions: those of the world
         self.profiles = [Lookup(profile) for profile in scene.profiles]
 
     @cached_property

@@ -122,7 +122,7 @@ i64 procedural_brick(i64 n, const f64 *place, const f64 *how, f64 offset, i64 of
         f64 edge = fmin(fmin(x, y), fmin(width - x, height - y)), mortar = 0.0;
         if (edge < h[0]) {
             f64 inside = 1.0 - edge / h[0], t = inside / h[1];
-            mortar = h[1] == 0.0 || inside >= h[1] ? 1.0 : t * t * (3.0 - 2.0 * t);
+            mortar = h[1] == 0.0 || t >= 1.0 ? 1.0 : t <= 0.0 ? 0.0 : t * t * (3.0 - 2.0 * t);
         }
         out[2 * k] = tint < 0.0 ? 0.0 : tint > 1.0 ? 1.0 : tint;
         out[2 * k + 1] = mortar;

@@ -174,7 +174,7 @@ def _window(points: Points) -> Sequence[Register]:
     """Return where in the picture the camera sees the points: 0 to 1 from left to right and from bottom to top."""
     camera = points.around.camera
     left, right, bottom, top = camera.window
-    x, y, z = _in_camera(points, *points.P.T)
+    x, y, z = _in_camera(points, *(points.P + points.around.eye).T)
     if camera.perspective:
         x, y = x / z, y / z
     return (x - left) / (right - left), (y - bottom) / (top - bottom)
@@ -283,7 +283,8 @@ def _modulo(a: Register, b: Register) -> Register:
 
 _OPERATIONS: dict[str, Callable[..., Register]] = {
     "add": np.add, "subtract": np.subtract, "multiply": np.multiply, "divide": _divide, "power": _power,
-    "minimum": np.minimum, "maximum": np.maximum, "modulo": _modulo, "arctan2": np.arctan2,
+    # what is no number does not count there
+    "minimum": np.fmin, "maximum": np.fmax, "modulo": _modulo, "arctan2": np.arctan2,
     "greater": lambda a, b: np.greater(a, b).astype(np.float64), "less": lambda a, b: np.less(a, b).astype(np.float64),
     "where": lambda condition, a, b: np.where(np.not_equal(condition, 0), a, b),
     "single": lambda a: np.asarray(a, np.float32).astype(np.float64),

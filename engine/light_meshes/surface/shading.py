@@ -22,7 +22,7 @@ _each = kernel("shading_each")
 _reflecting = kernel("shading_reflecting")
 _unlit, unlink, mirrored = kernel("shading_unlit"), kernel("shading_unlink"), kernel("shading_mirrored")
 _tables, _dim = kernel("ggx_tables"), kernel("ggx_dim")
-_last = threading.local()  # the table of materials that each thread's kernels were given last
+_last = threading.local()  # the two tables of materials that each thread's kernels were given last
 LEAST_SIGHT = 1e-3  # the same there
 SMOOTHEST = 0.1  # as in ggx.h: highlights of lamps are not smaller than those of this roughness
 TABLES = 32 * 32 + 32 + 16**3  # numbers of the tables in ggx.h
@@ -93,6 +93,8 @@ class Materials(NamedTuple):
     also: NDArray[np.int32]  # the row of the next layer; −1: there is none (`layers`)
     bent: NDArray[np.float64]  # (M,3) of a layer: its normal; NaN: the surface's own
     blurred: NDArray[np.bool_]  # lobes of microfacets show what is around
+    # Lobes that were widened, but show lamps themselves, as mirrors do: 1 the one below a coat, 2 the coat's, 3 both.
+    mirroring: NDArray[np.int8]
     ggx: NDArray[np.bool_]  # highlights of microfacets, by all that follows
     roughness: NDArray[np.float64]
     metal: NDArray[np.float64]
@@ -125,11 +127,13 @@ class Materials(NamedTuple):
         """Return what the kernels want to know of GGX, a row (37,) a material, and its tables; (None, None): none has
         it.
         """
-        if getattr(_last, "table", None) is not self:  # one table serves many kernels, one after the other
-            some = self.ggx.any() or self.diffuse_roughness.any() or not self.facet_bumps.all()
-            _last.facets = (np.column_stack(self[19:]), _facet_tables()) if some else (None, None)
-            _last.table = self
-        found: tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None] = _last.facets
+        kept: list[tuple[Materials, tuple]] = getattr(_last, "tables", [])  # a table serves many kernels
+        for table, found in kept:
+            if table is self:
+                return found
+        some = self.ggx.any() or self.diffuse_roughness.any() or not self.facet_bumps.all()
+        found = (np.column_stack(self[20:]), _facet_tables()) if some else (None, None)
+        _last.tables = [(self, found), *kept[:1]]
         return found
 
     def behind(self) -> Materials:
@@ -191,6 +195,7 @@ def material_arrays(materials: tuple[Material, ...]) -> Materials:
         np.array([m.alpha_image for m in materials], np.int32), np.array(also, np.int32),
         np.full((len(materials), 3), np.nan),
         np.array([m.blurred and m.highlight == "GGX" and not m.fresnel for m in materials], np.bool_),
+        np.zeros(len(materials), np.int8),
         np.array([m.highlight == "GGX" for m in materials], np.bool_), column("roughness"), column("metal"),
         colour("F0"), colour("F90"), colour("F82"), column("dielectric"), column("dielectric_ior"),
         colour("dielectric_tint"), column("layered"), column("compensation"),
@@ -300,8 +305,9 @@ def rough_only(materials: Materials, row: NDArray[np.int32]) -> Materials | None
     """Return the materials without the highlights of lobes that are as smooth as mirrors, whose rays see the lamps
     themselves; None where none of those at `row` (n,) has such a lobe.
     """
-    base = materials.ggx & (materials.roughness < SMOOTHEST)
-    coat = materials.ggx & (materials.coat > 0) & (materials.coat_roughness < SMOOTHEST)
+    m = materials
+    base = m.ggx & ((m.roughness < SMOOTHEST) | (m.mirroring & 1 > 0))
+    coat = m.ggx & (m.coat > 0) & ((m.coat_roughness < SMOOTHEST) | (m.mirroring & 2 > 0))
     if not (base | coat)[row].any():
         return None
     return materials._replace(metal=np.where(base, 0.0, materials.metal),

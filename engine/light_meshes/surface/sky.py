@@ -122,12 +122,9 @@ class Sky:
 
 
 def _around(scene: Scene, camera: Camera) -> Any:
-    """Return the profiles, and the camera's data that programs may ask about. Only directions are looked at, so its
-    place does not count.
-    """
-    to_camera = np.linalg.inv(camera.matrix)[:3]
-    to_camera[:, 3] = 0
-    return SimpleNamespace(camera=camera, to_camera=to_camera, profiles=[Lookup(profile) for profile in scene.profiles])
+    """Return the profiles, and the camera's data that programs may ask about. What the camera sees are directions."""
+    return SimpleNamespace(camera=camera, to_camera=np.linalg.inv(camera.matrix)[:3], eye=camera.matrix[:3, 3],
+                           profiles=[Lookup(profile) for profile in scene.profiles])
 
 
 def _key(scene: Scene, textures: Sequence[Texture | None], camera: Camera) -> tuple[Any, ...]:

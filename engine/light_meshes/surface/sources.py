@@ -57,6 +57,7 @@ class Spaces:
         self.to_object = np.concatenate([back, -back @ matrix[:, :, 3:]], axis=2)  # (L,3,4)
         self.to_generated = self.to_object
         self.camera, self.to_camera = camera, np.linalg.inv(camera.matrix)[:3]
+        self.eye = np.zeros(3)  # as in `Around`
         self.profiles = profiles
         self.centre = np.array([light.position for light in lights], np.float64).reshape(-1, 3)
         self.radius = np.array([light.radius for light in lights])

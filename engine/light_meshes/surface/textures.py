@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -337,9 +338,8 @@ def _converter(image: Image) -> Callable[[NDArray[np.float32]], NDArray[np.float
     configuration.
     """
     _check_file(Path(image.ocio))
-    config = oiio.ColorConfig(image.ocio)
-    missing = config.geterror()  # for example, if it was made for a later version
-    names = {*config.getColorSpaceNames(), *config.getRoles()}
+    file = Path(image.ocio).stat()
+    missing, names = _configuration(image.ocio, file.st_mtime_ns, file.st_size)
     if not missing and not {image.colorspace, image.working_space} <= names:
         missing = "there is no such conversion"
     if missing:
@@ -355,6 +355,16 @@ def _converter(image: Image) -> Callable[[NDArray[np.float32]], NDArray[np.float
         return np.asarray(buffer.get_pixels(oiio.FLOAT))[:, :, :colour.shape[2]]
 
     return convert
+
+
+@lru_cache(maxsize=4)
+def _configuration(path: str, changed: int, size: int) -> tuple[str, frozenset[str]]:
+    """Return what is wrong with a file of an OpenColorIO configuration, if anything, and the names of its colour spaces
+    and roles. To read Blender's takes as long as a small image; all images have the same. changed, size: the file's.
+    """
+    config = oiio.ColorConfig(path)
+    # an error, for example, if it was made for a later version
+    return config.geterror(), frozenset([*config.getColorSpaceNames(), *config.getRoles()])
 
 
 def _file_key(image: Image, alpha: bool) -> tuple:
