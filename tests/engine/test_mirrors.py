@@ -97,22 +97,33 @@ def test_an_object_hidden_from_mirrors_is_not_reflected():
     assert (hidden != shown).any(-1).sum() > 20
 
 
-def looking_at(emission, limit, mirrored=True, world=(0.0, 0.0, 0.0)):
-    """The middle pixel of a mirror that shows a bright surface, or the world, or of that surface itself."""
-    glowing = Material("glow", Od=(0, 0, 0), kd=0.0, ka=0.0, emission=emission)
-    floor = replace(MIRROR, mirror=(1.0, 1.0, 1.0)) if mirrored else glowing
-    things = [Shape(rectangle((-1, -1), (1, 1)), floor, "floor")]
-    if mirrored and any(emission):
-        things.append(Shape(rectangle((-9, -9), (9, 9), 5.0), glowing, "sky"))
-    scene = Scene.from_shapes(things, Camera.look_at((0, -1, 1), (0, 0, 0), 10, 3, 3), [],
-                              settings(mode="WHITTED", clamp_indirect=limit, filter_size=0.0), world_color=world)
+def looking_at(radiance, limit, mirrors, of="emission"):
+    """The middle pixel of this many mirrors, which show a bright surface, the world, or a surface that a lamp lights.
+    """
+    black = Material("black", Od=(0, 0, 0), kd=0.0, ka=0.0)
+    bright = replace(black, emission=radiance) if of == "emission" else Material("lit", Od=radiance, ka=0.0)
+    mirror, things, lights = replace(MIRROR, mirror=(1.0, 1.0, 1.0)), [], []
+    for n in range(mirrors):  # where the ray hits the floor and the ceiling in turn
+        things.append(Shape(rectangle((-1, 5 * n - 1), (1, 5 * n + 1), 5.0 * (n % 2)), mirror, f"mirror {n}"))
+    if of != "world":
+        z, y = 5.0 * (mirrors % 2), 5 * mirrors
+        things.append(Shape(rectangle((-1, y - 1), (1, y + 1), z), bright, "bright"))
+        lights = [point((0, y, z + (-0.9 if mirrors % 2 else 0.9)), 100.0)] if of == "lit" else []
+    scene = Scene.from_shapes(things, Camera.look_at((0, -1, 1), (0, 0, 0), 10, 3, 3), lights,
+                              settings(mode="WHITTED", clamp_indirect=limit, filter_size=0.0, shadows="SHARP"),
+                              world_color=radiance if of == "world" else (0.0, 0.0, 0.0))
     return render_image(scene).passes["Combined"][1, 1, :3]
 
 
 def test_what_mirrors_show_has_a_limit_as_in_cycles():
-    """The sum of the colours is at most three times the limit; what the camera sees itself has none."""
-    np.testing.assert_allclose(looking_at((60.0, 30.0, 0.0), 10.0), (20, 10, 0), rtol=1e-5)
-    np.testing.assert_allclose(looking_at((0.0, 0.0, 0.0), 2.0, world=(9.0, 9.0, 9.0)), (2, 2, 2), rtol=1e-5)
-    np.testing.assert_array_equal(looking_at((10.0, 10.0, 10.0), 10.0), looking_at((10.0, 10.0, 10.0), 0.0))
-    np.testing.assert_allclose(looking_at((60.0, 30.0, 0.0), 0.0), (60, 30, 0), rtol=1e-5)
-    np.testing.assert_allclose(looking_at((60.0, 30.0, 0.0), 10.0, mirrored=False), (60, 30, 0), rtol=1e-5)
+    """The sum of the colours is at most three times the limit. What gives light itself has none in the first mirror."""
+    bright, world = (60.0, 30.0, 0.0), (9.0, 9.0, 9.0)
+    for mirrors, expected in (0, bright), (1, bright), (2, (20, 10, 0)), (3, (20, 10, 0)):
+        np.testing.assert_allclose(looking_at(bright, 10.0, mirrors), expected, rtol=1e-5)
+    for mirrors, expected in (1, world), (2, (2, 2, 2)):
+        np.testing.assert_allclose(looking_at(world, 2.0, mirrors, "world"), expected, rtol=1e-5)
+    np.testing.assert_array_equal(looking_at((10.0, 10.0, 10.0), 10.0, 2), looking_at((10.0, 10.0, 10.0), 0.0, 2))
+    np.testing.assert_allclose(looking_at(bright, 0.0, 2), bright, rtol=1e-5)
+    lit = looking_at((1.0, 0.5, 0.25), 0.0, 0, "lit")
+    assert lit.sum() > 60
+    np.testing.assert_allclose(looking_at((1.0, 0.5, 0.25), 10.0, 1, "lit"), lit * 30 / lit.sum(), rtol=1e-4)

@@ -101,14 +101,16 @@ class Tile:
         self._debug = any(name in self.samples for name in DEBUG)
 
     def add_light(self, pixel: NDArray[np.int64], part: NDArray[np.int8] | None, weight: NDArray, colour: NDArray,
-                  terms: dict[str, NDArray], most: float = 0.0) -> None:
+                  terms: dict[str, NDArray], most: float | NDArray[np.float64] = 0.0) -> None:
         """Add weight·colour to Combined. `terms` is pass → its share of the colour; it is added where the camera sees
-        the surface directly. most: what is brighter is dimmed until the sum of its colours is three times this; 0: not.
+        the surface directly. most: what is brighter is dimmed until the sum of its colours is three times this, one
+        number or (n,); 0: not.
         """
-        if most > 0:
-            total = colour.sum(-1)
-            if (total > 3 * most).any():
-                weight = weight * np.minimum(1, 3 * most / np.maximum(total, 3 * most)).reshape(-1, 1)
+        if np.any(most):
+            total, least = colour.sum(-1), 3 * np.asarray(most)
+            over = (least > 0) & (total > least)
+            if over.any():
+                weight = weight * np.where(over, least / np.where(over, total, 1.0), 1.0).reshape(-1, 1)
         _add(self.samples["Combined"], pixel, weight, colour)
         if part is None:
             return

@@ -145,7 +145,8 @@ def _missed(ready: Prepared, kind: str, miss: Rays, tile: Tile) -> None:
         miss = miss.at(~lost)
     with ready.stats.stage("sky"):
         world = background(ready, miss, _kinds(kind, miss))
-    tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world}, _brightest_shown(ready, kind))
+    most = _brightest_seen(ready, kind, miss)
+    tile.add_light(miss.pixel, miss.part, miss.weight, world, {"Environment": world}, most)
 
 
 def _pass_through(ready: Prepared, kind: str, rays: Rays, hits: Hits, first: Box | None, tile: Tile,
@@ -207,7 +208,21 @@ def _add_lamps(ready: Prepared, kind: str, rays: Rays, hit: NDArray[np.bool_], h
     if len(rows):
         seen = rays.at(rows)
         tile.add_light(seen.pixel, seen.part, weight[rows], light[rows], {"Emission": light[rows]},
-                       _brightest_shown(ready, kind))
+                       _brightest_seen(ready, kind, seen))
+
+
+def _brightest_seen(ready: Prepared, kind: str, rays: Rays) -> NDArray[np.float64] | float:
+    """Return the same for what gives light itself. As in Cycles this has no limit (0) where the first ray sees it that
+    a smooth mirror or glass sends on; else highlights of glass and plastics, which reflect little, would be grey.
+    """
+    most = _brightest_shown(ready, kind)
+    return np.where(_first_seen(rays), 0.0, most) if most > 0 else 0.0
+
+
+def _first_seen(rays: Rays) -> NDArray[np.bool_]:
+    """Return which rays (n,) come from a smooth mirror or glass that the camera sees."""
+    first = rays.depth <= 1
+    return first if rays.blur is None else first & (rays.blur == 0)
 
 
 def _brightest_shown(ready: Prepared, kind: str) -> float:
@@ -238,7 +253,14 @@ def _shade(ready: Prepared, kind: str, rays: Rays, weight: NDArray, hits: Hits, 
         light = ready.sparse.direct(hits, rays.direction, rays.pixel, first, check, tile.parts, work, layers)
     else:
         light = ready.lighting.direct(hits, rays.direction, check, tile.parts, kind == "camera", work, layers)
-    tile.add_light(rays.pixel, rays.part, weight, light.colour, light.terms, _brightest_shown(ready, kind))
+    most, colour = _brightest_shown(ready, kind), light.colour
+    if most > 0:
+        rows = np.flatnonzero(_first_seen(rays) & hits.table.emission[hits.row].any(1))
+        if len(rows):
+            own = hits.table.emission[hits.row[rows]]
+            colour[rows] -= own
+            tile.add_light(rays.pixel[rows], None if rays.part is None else rays.part[rows], weight[rows], own, {})
+    tile.add_light(rays.pixel, rays.part, weight, colour, light.terms, most)
     tile.add_work(rays.pixel, work)
     if ready.plan.translucent:
         _shine_through(ready, kind, rays, weight, hits, tile, check)
