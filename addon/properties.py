@@ -192,7 +192,8 @@ class LightMeshesScene(bpy.types.PropertyGroup):
     )
     clamp_indirect: FloatProperty(
         name="Clamp Indirect",
-        description="Light that mirrors, rough surfaces and glass show is at most so bright. 0: no limit",
+        description="Light that mirrors, rough surfaces and glass show is at most so bright, but for lamps and other "
+                    "things that give light in the first smooth one. 0: no limit",
         min=0.0, max=1e8, soft_max=100.0, default=10.0, update=_changed,
     )
     release: IntProperty(
