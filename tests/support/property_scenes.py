@@ -167,6 +167,15 @@ def mirror():
     override("Ground", mirror=(1, 1, 1))
 
 
+def mirror_of_a_ceiling():
+    """What mirrors show of a surface that a lamp lights; what gives light itself has no limit there."""
+    mirror()
+    override("Sky", emission=(0, 0, 0))
+    lamp = bpy.data.lights.new("Lamp", 'POINT')
+    lamp.energy = 1000
+    add(lamp, location=(0, 0, 2))
+
+
 def rough_ground():
     """A slope that the sun lights, and which rough metal shows."""
     beside_a_slope()
