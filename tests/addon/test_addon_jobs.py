@@ -44,7 +44,9 @@ image = scene.render.image_settings
 image.file_format, image.color_depth, image.exr_codec = 'OPEN_EXR', '32', 'NONE'
 """
 ENABLE = "import bpy, addon_utils; addon_utils.enable('bl_ext.dev.light_meshes')"
-SIZED = "import bpy; bpy.data.lights['Lamp'].light_meshes.softness = 'LIGHT_SIZE'"
+# An add-on that is switched on late cannot know whether a file is new, so what depends on that is set.
+SIZED = ("import bpy; bpy.data.lights['Lamp'].light_meshes.softness = 'LIGHT_SIZE'; "
+         "bpy.context.scene.light_meshes.share_samples = True")
 
 
 @pytest.fixture(scope="module")

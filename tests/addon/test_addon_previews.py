@@ -72,7 +72,8 @@ def test_a_mirror_shows_the_lamps_as_wide_as_they_are(preview):
     """A window at the upper left, and a round lamp; with lamps that are points both were spots with a glow."""
     picture = preview(principled("Chrome", Metallic=1.0, Roughness=0.0))
     white = picture[10:70, 10:90, :3].min(axis=2) > 0.9
-    assert 80 < white.sum() < 125 and 24 < white[40:].sum() < 48  # in Cycles 108 and 40
+    # 133 and 45 with 256 samples of each pixel alone; in Cycles, whose few samples miss the filter's rim, 108 and 40
+    assert 120 < white.sum() < 145 and 38 < white[40:].sum() < 52
 
 
 def test_previews_are_fast(preview):
