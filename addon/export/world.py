@@ -21,8 +21,7 @@ _VISIBILITY = {"camera": 0.0, "glossy": 2.0, "transmission": 3.0, "diffuse": 4.0
 def described(world: Any, report: Report, image: Callable[[Any, int], int],
               profiles: Profiles, depsgraph: Any) -> dict[str, Any]:
     """Return the entries of the snapshot for the world: `world_color`, and `world` if it is not the same in all
-    directions. image: as `Nodes` takes it. profiles: of IES files. Without a world it is
-    black.
+    directions. image: as `Nodes` takes it. profiles: of IES files. Without a world it is black.
     """
     if world is None:
         return {"world_color": list(BLACK)}

@@ -67,6 +67,9 @@ class SharedFilm(Film):
         """
         super().__init__(names, len(offsets))
         self._taps, self._crop, self._lock = filter_taps(offsets, filter_size), crop, threading.Lock()
+        self._around = self._taps.by_pixel()
+        # the same of the pixels that they are in, by which these give something to others
+        self._given = [own._replace(up=0 * own.up, right=0 * own.right) for own in self._around]
         self._means = [name for name in names if name not in CENTRE and not name.startswith(KINDS)]
         self._area = _grown(crop, self._taps.reach, (0, 0, *size))
         self._columns, self._rows = (sorted({box[axis] for box in tiles}) for axis in (0, 1))
@@ -100,7 +103,7 @@ class SharedFilm(Film):
         """See Film."""
         size, inside = (drawn[2] - drawn[0], drawn[3] - drawn[1]), _moved(box, drawn)
         made = _alone(tile, drawn, box, [name for name in self._names if name in CENTRE], self._samples)
-        weights = _weights(self._taps, size, inside)
+        weights = _weights(self._around, size, inside)
         for name in self._means:
             made[name] = self._sums(tile.samples[name], size[0], inside, self._taps) / weights
         seen = {kind: tile.mattes.seen(kind) for kind in tile.mattes.wanted}
@@ -125,20 +128,16 @@ class SharedFilm(Film):
 
     def _gives(self, samples: NDArray[np.float64], width: int, box: Box) -> NDArray[np.float64]:
         """Return what pixels give each of those around, in the order of the taps (height, width, these, channels)."""
-        gives = []
-        for own in self._taps.by_pixel():
-            here = own._replace(up=np.zeros_like(own.up), right=np.zeros_like(own.right))
-            gives.append(self._sums(samples, width, box, here))
-        return np.stack(gives, axis=2)
+        return np.stack([self._sums(samples, width, box, own) for own in self._given], axis=2)
 
     def _joined(self, seam: _Seam) -> Developed:
         """Return the passes of a seam that nothing is missing from."""
         box, size = _moved(seam.inside, seam.around), (seam.around[2] - seam.around[0], seam.around[3] - seam.around[1])
-        weights, made = _weights(self._taps, size, box), {}
+        weights, made = _weights(self._around, size, box), {}
         for name in self._means:
             gives = seam.gives[name]
             sums = np.zeros((box[3] - box[1], box[2] - box[0], gives.shape[-1]))
-            for k, own in enumerate(self._taps.by_pixel()):
+            for k, own in enumerate(self._around):
                 up, right = int(own.up[0]), int(own.right[0])
                 there = _common(_moved(box, (-right, -up, 0, 0)), (0, 0, *size))
                 to = _moved(there, (box[0] + right, box[1] + up, 0, 0))
@@ -177,13 +176,13 @@ class _Seam:
         self.missing -= 1
 
 
-def _weights(taps: Taps, size: tuple[int, int], inside: Box) -> NDArray[np.float64]:
+def _weights(around: Sequence[Taps], size: tuple[int, int], inside: Box) -> NDArray[np.float64]:
     """Return the sum of the weights of the taps of each pixel `inside` (height, width, 1) that are in a picture of
-    width × height pixels (size).
+    width × height pixels (size). around: the taps in each of the pixels around.
     """
     x, y = np.arange(inside[0], inside[2]), np.arange(inside[1], inside[3])[:, None]
     total = np.zeros((len(y), len(x)))
-    for own in taps.by_pixel():
+    for own in around:
         u, v = x + own.right[0], y + own.up[0]
         total += np.where((u >= 0) & (u < size[0]) & (v >= 0) & (v < size[1]), own.weight.sum(), 0.0)
     return total[:, :, None]

@@ -26,12 +26,13 @@ def cards(cutout: NDArray[np.bool_], longest: NDArray[np.float32], corner: NDArr
     where these are.
     """
     card, at_card = np.zeros(len(longest), np.bool_), np.zeros(len(P), np.bool_)
-    some = np.flatnonzero(cutout & (longest <= CARD * fine) & (longest > SMALL * fine) & (corner >= 0).all(1))
+    cutout = cutout & (corner >= 0).all(1)
+    some = np.flatnonzero(cutout & (longest <= CARD * fine) & (longest > SMALL * fine))
     if not len(some):
         return card, at_card
     own = corner[some]
     piece = _pieces(own, len(P))
-    all_there = np.bincount(piece[corner[cutout & (corner >= 0).all(1)]].ravel(), minlength=len(P))
+    all_there = np.bincount(piece[corner[cutout]].ravel(), minlength=len(P))
     large = all_there > np.bincount(piece[own].ravel(), minlength=len(P))  # larger triangles hang together with it
     at = np.unique(own)
     count = np.bincount(piece[at], minlength=len(P))
